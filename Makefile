@@ -1,0 +1,53 @@
+# Everything a developer runs. Each target makes what it needs: python3 (3.11 or later), make and a
+# C compiler are enough.
+
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/ready
+
+.PHONY: demo test check bench pictures format lock wheel clean
+
+demo: $(READY)
+	rm -rf reports/out/demo
+	$(BIN)/scaraspec demo --out reports/out/demo
+
+test: check
+	$(BIN)/pytest -n auto
+
+check: $(READY)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/mypy bench docs
+	$(BIN)/lint-imports
+
+bench: $(READY)
+	$(BIN)/python bench/frames.py
+
+# Wants Chromium and a software renderer; no other target does.
+pictures: demo
+	$(BIN)/python docs/pictures.py reports/out/demo
+
+format: $(READY)
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+wheel: $(READY)
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation --wheel
+
+# The lock is made anew only on purpose; it names versions and hashes, and no index.
+lock: $(READY)
+	$(BIN)/pip install --quiet uv
+	$(BIN)/uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-header \
+	  --python-version 3.11 --all-extras --group dev pyproject.toml -o requirements.lock
+
+$(READY): requirements.lock pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "scaraspec needs Python 3.11 or later: make PYTHON=python3.12")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+clean:
+	rm -rf .venv dist reports/out

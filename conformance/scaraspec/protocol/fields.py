@@ -1,0 +1,368 @@
+"""Fields: one value between two bars (the text conventions of clauses 3 and 4).
+
+Each field reads leniently and writes strictly. Reading never raises: it returns the value that
+was most likely meant, and complaints about how it was written. What a complaint costs is for the
+judge. How fields make up a payload stands in `payloads`.
+"""
+
+import re
+from dataclasses import dataclass, field
+from datetime import datetime
+from enum import Enum
+from typing import Any, Final
+
+from scaraspec.protocol import errors
+from scaraspec.protocol.readings import Dialect
+
+NAME_MAX_BYTES: Final = 30
+"""一般不超过 30 个字节 (L226): soft for what is received, hard for what we send (A-4.9-5)."""
+
+
+class PayloadError(ValueError):
+    """A value cannot be written as the document wants it; the text says which and why."""
+
+
+class Wrong(Enum):
+    """How a payload departs from the document. The judge maps each to a requirement."""
+
+    SIZE = "size"  # no data where some is due, data where none is, a wrong fixed length
+    FIELD_COUNT = "field count"
+    SPACE_FOR_BAR = "space for bar"  # written from a copy that lost the bars (A-0-1)
+    QUOTES = "quotes"
+    TRAILING_NUL = "trailing NUL"
+    TRAILING_BAR = "trailing bar"
+    BLANKS = "blanks"
+    BINARY = "binary digit"  # 0x00-0x09 where an ASCII digit is due (A-T-1)
+    FLAG = "flag"
+    NUMBER = "number"
+    RANGE = "range"
+    CODE = "code"  # not two characters of table 8-1
+    RESERVED_CODE = "reserved code"
+    CLOCK = "clock"  # not 14 digits
+    CALENDAR = "calendar"  # 14 digits that no calendar holds
+    RUN_TIME = "run time"
+    ADDRESS = "address"
+    BITS = "bits"
+    VERSION = "version"
+    EMPTY_NAME = "empty name"
+    REPEATED_NAME = "repeated name"
+    LONG_NAME = "long name"
+    BAR_IN_NAME = "bar in name"
+    PATH_IN_NAME = "path in name"
+    CHUNK = "chunk"  # fileData whose length or position is out of bounds
+
+    __hash__ = object.__hash__
+
+
+@dataclass(frozen=True, slots=True)
+class Complaint:
+    """One thing wrong with a payload, in a short clause of English."""
+
+    wrong: Wrong
+    text: str
+
+
+@dataclass(slots=True)
+class Notes:
+    """What a reader noticed: complaints, and readings that the bytes give away."""
+
+    complaints: list[Complaint] = field(default_factory=list)
+    readings: dict[str, str] = field(default_factory=dict)
+
+    def add(self, wrong: Wrong, text: str) -> None:
+        """Note one complaint."""
+        self.complaints.append(Complaint(wrong, text))
+
+
+def show(data: bytes, limit: int = 60) -> str:
+    """Bytes as a reader can take them: UTF-8, else GB18030, else escapes (A-T-2); never control."""
+    for encoding in ("utf-8", "gb18030"):
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        break
+    else:
+        text = data.decode("latin-1")
+    text = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
+    return text if len(text) <= limit else text[: limit - 1] + "…"
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A named field; subclasses say how it is read and written."""
+
+    name: str
+    unit: str = ""
+
+    def read(self, text: bytes, notes: Notes) -> Any:
+        """Return the value, or None where there is none to be had; add complaints to `notes`."""
+        raise NotImplementedError
+
+    def write(self, value: Any, dialect: Dialect) -> bytes:
+        """Return the text of `value`.
+
+        Raises:
+            PayloadError: The value has no legal text.
+        """
+        raise NotImplementedError
+
+
+_DECIMAL = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
+_INTEGER = re.compile(rb"-?[0-9]+")
+
+
+@dataclass(frozen=True, slots=True)
+class Number(Field):
+    """A plain decimal number with "." as its mark (A-T-5); at most 3 decimals are written."""
+
+    def read(self, text: bytes, notes: Notes) -> float | None:
+        """Read a number; what other notations mean is guessed for the reader, and complained of."""
+        if _DECIMAL.fullmatch(text):
+            return float(text)
+        notes.add(Wrong.NUMBER, f"{self.name} {show(text)!r} is no plain decimal number")
+        return None
+
+    def write(self, value: float, dialect: Dialect) -> bytes:
+        """Write a finite number; 1e6 has no exponent, -0.0 no sign."""
+        if not abs(value) < 1e15:  # noqa: PLR2004 - nan fails the comparison too; beyond it floats skip integers
+            raise PayloadError(f"{self.name} must be a finite number, not {value!r}")
+        if dialect["num_format"] == "one-decimal":
+            return b"%.1f" % (round(value, 1) + 0.0)
+        text = b"%.3f" % (round(value, 3) + 0.0)
+        return text.rstrip(b"0").rstrip(b".")
+
+
+@dataclass(frozen=True, slots=True)
+class Integer(Field):
+    """An integer within bounds, padded with zeros to `width` characters where that is drawn."""
+
+    minimum: int = 0
+    maximum: int = 255
+    width: int = 1
+
+    def read(self, text: bytes, notes: Notes) -> int | None:
+        """Read an integer; out of bounds it is complained of and still returned."""
+        if not _INTEGER.fullmatch(text) or len(text) > 20:  # noqa: PLR2004 - more digits are no integer of this protocol
+            notes.add(Wrong.NUMBER, f"{self.name} {show(text)!r} is no integer")
+            return None
+        value = int(text)
+        if not self.minimum <= value <= self.maximum:
+            notes.add(
+                Wrong.RANGE, f"{self.name} {value} is outside {self.minimum} to {self.maximum}"
+            )
+        return value
+
+    def write(self, value: int, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
+        """Write an integer within its bounds."""
+        if value != int(value) or not self.minimum <= value <= self.maximum:
+            raise PayloadError(
+                f"{self.name} must be an integer, {self.minimum} to {self.maximum}, not {value!r}"
+            )
+        return b"%0*d" % (self.width, value)
+
+
+@dataclass(frozen=True, slots=True)
+class Text(Field):
+    """Opaque bytes: a password (L109). Not empty, no bar (A-T-6)."""
+
+    maximum_bytes: int = 255
+
+    def read(self, text: bytes, notes: Notes) -> bytes:
+        """Read the bytes as they are."""
+        if not text:
+            notes.add(Wrong.SIZE, f"{self.name} is empty")
+        elif b"|" in text:
+            notes.add(Wrong.BAR_IN_NAME, f"{self.name} contains the separator '|'")
+        return text
+
+    def write(self, value: bytes, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
+        """Write the bytes as they are."""
+        if not 1 <= len(value) <= self.maximum_bytes:
+            raise PayloadError(
+                f"{self.name} must have 1 to {self.maximum_bytes} bytes, not {len(value)}"
+            )
+        if b"|" in value:
+            raise PayloadError(f"{self.name} must not contain '|', the separator (L125)")
+        return value
+
+
+@dataclass(frozen=True, slots=True)
+class Name(Field):
+    """A program or file name (A-5-20): opaque bytes, at most 30 by L226."""
+
+    def read(self, text: bytes, notes: Notes) -> bytes:
+        """Read the bytes as they are."""
+        if not text:
+            notes.add(Wrong.EMPTY_NAME, f"{self.name} is empty")
+        if b"|" in text:
+            notes.add(Wrong.BAR_IN_NAME, f"{self.name} {show(text)!r} contains the separator '|'")
+        if len(text) > NAME_MAX_BYTES:
+            notes.add(Wrong.LONG_NAME, f"{self.name} has {len(text)} bytes, more than 30")
+        if b"/" in text or b"\\" in text or b"\0" in text or text in (b".", b".."):
+            notes.add(Wrong.PATH_IN_NAME, f"{self.name} {show(text)!r} has path elements")
+        return text
+
+    def write(self, value: bytes, dialect: Dialect) -> bytes:
+        """Write a name that every reading of the document takes."""
+        maximum = 255 if dialect["name_max"] == "255" else NAME_MAX_BYTES
+        if not 1 <= len(value) <= maximum:
+            raise PayloadError(f"{self.name} must have 1 to {maximum} bytes, not {len(value)}")
+        if any(c in value for c in (b"|", b"/", b"\\", b"\0")) or value in (b".", b".."):
+            raise PayloadError(f"{self.name} {show(value)!r} has a separator or path element in it")
+        return value
+
+
+@dataclass(frozen=True, slots=True)
+class Flag(Field):
+    """``1`` or ``0``."""
+
+    def read(self, text: bytes, notes: Notes) -> bool | None:
+        """Read the flag; a binary 0 or 1 is understood and complained of (A-T-1)."""
+        if text in (b"1", b"0"):
+            return text == b"1"
+        if text in (b"\x00", b"\x01"):
+            notes.add(Wrong.BINARY, f"{self.name} is the byte {text[0]:02X}, not an ASCII digit")
+            return text == b"\x01"
+        notes.add(Wrong.FLAG, f"{self.name} is {show(text)!r}, neither '1' nor '0'")
+        return None
+
+    def write(self, value: bool, dialect: Dialect) -> bytes:  # noqa: ARG002, FBT001 - one signature for all fields
+        """Write the flag."""
+        return b"1" if value else b"0"
+
+
+@dataclass(frozen=True, slots=True)
+class Clock(Field):
+    """YYYYMMDDHHMMSS (L169, L186), read and written as a naive `datetime` (A-4.5-1)."""
+
+    def read(self, text: bytes, notes: Notes) -> datetime | None:
+        """Read a calendar time."""
+        if len(text) != 14 or not text.isdigit():  # noqa: PLR2004 - YYYYMMDDHHMMSS
+            notes.add(Wrong.CLOCK, f"{self.name} {show(text)!r} is not 14 digits YYYYMMDDHHMMSS")
+            return None
+        year, *rest = int(text[:4]), *(int(text[i : i + 2]) for i in range(4, 14, 2))
+        month, day, hour, minute, second = rest
+        try:
+            return datetime(year, month, day, hour, minute, second)  # noqa: DTZ001 - the document names no zone
+        except ValueError:
+            notes.add(Wrong.CALENDAR, f"{self.name} {show(text)} is no time of the calendar")
+            return None
+
+    def write(self, value: datetime, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
+        """Write a calendar time; fractions of a second are cut."""
+        return b"%04d" % value.year + b"%02d" * 5 % (
+            value.month,
+            value.day,
+            value.hour,
+            value.minute,
+            value.second,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RunTime(Field):
+    """DDHHMMSS (L226), read and written in whole seconds; saturates after 99 days (A-4.9-3)."""
+
+    def read(self, text: bytes, notes: Notes) -> int | None:
+        """Read a duration in seconds."""
+        if len(text) != 8 or not text.isdigit():  # noqa: PLR2004 - DDHHMMSS
+            notes.add(Wrong.RUN_TIME, f"{self.name} {show(text)!r} is not 8 digits DDHHMMSS")
+            return None
+        days, hours, minutes, seconds = (int(text[i : i + 2]) for i in range(0, 8, 2))
+        if hours > 23 or minutes > 59 or seconds > 59:  # noqa: PLR2004 - a day, an hour, a minute
+            notes.add(Wrong.RUN_TIME, f"{self.name} {show(text)} does not carry over")
+        return ((days * 24 + hours) * 60 + minutes) * 60 + seconds
+
+    def write(self, value: int, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
+        """Write a duration in seconds."""
+        minutes, seconds = divmod(min(int(value), 100 * 86400 - 1), 60)
+        hours, minutes = divmod(minutes, 60)
+        days, hours = divmod(hours, 24)
+        return b"%02d%02d%02d%02d" % (days, hours, minutes, seconds)
+
+
+@dataclass(frozen=True, slots=True)
+class Address(Field):
+    """An IPv4 address in dotted decimal (L150); zero padding is tolerated (A-4.3-2)."""
+
+    def read(self, text: bytes, notes: Notes) -> str | None:
+        """Read an address; it is returned without padding."""
+        parts = text.split(b".")
+        if (
+            len(parts) != 4  # noqa: PLR2004 - IPv4
+            or not all(p.isdigit() and len(p) <= 3 and int(p) <= 255 for p in parts)  # noqa: PLR2004 - IPv4
+        ):
+            notes.add(Wrong.ADDRESS, f"{self.name} {show(text)!r} is no dotted IPv4 address")
+            return None
+        return ".".join(str(int(p)) for p in parts)
+
+    def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
+        """Write an address."""
+        notes = Notes()
+        if self.read(value.encode(), notes) is None:
+            raise PayloadError(notes.complaints[0].text)
+        return value.encode()
+
+
+@dataclass(frozen=True, slots=True)
+class StatusCode(Field):
+    """Two characters of table 8-1 (L214, L1014), returned in upper case (A-T-7)."""
+
+    def read(self, text: bytes, notes: Notes) -> str | None:
+        """Read a code."""
+        code = errors.lookup(show(text))
+        if code is None:
+            notes.add(Wrong.CODE, f"{self.name} {show(text)!r} is no code of table 8-1")
+            return None
+        if code in errors.RESERVED:
+            notes.add(Wrong.RESERVED_CODE, f"{self.name} {code.text} is reserved in table 8-1")
+        return code.text
+
+    def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
+        """Write a code."""
+        if errors.lookup(value) is None:
+            raise PayloadError(f"{self.name} {value!r} is no code of table 8-1")
+        return value.encode()
+
+
+@dataclass(frozen=True, slots=True)
+class Bits(Field):
+    """One digit a port, the highest port leftmost (L651, L684); a string as on the wire."""
+
+    count: int = 8
+
+    def read(self, text: bytes, notes: Notes) -> str | None:
+        """Read the digits."""
+        if len(text) != self.count or text.strip(b"01"):
+            notes.add(Wrong.BITS, f"{self.name} {show(text)!r} is not {self.count} digits 0 or 1")
+            return None
+        return text.decode()
+
+    def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
+        """Write the digits."""
+        if len(value) != self.count or value.strip("01"):
+            raise PayloadError(f"{self.name} must be {self.count} digits 0 or 1, not {value!r}")
+        return value.encode()
+
+
+_VERSION = re.compile(rb"[0-9]+\.[0-9]+\.[0-9]+")
+
+
+@dataclass(frozen=True, slots=True)
+class Version(Field):
+    """A version text; three dotted integers are drawn (L203), any text is tolerated (A-4.7-1)."""
+
+    def read(self, text: bytes, notes: Notes) -> str:
+        """Read the text."""
+        if not text:
+            notes.add(Wrong.SIZE, f"{self.name} is empty")
+        elif not _VERSION.fullmatch(text):
+            notes.add(Wrong.VERSION, f"{self.name} {show(text)!r} has not the form 1.0.0")
+        return show(text, limit=255)
+
+    def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
+        """Write the text."""
+        if not 1 <= len(value.encode()) <= 255:  # noqa: PLR2004 - one length byte
+            raise PayloadError(f"{self.name} must have 1 to 255 bytes")
+        return value.encode()

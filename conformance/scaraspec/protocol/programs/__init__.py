@@ -1,0 +1,86 @@
+"""User program files (clause 6): values, layouts, bytes, rules, listing.
+
+The bytes of a file come in as an argument; no file is opened here.
+"""
+
+from scaraspec.protocol.programs.codec import build, parse
+from scaraspec.protocol.programs.faults import MAX_FILE_BYTES, Fault, ProgramError
+from scaraspec.protocol.programs.layout import (
+    DEFAULT_LAYOUT,
+    LAYOUTS,
+    ByteOrder,
+    Layout,
+    detect,
+)
+from scaraspec.protocol.programs.lint import NO_PROGRAM, Finding, lint
+from scaraspec.protocol.programs.listing import PointMeaning, listing
+from scaraspec.protocol.programs.model import (
+    Node,
+    NodeData,
+    Operation,
+    Point,
+    Program,
+    SetOutput,
+    Variable,
+    WaitInput,
+    WaitSeconds,
+    WaitTimer,
+)
+from scaraspec.protocol.programs.rules import RULES, Rule, Severity
+from scaraspec.protocol.programs.structure import (
+    MOVES,
+    CountsMode,
+    Structure,
+    Unbalanced,
+    loop_readings,
+)
+from scaraspec.protocol.programs.tables import (
+    Condition,
+    NodeType,
+    Opt,
+    PortType,
+    ResultType,
+    ValueType,
+)
+
+__all__ = [
+    "DEFAULT_LAYOUT",
+    "LAYOUTS",
+    "MAX_FILE_BYTES",
+    "MOVES",
+    "NO_PROGRAM",
+    "RULES",
+    "ByteOrder",
+    "Condition",
+    "CountsMode",
+    "Fault",
+    "Finding",
+    "Layout",
+    "Node",
+    "NodeData",
+    "NodeType",
+    "Operation",
+    "Opt",
+    "Point",
+    "PointMeaning",
+    "PortType",
+    "Program",
+    "ProgramError",
+    "ResultType",
+    "Rule",
+    "SetOutput",
+    "Severity",
+    "Structure",
+    "Unbalanced",
+    "ValueType",
+    "Variable",
+    "WaitInput",
+    "WaitSeconds",
+    "WaitTimer",
+    "build",
+    "detect",
+    "lint",
+    "listing",
+    "loop_readings",
+    "parse",
+]

@@ -1,0 +1,132 @@
+"""Why bytes are no program file: what fails, where, and in one sentence how."""
+
+from enum import Enum
+
+from scaraspec.protocol.programs.layout import (
+    FOOTER,
+    LAYOUTS,
+    MAGIC,
+    VARIABLE_BYTES,
+    Layout,
+    program_bytes,
+)
+
+MAX_FILE_BYTES = 4 << 20
+"""Longer files are not read: sixty thousand nodes are beyond any program for this arm."""
+
+
+class Fault(Enum):
+    """Why bytes are no program: a code that stays, and the requirements that it breaks."""
+
+    START = ("P-start", ("6.2/1", "6.1/1"))
+    LONG = ("P-long", ())
+    SHORT = ("P-short", ("6.1/2", "6.1/1", "6.3/1", "6.3/2"))
+    END = ("P-end", ("6.6b/1", "6.1/1"))
+    NODES = ("P-nodes", ("6.2/2", "6.1/3"))
+    VARIABLES = ("P-variables", ("6.2/3", "6.4/1", "6.1/3"))
+    SIZE = ("P-size", ("6.1/3",))
+    SURPLUS = ("P-surplus", ("6.6b/2",))
+    SECOND = ("P-second-program", ("6.1/2", "6.6b/2"))
+
+    def __init__(self, code: str, requirements: tuple[str, ...]) -> None:
+        self.code = code
+        self.requirements = requirements
+
+
+class ProgramError(ValueError):
+    """Bytes are no program by the size equation and the magics (6.1/3, 6.2/1, 6.6b/1).
+
+    Attributes:
+        fault: What is wrong.
+        offset_bytes: Where.
+        reason: In one sentence.
+    """
+
+    def __init__(self, fault: Fault, offset_bytes: int, reason: str) -> None:
+        super().__init__(f"not a program file, byte {offset_bytes}: {reason}")
+        self.fault = fault
+        self.offset_bytes = offset_bytes
+        self.reason = reason
+
+
+def check_envelope(data: bytes) -> None:
+    """Check what is the same in every layout.
+
+    Raises:
+        ProgramError: The bytes do not begin as a program, or are too few or too many for one.
+    """
+    if not data.startswith(MAGIC):
+        raise ProgramError(
+            Fault.START, 0, f'it begins with {data[:5].hex(" ") or "nothing"}, not with "SCARA"'
+        )
+    if len(data) > MAX_FILE_BYTES:
+        raise ProgramError(
+            Fault.LONG,
+            MAX_FILE_BYTES,
+            f"it has {len(data)} bytes; more than {MAX_FILE_BYTES} are not read",
+        )
+    least = min(layout.file_bytes(0, 0) for layout in LAYOUTS.values())
+    if len(data) < least:
+        raise ProgramError(
+            Fault.SHORT,
+            len(data),
+            f"it ends after {len(data)} bytes; header, configuration and footer take {least}",
+        )
+
+
+def misfit(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
+    """Why a file that is long enough and begins as a program fits none of these layouts."""
+    end = program_bytes(data)
+    if end is not None and end < len(data):
+        second = data.startswith(MAGIC, end)
+        return ProgramError(
+            Fault.SECOND if second else Fault.SURPLUS,
+            end,
+            f"{'another program' if second else 'something else'} follows: the footer ends at "
+            f"byte {end}, but the file has {len(data)} bytes",
+        )
+    if not data.endswith(FOOTER):
+        return ProgramError(
+            Fault.END,
+            len(data) - len(FOOTER),
+            f'it ends with {data[-len(FOOTER) :].hex(" ")}, not with "ARACS"',
+        )
+    return _size_error(data, layouts)
+
+
+def _size_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
+    """Says what is missing or too much, in the likeliest layout that explains it."""
+
+    def badness(layout: Layout) -> tuple[bool, ...]:
+        return (
+            # Counts in the wrong byte order make sizes beyond all bounds.
+            layout.file_bytes(*layout.counts(data)) > 2 * MAX_FILE_BYTES,
+            any(data[len(MAGIC) : layout.points_offset]),
+            layout.reading == "mixed",
+            _miscount(data, layout)[0] is Fault.SIZE,
+        )
+
+    likeliest = min(layouts, key=badness)
+    points, variables = likeliest.counts(data)
+    fault, offset_bytes, room = _miscount(data, likeliest)
+    return ProgramError(
+        fault,
+        offset_bytes,
+        f"the header's points = {points} and varNub = {variables} make "
+        f"{likeliest.file_bytes(points, variables)} bytes in layout {likeliest.name}, but the "
+        f"file has {len(data)}, {room}",
+    )
+
+
+def _miscount(data: bytes, layout: Layout) -> tuple[Fault, int, str]:
+    """Which count of the header is wrong, where it stands, and what it should be."""
+    points, variables = layout.counts(data)
+    surplus = len(data) - layout.file_bytes(points, variables)
+    extra_nodes, rest = divmod(surplus, layout.node_bytes)
+    if not rest and points + extra_nodes >= 0:
+        return Fault.NODES, layout.points_offset, f"room for points = {points + extra_nodes}"
+    extra_variables, rest = divmod(surplus, VARIABLE_BYTES)
+    if not rest and variables + extra_variables >= 0:
+        room = f"room for varNub = {variables + extra_variables}"
+        return Fault.VARIABLES, layout.points_offset + 4, room
+    return Fault.SIZE, layout.points_offset, "and no other layout fits"

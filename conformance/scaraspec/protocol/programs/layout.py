@@ -1,0 +1,216 @@
+"""Where the fields of a program file lie: packing, size of a long, byte order (A-6.1-2 to -4).
+
+The document prints C structures and no layout. All sizes are derived here from how a compiler
+places fields; which layout a file has is decided from its bytes. What a field says lives elsewhere.
+"""
+
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import islice
+from types import MappingProxyType
+
+from scaraspec.protocol.programs.model import ALIAS_BYTES, PORTS, SECOND_US, VARIABLE_NAME_BYTES
+from scaraspec.protocol.programs.tables import NodeType
+
+MAGIC = b"SCARA"  # L822
+FOOTER = b"ARACS"  # L998
+CONFIGURATION_BYTES = 6 * 4 + 3 * 4 + PORTS  # L834-840, the same under every packing (A-6.3-1)
+VARIABLE_BYTES = 4 + VARIABLE_NAME_BYTES + 4  # L861-865, likewise (A-6.4-1)
+NODE_TYPE_OFFSET = ALIAS_BYTES  # nodeType, speedRate, counts: single bytes after the alias (L881)
+
+_OPERATION_BYTES = 7 * 4  # the largest member of the union but for padding (L946-957)
+_UNION_OFFSET = NODE_TYPE_OFFSET + 3
+_NATURAL = 8  # the alignment limit of a compiler that was told nothing
+_LEAST_COORDINATE, _GREATEST_COORDINATE = 1e-4, 1e6  # mm or degrees, generously
+_SAMPLE_NODES = 1000  # enough to tell two layouts apart, and a bound on the time it takes
+
+
+class ByteOrder(StrEnum):
+    """Byte order of every number in the file: the options of reading `endian` (A-6.1-4)."""
+
+    LITTLE = "little"
+    BIG = "big"
+
+    @property
+    def prefix(self) -> str:
+        """The prefix of a `struct` format; fields have no gaps of their own."""
+        return "<" if self is ByteOrder.LITTLE else ">"
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where every field of a file lies. Offsets are in bytes, from the start of the record.
+
+    Attributes:
+        name: Its name on the command line, such as ``lp64-big``.
+        reading: The option of reading `prog_layout` that it belongs to.
+        byte_order: Of every number.
+        points_offset: Of `points` and, 4 bytes on, of `varNub` in the header.
+        header_bytes: Size of the header.
+        data_offset: Of the union in a node.
+        node_bytes: Size of a node.
+        long_bytes: Size of a C long, 4 or 8.
+    """
+
+    name: str
+    reading: str
+    byte_order: ByteOrder
+    points_offset: int
+    header_bytes: int
+    data_offset: int
+    node_bytes: int
+    long_bytes: int
+
+    @property
+    def variables_offset(self) -> int:
+        """Offset in the file of the first variable, the size of header and configuration."""
+        return self.header_bytes + CONFIGURATION_BYTES
+
+    def nodes_offset(self, variables: int) -> int:
+        """Offset in the file of the first node behind so many variables."""
+        return self.variables_offset + VARIABLE_BYTES * variables
+
+    def file_bytes(self, nodes: int, variables: int) -> int:
+        """Size of a file with so many nodes and variables (section 10 of the register)."""
+        return self.nodes_offset(variables) + self.node_bytes * nodes + len(FOOTER)
+
+    @property
+    def timer_format(self) -> str:
+        """The `struct` format of the two longs of a timer (L892-893)."""
+        return self.byte_order.prefix + {4: "2i", 8: "2q"}[self.long_bytes]
+
+    def counts(self, data: bytes) -> tuple[int, int]:
+        """`points` and `varNub` of a file that is at least a header long (L815-816)."""
+        points, variables = struct.unpack_from(
+            f"{self.byte_order.prefix}2I", data, self.points_offset
+        )
+        return points, variables
+
+
+@dataclass(frozen=True, slots=True)
+class _Packing:
+    """How a compiler was told to align the node, and the union inside it."""
+
+    name: str
+    reading: str
+    limit: int
+    union_limit: int
+    long_bytes: int
+
+
+# The columns of section 10, then the packed ones where a long has 8 bytes: these have the sizes of
+# the first two and differ from them in the timer node alone.
+_PACKINGS = (
+    _Packing("ilp32", "ilp32", _NATURAL, _NATURAL, 4),
+    _Packing("packed", "packed", 1, 1, 4),
+    _Packing("pack2", "pack2", 2, 2, 4),
+    _Packing("lp64", "lp64", _NATURAL, _NATURAL, 8),
+    _Packing("outer-packed", "mixed", 1, _NATURAL, 8),
+    _Packing("packed-long8", "packed", 1, 1, 8),
+    _Packing("pack2-long8", "pack2", 2, 2, 8),
+)
+
+
+def _aligned(offset: int, alignment: int) -> int:
+    return -(-offset // alignment) * alignment
+
+
+def _layout(packing: _Packing, header_limit: int, byte_order: ByteOrder) -> Layout:
+    points_offset = _aligned(len(MAGIC), min(header_limit, 4))
+    union_alignment = min(packing.union_limit, packing.long_bytes)
+    union_bytes = _aligned(_OPERATION_BYTES, union_alignment)
+    node_alignment = min(packing.limit, union_alignment)
+    data_offset = _aligned(_UNION_OFFSET, node_alignment)
+    proper = header_limit == packing.limit
+    header_bytes = _aligned(points_offset + 8, min(header_limit, 4))
+    return Layout(
+        name=packing.name
+        + ("" if proper else f"-header{header_bytes}")
+        + ("" if byte_order is ByteOrder.LITTLE else "-big"),
+        reading=packing.reading if proper else "mixed",
+        byte_order=byte_order,
+        points_offset=points_offset,
+        header_bytes=header_bytes,
+        data_offset=data_offset,
+        node_bytes=_aligned(data_offset + union_bytes, node_alignment),
+        long_bytes=packing.long_bytes,
+    )
+
+
+def _layouts() -> Iterator[Layout]:
+    for proper in (True, False):
+        for byte_order in ByteOrder:
+            for packing in _PACKINGS:
+                for header_limit in (_NATURAL, 1, 2):
+                    if (header_limit == packing.limit) is proper:
+                        yield _layout(packing, header_limit, byte_order)
+
+
+LAYOUTS: Mapping[str, Layout] = MappingProxyType({layout.name: layout for layout in _layouts()})
+"""Every layout by name, the likeliest first: one packing for all before mixed cases."""
+
+DEFAULT_LAYOUT = LAYOUTS["ilp32"]
+"""Natural alignment, a long of 4 bytes, little-endian: what is written unless asked otherwise."""
+
+
+def detect(data: bytes) -> tuple[Layout, ...]:
+    """The layouts under which these bytes are a whole program, the most plausible first.
+
+    The size equation and both magics decide (6.1/3). Where they leave several, those come first
+    whose values look least odd, then those that are likelier by themselves.
+    """
+    whole = [layout for layout, end in _ends(data) if end == len(data)]
+    return tuple(sorted(whole, key=lambda layout: _oddities(data, layout)))
+
+
+def program_bytes(data: bytes) -> int | None:
+    """How many bytes the program takes that these bytes begin with; None if they begin with none.
+
+    More bytes may follow (A-6.6b-1). Where layouts disagree, the longest program counts.
+    """
+    return max((end for _, end in _ends(data)), default=None)
+
+
+def _ends(data: bytes) -> Iterator[tuple[Layout, int]]:
+    """Each layout under which a program begins the data, and where that program ends."""
+    if not data.startswith(MAGIC):
+        return
+    for layout in LAYOUTS.values():
+        if len(data) >= layout.file_bytes(0, 0):
+            end = layout.file_bytes(*layout.counts(data))
+            if data[end - len(FOOTER) : end] == FOOTER:
+                yield layout, end
+
+
+def is_odd_coordinate(value: float) -> bool:
+    """Whether a number cannot well be mm or degrees; bytes in the wrong order rarely can."""
+    return not (value == 0 or _LEAST_COORDINATE <= abs(value) <= _GREATEST_COORDINATE)
+
+
+def _oddities(data: bytes, layout: Layout) -> int:
+    """How many values look wrong under a layout, in the configuration and the first nodes."""
+    order = layout.byte_order.prefix
+    points, variables = layout.counts(data)
+    configuration = struct.unpack_from(f"{order}9f", data, layout.header_bytes)
+    odd = sum(map(is_odd_coordinate, configuration))
+    odd += any(data[len(MAGIC) : layout.points_offset])
+    start = layout.nodes_offset(variables)
+    offsets = range(start, start + points * layout.node_bytes, layout.node_bytes)
+    timer = struct.Struct(layout.timer_format)
+    for offset in islice(offsets, _SAMPLE_NODES):
+        node_type, content = data[offset + NODE_TYPE_OFFSET], offset + layout.data_offset
+        match node_type:
+            case NodeType.POINT:
+                point = struct.unpack_from(f"{order}4f", data, content)
+                odd += sum(map(is_odd_coordinate, point))
+            case NodeType.WAIT_TIMER:
+                seconds, microseconds = timer.unpack_from(data, content)
+                unused = data[content + timer.size : offset + layout.node_bytes]
+                odd += not 0 <= microseconds < SECOND_US
+                odd += not 0 <= seconds < 1 << 32
+                odd += any(unused)
+            case _:
+                odd += not NodeType.POINT <= node_type <= NodeType.COMPUTE
+    return odd

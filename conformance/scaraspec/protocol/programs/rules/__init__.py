@@ -1,0 +1,26 @@
+"""What a right program is, rule by rule; each rule knows its code and the requirements it serves.
+
+A rule looks at one program and reports problems; it never raises and never looks at another rule.
+"""
+
+from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.rules.configuration import CONFIGURATION_RULES
+from scaraspec.protocol.programs.rules.flow import FLOW_RULES
+from scaraspec.protocol.programs.rules.layouts import LAYOUT_RULES
+from scaraspec.protocol.programs.rules.operations import OPERATION_RULES
+from scaraspec.protocol.programs.rules.ports import PORT_RULES
+from scaraspec.protocol.programs.rules.steps import STEP_RULES
+from scaraspec.protocol.programs.rules.variables import VARIABLE_RULES
+
+__all__ = ["RULES", "Problem", "Rule", "Severity", "Subject"]
+
+RULES: tuple[Rule, ...] = (
+    *LAYOUT_RULES,
+    *CONFIGURATION_RULES,
+    *VARIABLE_RULES,
+    *STEP_RULES,
+    *FLOW_RULES,
+    *PORT_RULES,
+    *OPERATION_RULES,
+)
+"""Every static rule that a program can break."""

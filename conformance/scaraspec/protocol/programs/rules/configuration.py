@@ -1,0 +1,60 @@
+"""Rules about the configuration, and about floats wherever they stand (6.3)."""
+
+import math
+from collections.abc import Iterator
+
+from scaraspec.protocol.programs.layout import is_odd_coordinate
+from scaraspec.protocol.programs.model import Point
+from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.tables import PortType
+
+
+def _not_finite(subject: Subject) -> Iterator[Problem]:
+    """All floats are finite (A-6.1-4)."""
+    for what, values in (
+        ("toolPos", subject.program.tool_position),
+        ("tcpPos", subject.program.tool_center),
+    ):
+        for index, value in enumerate(values):
+            if not math.isfinite(value):
+                yield Problem(f"{what}[{index}] is {value}, not a number that can be reached")
+    for node, point in subject.data(Point):
+        for index, value in enumerate(point.values):
+            if not math.isfinite(value):
+                yield Problem(
+                    f"point[{index}] is {value}, not a number that can be reached", node=node
+                )
+
+
+def _odd(what: str, values: tuple[float, ...]) -> Iterator[Problem]:
+    for index, value in enumerate(values):
+        if math.isfinite(value) and is_odd_coordinate(value):
+            yield Problem(
+                f"{what}[{index}] is {value:g}, hardly mm or degrees: its bytes may be in another "
+                "order or place"
+            )
+
+
+def _tool_position(subject: Subject) -> Iterator[Problem]:
+    """The initial tool position is six values in mm and degrees (L846)."""
+    yield from _odd("toolPos", subject.program.tool_position)
+
+
+def _tool_center(subject: Subject) -> Iterator[Problem]:
+    """The tool's working end is three values in mm (L848)."""
+    yield from _odd("tcpPos", subject.program.tool_center)
+
+
+def _port_type(subject: Subject) -> Iterator[Problem]:
+    """A port type is 0 to 4 (L850-856)."""
+    for port, port_type in enumerate(subject.program.ports, start=1):
+        if not PortType.has(port_type):
+            yield Problem(f"port {port} is configured as {port_type}; port types are 0 to 4")
+
+
+CONFIGURATION_RULES = (
+    Rule("P-not-finite", Severity.ERROR, ("6.3/4",), _not_finite),
+    Rule("P-port-type", Severity.ERROR, ("6.3/3",), _port_type),
+    Rule("P-tool-position", Severity.WARNING, ("6.3/1",), _tool_position),
+    Rule("P-tool-center", Severity.WARNING, ("6.3/2",), _tool_center),
+)

@@ -1,0 +1,183 @@
+"""Rules about how nodes belong together: moves, loops, IFs (6.5)."""
+
+from collections.abc import Callable, Iterator
+
+from scaraspec.protocol.programs.model import Node
+from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.structure import MOVES, CountsMode, Unbalanced, loop_readings
+from scaraspec.protocol.programs.tables import NodeType
+
+_COUNTING = MOVES | {NodeType.LOOP}
+_LEAST_CURVE_POINTS = 3
+_FULL_SPEED = 100
+
+
+def _speed(subject: Subject) -> Iterator[Problem]:
+    """The speed of a move is 1 to 100 percent (L922, A-6.5-3)."""
+    for index, node in subject.nodes(*MOVES):
+        if not 1 <= node.speed_rate <= _FULL_SPEED:
+            yield Problem(f"the speed is {node.speed_rate} %; it is 1 to 100", node=index)
+
+
+def _counts_past_end(subject: Subject) -> Iterator[Problem]:
+    """A count does not reach beyond the last node (L924)."""
+    for index, node in subject.nodes(*_COUNTING):
+        if index + node.counts >= len(subject.program.nodes):
+            yield Problem(
+                f"its counts {node.counts} reaches to node {index + 1 + node.counts}, but the "
+                f"last one is node {len(subject.program.nodes)}",
+                node=index,
+            )
+
+
+def _counts_ignored(subject: Subject) -> Iterator[Problem]:
+    """Only moves and loops have a count (L924)."""
+    for index, node in enumerate(subject.program.nodes):
+        # Whether an end of a loop has one is open (A-6.5-4).
+        if node.counts and node.type not in _COUNTING | {NodeType.END_LOOP}:
+            yield Problem(
+                f"the count {node.counts} means nothing at a node of type {node.type}", node=index
+            )
+
+
+def _first_stranger(subject: Subject, index: int, node: Node) -> int | None:
+    """The first node that belongs to a move and is no point."""
+    for child in range(index + 1, min(index + 1 + node.counts, len(subject.program.nodes))):
+        if subject.program.nodes[child].type != NodeType.POINT:
+            return child
+    return None
+
+
+def _curve_short(subject: Subject) -> Iterator[Problem]:
+    """A curve has at least three points (不能少于 3 个, L942)."""
+    for index, node in subject.nodes(NodeType.CURVE_MOVE):
+        held = min(node.counts, len(subject.program.nodes) - index - 1)
+        if held < _LEAST_CURVE_POINTS:
+            yield Problem(f"a curve needs at least 3 points, but this one has {held}", node=index)
+
+
+def _curve_child(subject: Subject) -> Iterator[Problem]:
+    """A curve has only points (只能是结点坐标, L942)."""
+    for index, node in subject.nodes(NodeType.CURVE_MOVE):
+        if (child := _first_stranger(subject, index, node)) is not None:
+            yield Problem(
+                f"node {child + 1} belongs to the curve, but its type is "
+                f"{subject.program.nodes[child].type} and not 1, a point",
+                node=index,
+            )
+
+
+def _move_empty(subject: Subject) -> Iterator[Problem]:
+    """A straight move has a point to go to (A-6.5-6)."""
+    for index, node in subject.nodes(NodeType.STRAIGHT_MOVE):
+        if not node.counts:
+            yield Problem("no node belongs to the straight move, so it goes nowhere", node=index)
+
+
+def _move_child(subject: Subject) -> Iterator[Problem]:
+    """The nodes of a straight move are points (A-6.5-6)."""
+    for index, node in subject.nodes(NodeType.STRAIGHT_MOVE):
+        if (child := _first_stranger(subject, index, node)) is not None:
+            yield Problem(
+                f"node {child + 1} belongs to the straight move, but its type is "
+                f"{subject.program.nodes[child].type} and not 1, a point",
+                node=index,
+            )
+
+
+def _point_bare(subject: Subject) -> Iterator[Problem]:
+    """A point belongs to a move (A-6.5-7)."""
+    for index, _ in subject.nodes(NodeType.POINT):
+        if subject.structure.owners[index] is None:
+            yield Problem(
+                "the point belongs to no move, so how and how fast the robot goes there is open",
+                node=index,
+            )
+
+
+def _marker(*kinds: Unbalanced) -> Callable[[Subject], Iterator[Problem]]:
+    def check(subject: Subject) -> Iterator[Problem]:
+        """Every marker has its partner (L913-919)."""
+        for index, kind in subject.structure.unbalanced:
+            if kind in kinds:
+                yield Problem(f"this is {kind.value}", node=index)
+
+    return check
+
+
+def _common_reading(subject: Subject) -> frozenset[CountsMode]:
+    """The readings under which every count of a loop is right that is right under any."""
+    readings = loop_readings(subject.program.nodes, subject.structure).values()
+    return frozenset(CountsMode).intersection(*filter(None, readings))
+
+
+def _loop_counts(subject: Subject) -> Iterator[Problem]:
+    """The count of a loop is that of its nodes, in the same reading for all loops (A-6.5-4)."""
+    common = _common_reading(subject)
+    for index, modes in loop_readings(subject.program.nodes, subject.structure).items():
+        if not modes:
+            records = subject.structure.loop_counts[index][CountsMode.RECORDS]
+            yield Problem(
+                f"its counts is {subject.program.nodes[index].counts}, but from the loop to its "
+                f"end it is {records}; the end governs",
+                node=index,
+            )
+        elif not common:
+            yield Problem(
+                f"the loop counts its nodes as {' or '.join(sorted(modes))}, but other loops of "
+                "the program do not",
+                node=index,
+            )
+
+
+def _loop_reading(subject: Subject) -> Iterator[Problem]:
+    """The count of a loop is that of all nodes before its end (A-6.5-4)."""
+    common = _common_reading(subject)
+    if common and CountsMode.RECORDS not in common:
+        yield Problem(
+            f"the loops count their nodes as {' or '.join(sorted(common))}, the default reading "
+            f"is {CountsMode.RECORDS}; their ends govern",
+            node=min(subject.structure.loop_counts),
+        )
+
+
+def _endless_loop(subject: Subject) -> Iterator[Problem]:
+    """A program comes to an end (A-6.5-5)."""
+    for index in subject.structure.loop_counts:
+        yield Problem(
+            "nothing ends the loop but an emergency stop: what follows it is never executed",
+            node=index,
+        )
+
+
+FLOW_RULES = (
+    Rule("P-speed", Severity.ERROR, ("6.5/3",), _speed),
+    Rule("P-counts-past-end", Severity.ERROR, ("6.5/5",), _counts_past_end),
+    Rule("P-curve-short", Severity.ERROR, ("6.5/14",), _curve_short),
+    Rule("P-curve-child", Severity.ERROR, ("6.5/14",), _curve_child),
+    Rule(
+        "P-loop",
+        Severity.ERROR,
+        ("6.5/15",),
+        _marker(Unbalanced.OPEN_LOOP, Unbalanced.STRAY_END_LOOP),
+    ),
+    Rule(
+        "P-if",
+        Severity.ERROR,
+        ("6.5/16",),
+        _marker(Unbalanced.OPEN_IF, Unbalanced.STRAY_ENDIF),
+    ),
+    Rule(
+        "P-else",
+        Severity.ERROR,
+        ("6.5/16",),
+        _marker(Unbalanced.STRAY_ELSE, Unbalanced.SECOND_ELSE),
+    ),
+    Rule("P-loop-counts", Severity.WARNING, ("6.5/4",), _loop_counts),
+    Rule("P-move-empty", Severity.WARNING, ("6.5/4",), _move_empty),
+    Rule("P-move-child", Severity.WARNING, ("6.5/4",), _move_child),
+    Rule("P-point-bare", Severity.WARNING, ("6.5/4",), _point_bare),
+    Rule("P-endless-loop", Severity.WARNING, ("6.5/18",), _endless_loop),
+    Rule("P-loop-reading", Severity.INFO, ("6.5/4",), _loop_reading),
+    Rule("P-counts-ignored", Severity.INFO, ("6.5/4",), _counts_ignored),
+)

@@ -1,0 +1,55 @@
+"""Rules about how the values lie in the file (6.1)."""
+
+from collections.abc import Iterator
+
+from scaraspec.protocol.programs.layout import DEFAULT_LAYOUT
+from scaraspec.protocol.programs.model import Operation, SetOutput, WaitInput
+from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.tables import Condition, Numbered, PortType, ResultType
+
+
+def _layout(subject: Subject) -> Iterator[Problem]:
+    """The layout is the default one (A-6.1-2)."""
+    layout = subject.layout
+    if layout and layout != DEFAULT_LAYOUT:
+        yield Problem(
+            f"the file has layout {layout.name}, {layout.byte_order}-endian; a peer that "
+            f"reads only {DEFAULT_LAYOUT.name}, little-endian, takes it for damaged"
+        )
+
+
+def _layout_mixed(subject: Subject) -> Iterator[Problem]:
+    """Header and nodes are aligned alike (A-6.1-2)."""
+    if (layout := subject.layout) and layout.reading == "mixed":
+        yield Problem(
+            f"no single packing makes a header of {layout.header_bytes} bytes and nodes of "
+            f"{layout.node_bytes} with their data at {layout.data_offset}"
+        )
+
+
+def _table_numbers(subject: Subject) -> Iterator[tuple[int, str, int, type[Numbered]]]:
+    """What is 4 bytes long and should stand in a table: node, name, number, table."""
+    for index, wait in subject.data(WaitInput):
+        yield index, "condition", wait.condition, Condition
+    for index, output in subject.data(SetOutput):
+        yield index, "output type", output.type, PortType
+    for index, operation in subject.data(Operation):
+        yield index, "result_type", operation.result_type, ResultType
+
+
+def _byte_order(subject: Subject) -> Iterator[Problem]:
+    """Every number has the byte order of the header (A-6.1-4)."""
+    for index, what, number, table in _table_numbers(subject):
+        swapped = int.from_bytes((number & 0xFFFFFFFF).to_bytes(4, "little"), "big")
+        if table.has(swapped) and not table.has(number):
+            yield Problem(
+                f"the {what} {number:#x} makes sense only in the other byte order, as {swapped}",
+                node=index,
+            )
+
+
+LAYOUT_RULES = (
+    Rule("P-byte-order", Severity.WARNING, ("6.1/4",), _byte_order),
+    Rule("P-layout-mixed", Severity.WARNING, ("6.1/4",), _layout_mixed),
+    Rule("P-layout", Severity.INFO, ("6.1/4",), _layout),
+)

@@ -1,0 +1,154 @@
+"""Rules about operations (6.6a)."""
+
+from collections.abc import Iterator
+
+from scaraspec.protocol.programs.model import Operation
+from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.tables import NodeType, Opt, ResultType, ValueType
+
+_ARITHMETIC = (Opt.ADD, Opt.SUBTRACT, Opt.MULTIPLY, Opt.DIVIDE)
+_COMPUTED = (ResultType.COMPARISON, ResultType.CALCULATION)  # these need an operator
+_EFFECTS = (ResultType.CALCULATION, ResultType.ASSIGNMENT, ResultType.SET_PORT)
+_STORED = (ResultType.CALCULATION, ResultType.ASSIGNMENT)  # these name a variable
+
+
+def _operands(operation: Operation) -> tuple[tuple[str, int, int], ...]:
+    return (
+        ("A", operation.value_a_type, operation.value_a),
+        ("B", operation.value_b_type, operation.value_b),
+    )
+
+
+def _result_type(subject: Subject) -> Iterator[Problem]:
+    """A result type is 1 to 4 (L961-965)."""
+    for index, operation in subject.data(Operation):
+        if not ResultType.has(operation.result_type):
+            yield Problem(
+                f"result_type is {operation.result_type}; result types are 1 to 4", node=index
+            )
+
+
+def _if_result(subject: Subject) -> Iterator[Problem]:
+    """The operation of an IF is a comparison (A-6.5-14)."""
+    for index, node in subject.nodes(NodeType.IF):
+        if isinstance(node.data, Operation) and node.data.result_type in _EFFECTS:
+            yield Problem(
+                f"the IF decides by an operation with result_type {node.data.result_type}; "
+                "only 1, a comparison, is true or false",
+                node=index,
+            )
+
+
+def _comparison_lost(subject: Subject) -> Iterator[Problem]:
+    """The operation of a calculation node has an effect (A-6.5-14)."""
+    for index, node in subject.nodes(NodeType.COMPUTE):
+        if isinstance(node.data, Operation) and node.data.result_type == ResultType.COMPARISON:
+            yield Problem(
+                "the node compares, but only an IF does anything with the outcome", node=index
+            )
+
+
+def _comparison_result(subject: Subject) -> Iterator[Problem]:
+    """The result of a comparison is 0 in a file (A-6.6a-1)."""
+    for index, operation in subject.data(Operation):
+        if operation.result_type == ResultType.COMPARISON and operation.result != 0:
+            yield Problem(
+                f"the result of the comparison is {operation.result} and not 0: a robot that "
+                "takes it for the expected outcome branches the other way",
+                node=index,
+            )
+
+
+def _result_key(subject: Subject) -> Iterator[Problem]:
+    """A result is stored in a variable that exists (L963-964)."""
+    for index, operation in subject.data(Operation):
+        if operation.result_type in _STORED and operation.result not in subject.keys:
+            yield Problem(
+                f"the result goes to key {operation.result}, but no variable has it", node=index
+            )
+
+
+def _value_type(subject: Subject) -> Iterator[Problem]:
+    """A value type is 0 to 3 (L967-973)."""
+    for index, operation in subject.data(Operation):
+        for name, value_type, _ in _operands(operation):
+            if not ValueType.has(value_type):
+                yield Problem(
+                    f"value{name}_type is {value_type}; value types are 0 to 3", node=index
+                )
+
+
+def _value_missing(subject: Subject) -> Iterator[Problem]:
+    """An operation has the values that it needs (A-6.6a-3)."""
+    for index, operation in subject.data(Operation):
+        if operation.value_a_type == ValueType.NONE:
+            yield Problem("the operation has no value A", node=index)
+        if operation.value_b_type == ValueType.NONE and operation.result_type in _COMPUTED:
+            yield Problem("the operation has no value B, but needs two values", node=index)
+
+
+def _value_key(subject: Subject) -> Iterator[Problem]:
+    """A value is that of a variable that exists (L972)."""
+    for index, operation in subject.data(Operation):
+        for name, value_type, value in _operands(operation):
+            if value_type == ValueType.VARIABLE and value not in subject.keys:
+                yield Problem(
+                    f"value {name} is that of key {value}, but no variable has it", node=index
+                )
+
+
+def _opt(subject: Subject) -> Iterator[Problem]:
+    """An operator is 1 to 9, or 0 where nothing is computed (L975-986, A-6.6a-2)."""
+    for index, operation in subject.data(Operation):
+        if not ResultType.has(operation.result_type) or Opt.has(operation.opt):
+            continue
+        if operation.result_type in _COMPUTED or operation.opt != 0:
+            yield Problem(f"opt is {operation.opt}; operators are 1 to 9", node=index)
+
+
+def _opt_result(subject: Subject) -> Iterator[Problem]:
+    """A comparison compares and a calculation calculates (A-6.6a-3)."""
+    for index, operation in subject.data(Operation):
+        if not Opt.has(operation.opt):
+            continue
+        arithmetic = operation.opt in _ARITHMETIC
+        if operation.result_type == ResultType.COMPARISON and arithmetic:
+            yield Problem(f"opt {operation.opt} calculates, but a comparison needs 5 to 9", index)
+        if operation.result_type == ResultType.CALCULATION and not arithmetic:
+            yield Problem(f"opt {operation.opt} compares, but a calculation needs 1 to 4", index)
+
+
+def _assign_value(subject: Subject) -> Iterator[Problem]:
+    """An assignment and a port setting take value A alone (A-6.6a-2)."""
+    for index, operation in subject.data(Operation):
+        plain = operation.result_type in (ResultType.ASSIGNMENT, ResultType.SET_PORT)
+        if plain and operation.value_b_type != ValueType.NONE:
+            yield Problem(
+                f"the node takes a value B with opt {operation.opt}: some robots compute, others "
+                "take A alone; use a calculation and then the plain value",
+                node=index,
+            )
+
+
+def _division_by_zero(subject: Subject) -> Iterator[Problem]:
+    """Nothing is divided by the constant zero (A-6.6a-4)."""
+    for index, operation in subject.data(Operation):
+        by_zero = operation.value_b_type == ValueType.NUMBER and operation.value_b == 0
+        if operation.opt == Opt.DIVIDE and by_zero:
+            yield Problem("the operation divides by the constant 0", node=index)
+
+
+OPERATION_RULES = (
+    Rule("P-result-type", Severity.ERROR, ("6.6a/1",), _result_type),
+    Rule("P-if-result", Severity.ERROR, ("6.5/13",), _if_result),
+    Rule("P-result-key", Severity.ERROR, ("6.6a/3", "6.4/3"), _result_key),
+    Rule("P-value-type", Severity.ERROR, ("6.6a/5",), _value_type),
+    Rule("P-value-missing", Severity.ERROR, ("6.6a/5",), _value_missing),
+    Rule("P-value-key", Severity.ERROR, ("6.6a/6", "6.4/3"), _value_key),
+    Rule("P-opt", Severity.ERROR, ("6.6a/8",), _opt),
+    Rule("P-opt-result", Severity.ERROR, ("6.6a/9",), _opt_result),
+    Rule("P-comparison-lost", Severity.WARNING, ("6.5/13",), _comparison_lost),
+    Rule("P-comparison-result", Severity.WARNING, ("6.6a/2",), _comparison_result),
+    Rule("P-assign-value", Severity.WARNING, ("6.6a/8",), _assign_value),
+    Rule("P-division-by-zero", Severity.WARNING, ("6.6a/10",), _division_by_zero),
+)

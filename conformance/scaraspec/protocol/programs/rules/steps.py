@@ -1,0 +1,187 @@
+"""Rules about single nodes: points, waits, outputs, timers (6.5)."""
+
+from collections.abc import Iterator
+
+from scaraspec.protocol.programs.model import (
+    SECOND_US,
+    Point,
+    SetOutput,
+    WaitInput,
+    WaitSeconds,
+    WaitTimer,
+)
+from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.tables import Condition, NodeType, Opt, PortType
+
+_TURN_DEG = 360
+_ANCIENT_S = 10**9  # an instant in 2001; the robot is younger
+_LAST_LONG_S = 2**31 - 1  # the last instant that a long of 4 bytes holds
+_FULL_DUTY = 100
+
+
+def _node_type(subject: Subject) -> Iterator[Problem]:
+    """A node type is 1 to 13 (L904-920)."""
+    for index, node in enumerate(subject.program.nodes):
+        if not NodeType.has(node.type):
+            yield Problem(f"the node type is {node.type}; node types are 1 to 13", node=index)
+
+
+def _point_pose(subject: Subject) -> Iterator[Problem]:
+    """A point is four joint values (L926); larger ones are rather x, y, z, thetaX (A-6.5-2)."""
+    for index, point in subject.data(Point):
+        if any(abs(value) > _TURN_DEG for value in point.values):
+            yield Problem(
+                "the point holds more than a turn, so it is rather x, y, z, thetaX than four "
+                "joint values: find out what the robot takes it for before running it",
+                node=index,
+            )
+
+
+def _wait_zero(subject: Subject) -> Iterator[Problem]:
+    """A wait takes time (L928)."""
+    for index, wait in subject.data(WaitSeconds):
+        if wait.duration_s == 0:
+            yield Problem("the node waits for 0 seconds, which does nothing", node=index)
+
+
+def _wait_condition(subject: Subject) -> Iterator[Problem]:
+    """A condition is 1 to 5 (L932), whose order is not that of the operators (A-6.5-11)."""
+    for index, wait in subject.data(WaitInput):
+        if Condition.has(wait.condition):
+            continue
+        if Opt.has(wait.condition):
+            yield Problem(
+                f"the condition is {wait.condition}, which is an operator; conditions are "
+                "1 to 5, where 4 is not greater and 5 is not less",
+                node=index,
+                requirements=("6.5/9", "6.5/8"),
+            )
+        else:
+            yield Problem(
+                f"the condition is {wait.condition}; conditions are 1 to 5",
+                node=index,
+                requirements=("6.5/8",),
+            )
+
+
+def _digital_waits(subject: Subject) -> Iterator[tuple[int, WaitInput]]:
+    for index, wait in subject.data(WaitInput):
+        if subject.port_type(wait.port) == PortType.DIGITAL_INPUT:
+            yield index, wait
+
+
+def _wait_never(subject: Subject) -> Iterator[Problem]:
+    """A wait for a digital input can come to an end (A-6.5-10)."""
+    for index, wait in _digital_waits(subject):
+        if not Condition.has(wait.condition):
+            continue
+        condition = Condition(wait.condition)
+        if not any(condition.holds(state, wait.value_hundredths) for state in (0, 1, 100)):
+            yield Problem(
+                f"digital input {wait.port} is never "
+                f"{condition.name.lower().replace('_', ' ')} {wait.value_hundredths / 100:g}: "
+                "the program waits forever",
+                node=index,
+            )
+
+
+def _wait_value(subject: Subject) -> Iterator[Problem]:
+    """A wait for a digital input compares with 0 or 100 (L934)."""
+    for index, wait in _digital_waits(subject):
+        if wait.value_hundredths not in (0, 1, 100):
+            yield Problem(
+                f"digital input {wait.port} is compared with {wait.value_hundredths / 100:g}; "
+                "its states are 0 and 1, stored as 0 and 100",
+                node=index,
+            )
+
+
+def _wait_unscaled(subject: Subject) -> Iterator[Problem]:
+    """A wait for a digital 1 stores 100 (L934, A-6.5-10)."""
+    for index, wait in _digital_waits(subject):
+        if wait.value_hundredths == 1:
+            yield Problem(
+                f"digital input {wait.port} is compared with a stored 1, which a robot that "
+                "scales all inputs takes for 0.01",
+                node=index,
+            )
+
+
+def _output_type(subject: Subject) -> Iterator[Problem]:
+    """An output is PWM (3) or TTL (4) (L936)."""
+    for index, output in subject.data(SetOutput):
+        if output.type not in (PortType.PWM_OUTPUT, PortType.DIGITAL_OUTPUT):
+            yield Problem(
+                f"the output type is {output.type}; it is 3 for PWM or 4 for TTL", node=index
+            )
+
+
+def _output_value(subject: Subject) -> Iterator[Problem]:
+    """A TTL output is set to 0 or 1 (A-6.5-12)."""
+    for index, output in subject.data(SetOutput):
+        if output.type == PortType.DIGITAL_OUTPUT and output.value not in (0, 1):
+            yield Problem(
+                f"TTL output {output.port} is set to {output.value}; it is 0 or 1", node=index
+            )
+
+
+def _pwm_value(subject: Subject) -> Iterator[Problem]:
+    """A PWM output has a duty of 0 to 100 and a time base (A-6.5-12)."""
+    for index, output in subject.data(SetOutput):
+        if output.type != PortType.PWM_OUTPUT:
+            continue
+        if output.value > _FULL_DUTY or output.time_base == 0:
+            yield Problem(
+                f"PWM output {output.port} has duty {output.value} and time base "
+                f"{output.time_base}; the document names no units, so try it without a load",
+                node=index,
+            )
+
+
+def _timer_microseconds(subject: Subject) -> Iterator[Problem]:
+    """Microseconds are less than a second (L938)."""
+    for index, timer in subject.data(WaitTimer):
+        if not 0 <= timer.microseconds < SECOND_US:
+            yield Problem(
+                f"the timer has {timer.microseconds} microseconds; they are 0 to 999999",
+                node=index,
+            )
+
+
+def _timer_past(subject: Subject) -> Iterator[Problem]:
+    """A timer names an instant, not a duration (L938)."""
+    for index, timer in subject.data(WaitTimer):
+        if timer.seconds < _ANCIENT_S:
+            yield Problem(
+                f"the timer waits for second {timer.seconds} since 1970, which is before 2001: "
+                "it is an instant, not a duration",
+                node=index,
+            )
+
+
+def _timer_2038(subject: Subject) -> Iterator[Problem]:
+    """An instant fits a long of 4 bytes (A-6.1-3, A-6.5-13)."""
+    for index, timer in subject.data(WaitTimer):
+        if timer.seconds > _LAST_LONG_S:
+            yield Problem(
+                f"the timer waits for second {timer.seconds} since 1970, after 2038: a robot "
+                "whose long has 4 bytes cannot hold it",
+                node=index,
+            )
+
+
+STEP_RULES = (
+    Rule("P-node-type", Severity.ERROR, ("6.5/2",), _node_type),
+    Rule("P-wait-condition", Severity.ERROR, ("6.5/8", "6.5/9"), _wait_condition),
+    Rule("P-output-type", Severity.ERROR, ("6.5/11",), _output_type),
+    Rule("P-timer-microseconds", Severity.ERROR, ("6.5/12",), _timer_microseconds),
+    Rule("P-wait-never", Severity.WARNING, ("6.5/9",), _wait_never),
+    Rule("P-wait-value", Severity.WARNING, ("6.5/10",), _wait_value),
+    Rule("P-output-value", Severity.WARNING, ("6.5/11",), _output_value),
+    Rule("P-timer-past", Severity.WARNING, ("6.5/12",), _timer_past),
+    Rule("P-point-pose", Severity.INFO, ("6.5/6",), _point_pose),
+    Rule("P-wait-zero", Severity.INFO, ("6.5/7",), _wait_zero),
+    Rule("P-wait-unscaled", Severity.INFO, ("6.5/10",), _wait_unscaled),
+    Rule("P-pwm-value", Severity.INFO, ("6.5/11",), _pwm_value),
+    Rule("P-timer-2038", Severity.INFO, ("6.5/12",), _timer_2038),
+)

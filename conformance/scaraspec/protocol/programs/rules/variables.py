@@ -1,0 +1,65 @@
+"""Rules about user variables and about names (6.4, and the alias of 6.5)."""
+
+from collections.abc import Iterator
+
+from scaraspec.protocol.programs.model import ALIAS_BYTES, VARIABLE_NAME_BYTES, Operation
+from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.tables import ResultType, ValueType
+
+
+def _key_twice(subject: Subject) -> Iterator[Problem]:
+    """Keys are unique (不可重复, L868)."""
+    first: dict[int, int] = {}
+    for index, variable in enumerate(subject.program.variables):
+        if variable.key in first:
+            yield Problem(
+                f"key {variable.key} is already that of variable {first[variable.key] + 1}",
+                variable=index,
+            )
+        else:
+            first[variable.key] = index
+
+
+def _variable_unused(subject: Subject) -> Iterator[Problem]:
+    """Variables are there to be used by nodes (L868)."""
+    used = set()
+    for _, operation in subject.data(Operation):
+        if operation.result_type in (ResultType.CALCULATION, ResultType.ASSIGNMENT):
+            used.add(operation.result)
+        if operation.value_a_type == ValueType.VARIABLE:
+            used.add(operation.value_a)
+        if operation.value_b_type == ValueType.VARIABLE:
+            used.add(operation.value_b)
+    for index, variable in enumerate(subject.program.variables):
+        if variable.key not in used:
+            yield Problem(f"no node uses key {variable.key}", variable=index)
+
+
+def _name_full(subject: Subject) -> Iterator[Problem]:
+    """A variable's name ends in a NUL within its 20 bytes (A-6.4-1)."""
+    for index, variable in enumerate(subject.program.variables):
+        if len(variable.name) == VARIABLE_NAME_BYTES:
+            yield Problem(
+                f"the name fills all {VARIABLE_NAME_BYTES} bytes: a reader that expects a NUL "
+                "reads on into the value",
+                variable=index,
+            )
+
+
+def _alias_full(subject: Subject) -> Iterator[Problem]:
+    """An alias ends in a NUL within its 30 bytes (A-6.5-1)."""
+    for index, node in enumerate(subject.program.nodes):
+        if len(node.alias) == ALIAS_BYTES:
+            yield Problem(
+                f"the alias fills all {ALIAS_BYTES} bytes: a reader that expects a NUL reads on "
+                "into the node type",
+                node=index,
+            )
+
+
+VARIABLE_RULES = (
+    Rule("P-key-twice", Severity.ERROR, ("6.4/2",), _key_twice),
+    Rule("P-variable-unused", Severity.INFO, ("6.4/3",), _variable_unused),
+    Rule("P-name-full", Severity.INFO, ("6.4/4",), _name_full),
+    Rule("P-alias-full", Severity.INFO, ("6.5/1",), _alias_full),
+)

@@ -1,0 +1,225 @@
+"""Bytes to program and back: nothing is lost, nothing but one error is raised."""
+
+import dataclasses
+import struct
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from scaraspec.protocol.programs import (
+    DEFAULT_LAYOUT,
+    LAYOUTS,
+    MAX_FILE_BYTES,
+    Fault,
+    Layout,
+    Node,
+    NodeType,
+    Point,
+    Program,
+    ProgramError,
+    Variable,
+    WaitSeconds,
+    WaitTimer,
+    build,
+    detect,
+    parse,
+)
+
+POINT = Node(b"here", NodeType.POINT, data=Point((1.0, 2.0, 300.0, 4.0)))
+SMALL = Program(
+    tool_position=(300.0, 0.0, 250.0, 0.0, 0.0, 0.0),
+    variables=(Variable(1, b"twelve bytes"),),
+    nodes=(POINT, POINT),
+)
+FILE = build(SMALL)
+EMPTY = build(Program())
+
+
+@given(...)
+def test_a_program_survives_being_written_and_read(program: Program, layout: Layout) -> None:
+    """parse(build(program)) is the program, in every layout."""
+    assert parse(build(program, layout), layout) == program
+
+
+@given(...)
+def test_a_file_survives_being_read_and_written(program: Program, layout: Layout) -> None:
+    """build(parse(file)) is the file, in whichever layout it is taken to have."""
+    data = build(program, layout)
+    found = detect(data)
+    assert layout in found
+    for taken in found:
+        assert build(parse(data, taken), taken) == data
+
+
+@given(st.data(), st.binary(min_size=2, max_size=2))
+def test_a_changed_file_is_a_program_or_a_program_error(data: st.DataObject, change: bytes) -> None:
+    """Any bytes written anywhere into a program leave a file that survives, or one error."""
+    layout = data.draw(st.from_type(Layout))
+    file = bytearray(build(SMALL, layout))
+    position = data.draw(st.integers(0, len(file) - len(change)))
+    file[position : position + len(change)] = change
+    _survives_or_is_no_program(bytes(file))
+
+
+@given(st.binary() | st.binary(max_size=120).map(lambda body: b"SCARA" + body + b"ARACS"))
+@example(b"")
+@example(b"SCARA" + bytes(84) + b"ARACS")
+@example(b"SCARA" + b"\xff" * 200 + b"ARACS")
+def test_any_bytes_are_a_program_or_a_program_error(data: bytes) -> None:
+    """No other exception leaves the parser, whatever it is given."""
+    _survives_or_is_no_program(data)
+
+
+def _survives_or_is_no_program(data: bytes) -> None:
+    if layouts := detect(data):
+        assert build(parse(data), layouts[0]) == data
+    else:
+        with pytest.raises(ProgramError) as caught:
+            parse(data)
+        assert 0 <= caught.value.offset_bytes <= len(data)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_bytes_that_mean_nothing_survive(layout: Layout) -> None:
+    """Padding, unused union bytes, what follows a name and a signalling NaN come back as read."""
+    file = bytearray(build(SMALL, layout))
+    start = layout.nodes_offset(1)
+    file[5 : layout.points_offset] = b"\xcd" * (layout.points_offset - 5)
+    file[layout.variables_offset + 17 : layout.variables_offset + 24] = b"\xcd" * 7
+    file[start + 5 : start + 30] = b"\xcd" * 25
+    file[start + 33 : start + layout.data_offset] = b"\xcd" * (layout.data_offset - 33)
+    signalling_nan = struct.pack(f"{layout.byte_order.prefix}I", 0x7F800001)
+    file[start + layout.data_offset : start + layout.data_offset + 4] = signalling_nan
+    file[start + layout.data_offset + 16 : start + layout.node_bytes] = b"\xcd" * (
+        layout.node_bytes - layout.data_offset - 16
+    )
+    program = parse(bytes(file), layout)
+    assert program.variables == SMALL.variables
+    assert program.nodes[0].alias == b"here"
+    assert build(program, layout) == file
+
+
+def test_a_change_touches_only_its_own_bytes() -> None:
+    """A value replaced in a program that was read is replaced in its bytes, and nothing else."""
+    file = bytearray(FILE)
+    offset = DEFAULT_LAYOUT.nodes_offset(1) + 36
+    file[offset + 20] = 0xCD
+    program = parse(bytes(file))
+    moved = dataclasses.replace(program.nodes[0], data=Point((1.0, 2.0, 301.0, 4.0)))
+    file[offset + 8 : offset + 12] = struct.pack("<f", 301.0)
+    changed = dataclasses.replace(program, nodes=(moved, program.nodes[1]))
+    assert build(changed) == file
+
+
+def test_a_new_type_leaves_nothing_of_the_old_one() -> None:
+    """What the union held for another node type is not the new type's."""
+    read = parse(FILE).nodes[0]
+    node = dataclasses.replace(read, type=NodeType.WAIT_SECONDS, data=WaitSeconds(3))
+    fresh = Node(b"here", NodeType.WAIT_SECONDS, data=WaitSeconds(3))
+    assert build(Program(nodes=(node,))) == build(Program(nodes=(fresh,)))
+
+
+@given(...)
+def test_a_program_can_move_to_another_layout(
+    program: Program, layout: Layout, other: Layout
+) -> None:
+    """The values of a program read in one layout can be written in any other."""
+    read = parse(build(program, layout), layout)
+    assert parse(build(read, other), other) == program
+
+
+def test_a_late_instant_needs_a_long_of_8_bytes() -> None:
+    """A timer after 2038 is written in an lp64 layout and refused in the others."""
+    program = Program(nodes=(POINT, Node(b"", NodeType.WAIT_TIMER, data=WaitTimer(2**31))))
+    assert parse(build(program, LAYOUTS["lp64"])) == program
+    with pytest.raises(ValueError, match=r"node 2 waits .* does not fit a long of 4 bytes"):
+        build(program)
+
+
+@pytest.mark.parametrize(
+    ("data", "fault", "offset"),
+    [
+        (b"", Fault.START, 0),
+        (b"SCARB" + FILE[5:], Fault.START, 0),
+        (b"SCARA", Fault.SHORT, 5),
+        (FILE[:93], Fault.SHORT, 93),
+        (FILE + bytes(MAX_FILE_BYTES - len(FILE) + 1), Fault.LONG, MAX_FILE_BYTES),
+        (FILE + bytes(MAX_FILE_BYTES - len(FILE)), Fault.SURPLUS, len(FILE)),
+        (FILE[:-1], Fault.END, len(FILE) - 6),
+        (FILE[:-5] + b"ARACT", Fault.END, len(FILE) - 5),
+        (FILE[:-69] + b"ARACS", Fault.NODES, 8),
+        (FILE[:8] + b"\x09" + FILE[9:], Fault.NODES, 8),
+        (FILE[:12] + b"\x02" + FILE[13:], Fault.VARIABLES, 12),
+        (FILE[:100] + FILE[110:], Fault.SIZE, 8),
+        (FILE + b"\n", Fault.SURPLUS, len(FILE)),
+        (FILE + FILE, Fault.SECOND, len(FILE)),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_place(data: bytes, fault: Fault, offset: int) -> None:
+    """Each way of not being a program has its fault and its offset."""
+    with pytest.raises(ProgramError, match=f"byte {offset}: ") as caught:
+        parse(data)
+    assert (caught.value.fault, caught.value.offset_bytes) == (fault, offset)
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        (b"", 'it begins with nothing, not with "SCARA"'),
+        (b"SCARB\0", 'it begins with 53 43 41 52 42, not with "SCARA"'),
+        (
+            FILE[:-69] + b"ARACS",
+            (
+                "the header's points = 2 and varNub = 1 make 253 bytes in layout ilp32, "
+                "but the file has 189, room for points = 1"
+            ),
+        ),
+        (
+            EMPTY[:8] + b"\x07" + EMPTY[9:],
+            (
+                "the header's points = 7 and varNub = 0 make 545 bytes in layout ilp32, "
+                "but the file has 97, room for points = 0"
+            ),
+        ),
+        (
+            EMPTY[:12] + b"\x10" + EMPTY[13:],  # 16 variables are as long as 7 nodes
+            (
+                "the header's points = 0 and varNub = 16 make 545 bytes in layout ilp32, "
+                "but the file has 97, room for varNub = 0"
+            ),
+        ),
+        (
+            EMPTY[:8] + b"\x07" + EMPTY[9:-5] + bytes(420) + b"ARACS",
+            (
+                "the header's points = 7 and varNub = 0 make 545 bytes in layout ilp32, "
+                "but the file has 517, and no other layout fits"
+            ),
+        ),
+    ],
+)
+def test_the_reason_is_given_in_numbers(data: bytes, reason: str) -> None:
+    """The message says what stands there, or what the header counts and the file has room for."""
+    with pytest.raises(ProgramError) as caught:
+        parse(data)
+    assert caught.value.reason == reason
+
+
+@pytest.mark.parametrize("name", ["packed", "pack2", "lp64", "ilp32-big", "packed-big"])
+def test_a_missing_record_is_told_in_the_layout_of_the_file(name: str) -> None:
+    """A node or variable too few is explained in the layout that the other ones have."""
+    layout = LAYOUTS[name]
+    file = build(SMALL, layout)
+    for first, size, fault in (
+        (layout.nodes_offset(1), layout.node_bytes, Fault.NODES),
+        (layout.variables_offset, 28, Fault.VARIABLES),
+    ):
+        with pytest.raises(ProgramError, match=f"in layout {name}, .* room for") as caught:
+            parse(file[:first] + file[first + size :])
+        assert caught.value.fault is fault
+
+
+def test_another_layout_can_be_refused() -> None:
+    """A file is read in the layout asked for or not at all."""
+    with pytest.raises(ProgramError, match="in layout packed, but the file has"):
+        parse(FILE, LAYOUTS["packed"])
