@@ -1,0 +1,102 @@
+"""TCP links, and the link that any stream socket gives."""
+
+import contextlib
+import socket
+import struct
+import time
+
+from scaraspec.links.link import Arrival, Ending, LinkError
+from scaraspec.links.url import Tcp
+
+SEND_TIMEOUT_S = 10.0
+"""For how long a peer may take no bytes before sending to it fails."""
+
+_READ_BYTES = 65536
+_LINGER_0 = struct.pack("ii", 1, 0)
+
+
+class SocketLink:
+    """A link over a connected stream socket, which it then owns."""
+
+    def __init__(self, connected: socket.socket) -> None:
+        self._socket = connected
+        self._cut = False  # sending showed that the peer has cut the connection
+        self._ending: Ending | None = None
+
+    @property
+    def now_s(self) -> float:
+        """Seconds of the system's monotonic clock."""
+        return time.monotonic()
+
+    def send(self, data: bytes) -> int:
+        """Send all of `data`; see `Link.send`."""
+        self._check_open()
+        time_ns = time.time_ns()
+        self._socket.settimeout(SEND_TIMEOUT_S)
+        try:
+            self._socket.sendall(data)
+        except TimeoutError:
+            raise LinkError(f"the peer has taken no bytes for {SEND_TIMEOUT_S:g} s") from None
+        except OSError as error:
+            self._cut = True
+            raise LinkError(f"the peer has ended the connection: {error.strerror}") from None
+        return time_ns
+
+    def receive(self, deadline_s: float) -> Arrival | None:
+        """Wait for bytes or the end; see `Link.receive`."""
+        self._check_open()
+        if self._ending is not None:
+            return Arrival(time.time_ns(), self._ending)
+        self._socket.settimeout(max(0.0, deadline_s - self.now_s))
+        try:
+            data = self._socket.recv(_READ_BYTES)
+        except (TimeoutError, BlockingIOError):
+            return None
+        except OSError:
+            self._ending = Ending.RESET
+        else:
+            if data:
+                return Arrival(time.time_ns(), data)
+            self._ending = Ending.RESET if self._cut else Ending.CLOSED
+        return Arrival(time.time_ns(), self._ending)
+
+    def half_close(self) -> None:
+        """Send FIN; see `Link.half_close`."""
+        self._check_open()
+        try:
+            self._socket.shutdown(socket.SHUT_WR)
+        except OSError as error:
+            raise LinkError(f"the peer has ended the connection: {error.strerror}") from None
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def reset(self) -> None:
+        """Close the socket with a linger time of 0, which sends RST and drops what is queued."""
+        if self._socket.fileno() < 0:
+            return
+        with contextlib.suppress(OSError):  # a socket that the peer has cut may refuse options
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER_0)
+        self._socket.close()
+
+    def _check_open(self) -> None:
+        if self._socket.fileno() < 0:
+            raise LinkError("this link has been closed")
+
+
+def connect_tcp(address: Tcp, timeout_s: float) -> SocketLink:
+    """Connect, with small segments sent at once (TCP_NODELAY).
+
+    Raises:
+        LinkError: Nothing listens there, the name is unknown, or the time is up.
+    """
+    try:
+        connected = socket.create_connection(address, timeout_s)
+    except TimeoutError:
+        raise LinkError(f"cannot connect to {address}: no answer in {timeout_s:g} s") from None
+    except (OSError, UnicodeError) as error:  # a name that IDNA cannot encode is a UnicodeError
+        why = error.strerror if isinstance(error, OSError) else "the host name is malformed"
+        raise LinkError(f"cannot connect to {address}: {why}") from None
+    connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return SocketLink(connected)
