@@ -1,0 +1,127 @@
+"""Words: operations with arguments and results as text, for people and for programs.
+
+Made from the table: which arguments an operation takes, how they are read from a command line,
+and how a result is shown in lines or as JSON. Nothing is sent from here.
+"""
+
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from enum import Enum
+from pathlib import PurePath
+from types import MappingProxyType
+from typing import Any, Final
+
+from scaraspec.client.operations import direction_of
+from scaraspec.client.problems import Failed, Refused
+from scaraspec.client.results import Status
+from scaraspec.protocol.commands import BY_NAME, COMMANDS, Command
+from scaraspec.protocol.fields import Bits, Clock, Field, Name, Notes, PayloadError, Text, show
+from scaraspec.protocol.payloads import Jog
+
+TRANSFERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {"upload": ("local", "[remote]"), "download": ("remote", "[local]")}
+)
+"""The operations that carry out the four rows of clause 5; what is in brackets may be left out."""
+
+
+def parameters(command: Command) -> tuple[str, ...]:
+    """What a command takes, by name and in the order of its request."""
+    if isinstance(command.request, Jog):
+        return ("direction",)
+    return tuple(field.name for field in command.request.fields)
+
+
+OPERATIONS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {c.name: parameters(c) for c in COMMANDS if c.clause[0] == "4"} | dict(TRANSFERS)
+)
+"""Every operation of a client that the table asks for, with what it takes."""
+
+
+def arguments(name: str, texts: Sequence[str]) -> list[Any]:
+    """The arguments of an operation, read from text.
+
+    Raises:
+        PayloadError: They are too few or too many, or one of them cannot be read.
+    """
+    takes = OPERATIONS[name]
+    least = sum(not parameter.startswith("[") for parameter in takes)
+    if not least <= len(texts) <= len(takes):
+        form = " ".join(takes).upper() or "no arguments"
+        raise PayloadError(f"{name} takes {form}: {len(texts)} given")
+    if name in TRANSFERS:
+        return list(texts)
+    request = BY_NAME[name].request
+    if isinstance(request, Jog):
+        return [direction_of(text) for text in texts]
+    return [_read(field, text) for field, text in zip(request.fields, texts, strict=True)]
+
+
+def _read(field: Field, text: str) -> Any:
+    if isinstance(field, Name | Text):
+        return text
+    if isinstance(field, Clock) and not text.isdigit():
+        try:
+            return datetime.fromisoformat(text)
+        except ValueError:
+            pass  # the field says better what is wrong with it
+    notes = Notes()
+    value = field.read(text.encode("utf-8", "surrogateescape"), notes)
+    if notes.complaints:
+        raise PayloadError(notes.complaints[0].text)
+    return value
+
+
+def lines(name: str, result: Any) -> list[str]:
+    """A result for people, with units."""
+    fields = {} if name in TRANSFERS else {f.name: f for f in BY_NAME[name].reply.fields}
+    match result:
+        case None:
+            answers = {"get_running_program": "no program runs", "get_default_program": "none"}
+            return [answers.get(name, "done")]
+        case Status():
+            meaning = "" if result.meaning == result.state.value else f", {result.meaning}"
+            return [f"{result.state.value} ({result.code}{meaning})"]
+        case tuple() if hasattr(result, "_asdict"):
+            width = max(map(len, fields))
+            return [
+                f"{key:<{width}}  {_plain(value)} {fields[key].unit}".rstrip()
+                for key, value in result._asdict().items()
+            ]
+        case tuple():
+            return [_plain(item) for item in result] or ["no programs"]
+        case str() if isinstance(fields.get("bits"), Bits):
+            return [f"{result}  (ports {len(result)} to 1)"]
+    return [_plain(result)]
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, float):
+        return repr(value).removesuffix(".0")
+    return show(str(value).encode("utf-8", "surrogateescape"), limit=255)
+
+
+def json_of(value: Any) -> Any:
+    """A result, or a part of one, in the types of JSON; bytes in names as surrogate escapes."""
+    match value:
+        case tuple() if hasattr(value, "_asdict"):
+            return {key: json_of(item) for key, item in value._asdict().items()}
+        case tuple():
+            return [json_of(item) for item in value]
+        case Enum():
+            return value.name.lower()
+        case datetime():
+            return value.isoformat()
+        case PurePath():
+            return str(value)
+    return value
+
+
+def json_of_error(error: Exception) -> dict[str, Any]:
+    """A problem in the types of JSON; what has no code has none there."""
+    told: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
+    if isinstance(error, Refused | Failed):
+        code = error.code
+        told["code"] = code and code.text
+        told["meaning"] = code and code.meaning
+        told["joints"] = json_of(code.joints) if code else []
+    return told

@@ -1,0 +1,337 @@
+"""The blocking shell: connecting, waiting, several threads, files."""
+
+import queue
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.client import (
+    Client,
+    Failed,
+    Interrupted,
+    LinkLost,
+    LoginFailed,
+    ReplyTimeout,
+    TransferFailed,
+)
+from scaraspec.links.link import Ending
+from scaraspec.links.tcp import SocketLink
+from scaraspec.links.url import UrlError
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.fields import PayloadError
+from scaraspec.protocol.frames import Frame, Framer
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.transfer import FILE_DATA, chunks_of
+
+ANSWER_WITHIN_S = 20  # a bound for tests that hang, far beyond what they take
+
+
+def c2a(opcode: int, data: bytes = b"", *, tagged: bool = False) -> bytes:
+    """A frame of the controller."""
+    return Frame(C2A, opcode, data, tagged).encode()
+
+
+def polite(opcode: int, _data: bytes) -> list[tuple[float, Any]]:
+    """A controller that grants everything: a run takes an hour."""
+    if opcode == 0x30:
+        return [(0.1, c2a(0x30, b"1")), (3600, c2a(0x30, b"11", tagged=True))]
+    if opcode == 0x54:
+        chunk = next(chunks_of(b"content"))
+        return [(0.1, c2a(0x54, b"1")), (0.2, c2a(0x56, FILE_DATA.encode(chunk, DEFAULT)))]
+    return [] if opcode == 0x56 else [(0.1, c2a(opcode, b"00" if opcode == 0x09 else b"1"))]
+
+
+def test_with_connects_logs_in_and_closes(scripted_link: Any) -> None:
+    """2/10: the login comes first."""
+    link = scripted_link(polite)
+    with Client(link, password="secret") as client:
+        assert client.get_status().code == "00"
+    assert link.asked == [(0x01, b"secret"), (0x09, b"")]
+    assert link.closed
+    with pytest.raises(LinkLost, match="this client was closed"):
+        client.get_status()
+    client.close()
+
+
+def test_a_failed_login_closes(scripted_link: Any) -> None:
+    """4.1/5: nothing else is sent."""
+    link = scripted_link(lambda opcode, _: [(0, c2a(opcode, b"0"))])
+    with pytest.raises(LoginFailed), Client(link, password=b"wrong"):
+        pytest.fail("the controller refused the password")
+    assert link.closed
+    assert link.asked == [(0x01, b"wrong")]
+
+
+def test_nothing_works_before_connecting() -> None:
+    """It is said what to do."""
+    client = Client("tcp://127.0.0.1")
+    with pytest.raises(LinkLost, match="call connect"):
+        client.login("password")
+    client.close()
+
+
+def test_a_controller_that_is_not_there_is_told() -> None:
+    """In one sentence, with where it was looked for."""
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+        with pytest.raises(LinkLost, match=f"127.0.0.1:{port}"), Client(f"tcp://127.0.0.1:{port}"):
+            pytest.fail("nothing listens there")
+
+
+def test_a_url_that_is_none_is_told_at_once() -> None:
+    """Before anything is opened."""
+    with pytest.raises(UrlError):
+        Client("robot.local")
+
+
+def test_no_login_is_needed_over_a_serial_line() -> None:
+    """L83."""
+    assert Client("serial:///dev/rfcomm0")._core.logged_in
+    assert not Client("tcp://127.0.0.1")._core.logged_in
+
+
+def test_a_reply_comes_or_does_not(scripted_link: Any) -> None:
+    """A-3-15: 5 s, in the link's own time; afterwards the link works on."""
+    silent = [True, False]
+    link = scripted_link(lambda *frame: [] if silent.pop(0) else polite(*frame))
+    client = Client(link)
+    client._core.logged_in = True
+    began_s = link.now_s
+    with pytest.raises(ReplyTimeout):
+        client.get_status()
+    assert link.now_s - began_s == pytest.approx(5)
+    assert client.get_status().code == "00"
+
+
+@pytest.mark.parametrize("ending", Ending)
+def test_the_end_of_the_link_is_told(scripted_link: Any, ending: Ending) -> None:
+    """By whoever waits, and by whoever comes after."""
+    client = Client(scripted_link(lambda *_: [(1, ending)]))
+    client._core.logged_in = True
+    for _ in range(2):
+        with pytest.raises(LinkLost, match=r"the controller has (closed|cut) the connection"):
+            client.get_status()
+
+
+def test_a_two_stage_operation_waits_for_its_end(scripted_link: Any) -> None:
+    """4/11: an hour, which costs nothing here."""
+    link = scripted_link(polite)
+    with Client(link, password="p") as client:
+        began_s = link.now_s
+        assert client.run_program("a.rob") is None
+        assert link.now_s - began_s == pytest.approx(3600)
+
+
+def test_a_pending_command_leaves_room_for_others(scripted_link: Any) -> None:
+    """A-4-3; waiting may be bounded, and taken up again."""
+    with Client(scripted_link(polite), password="p") as client:
+        pending = client.start_run_program("a.rob")
+        assert (pending.accepted, pending.done) == (True, False)
+        assert client.get_status().code == "00"
+        with pytest.raises(ReplyTimeout, match=r"no final result after 10 s: .* get_status"):
+            pending.wait(10)
+        assert pending.wait() is None
+        assert pending.done
+
+
+def test_a_refusal_shows_in_the_pending_command(scripted_link: Any) -> None:
+    """4/13: it is over, and was not accepted."""
+    client = Client(scripted_link(lambda opcode, _: [(0, c2a(opcode, b"0|01"))]))
+    client._core.logged_in = True
+    pending = client.start_jog("+x")
+    assert (pending.accepted, pending.done) == (False, True)
+    with pytest.raises(Exception, match="jog was refused: 01, running a program"):
+        pending.wait()
+
+
+def test_a_first_reply_that_is_missing_leaves_nothing_pending(scripted_link: Any) -> None:
+    """It is not known whether it was accepted."""
+    client = Client(scripted_link(lambda *_: []))
+    client._core.logged_in = True
+    with pytest.raises(ReplyTimeout):
+        client.start_reset()
+
+
+def test_what_was_seen_can_be_asked_for(scripted_link: Any) -> None:
+    """Readings and remarks."""
+    client = Client(scripted_link(lambda opcode, _: [(0, b"?" + c2a(opcode, b"0a"))]))
+    client._core.logged_in = True
+    assert client.list_programs() == ("a",)
+    assert client.observed_readings == {"list_prefix_sep": {"0a"}}
+    assert client.remarks == ("1 bytes are no frame (stray)",)
+
+
+def test_progress_is_told(scripted_link: Any, tmp_path: Path) -> None:
+    """After every chunk, with the whole."""
+    told: list[tuple[int, int | None]] = []
+    with Client(scripted_link(polite), password="p") as client:
+        client.upload_bytes(b"x" * 500, "a.rob", lambda *progress: told.append(progress))
+        client.download("a.rob", tmp_path / "a.rob", lambda *progress: told.append(progress))
+    assert told == [(200, 500), (400, 500), (500, 500), (7, 7)]
+    assert (tmp_path / "a.rob").read_bytes() == b"content"
+
+
+def test_a_download_goes_to_the_working_directory(
+    scripted_link: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Under its own name, if no other is given."""
+    monkeypatch.chdir(tmp_path)
+    with Client(scripted_link(polite), password="p") as client:
+        assert client.download("a.rob") == Path("a.rob")
+        assert client.download_bytes("a.rob") == b"content"
+    assert (tmp_path / "a.rob").read_bytes() == b"content"
+
+
+def test_a_local_file_is_never_overwritten(scripted_link: Any, tmp_path: Path) -> None:
+    """5.3/12: the transfer is not begun."""
+    (tmp_path / "a.rob").write_bytes(b"old")
+    link = scripted_link(polite)
+    with Client(link, password="p") as client:
+        with pytest.raises(FileExistsError):
+            client.download("a.rob", tmp_path / "a.rob")
+        with pytest.raises(PayloadError):
+            client.download("../a.rob", tmp_path / "b.rob")
+    assert [opcode for opcode, _ in link.asked] == [0x01]
+
+
+def test_nothing_is_left_of_a_failed_download(scripted_link: Any, tmp_path: Path) -> None:
+    """5.2/19: neither a file nor a part of one."""
+    chunk = next(chunks_of(b"x" * 500))
+    first = c2a(0x54, b"1") + c2a(0x56, FILE_DATA.encode(chunk, DEFAULT))
+    client = Client(scripted_link(lambda opcode, _: [(0, first)] if opcode == 0x54 else []))
+    client._core.logged_in = True
+    with pytest.raises(TransferFailed, match="nothing heard for 30 s"):
+        client.download("a.rob", tmp_path / "a.rob")
+    assert list(tmp_path.iterdir()) == []
+
+
+class Stop(Exception):  # noqa: N818 - a test's own signal
+    """Raised by a progress callback."""
+
+
+def test_an_exception_from_progress_aborts_with_a_signal(scripted_link: Any) -> None:
+    """L787: the controller is told by a length of 0; the exception is passed on."""
+
+    def stop(_moved: int, _total: int | None) -> None:
+        raise Stop
+
+    link = scripted_link(polite)
+    with Client(link, password="p") as client:
+        with pytest.raises(Stop):
+            client.upload_bytes(b"x" * 900, "a.rob", stop)
+        assert client.get_status().code == "00"
+    chunks = [FILE_DATA.decode(data).value for opcode, data in link.asked if opcode == 0x52]
+    assert [chunk.length for chunk in chunks] == [200, 200, 0]
+
+
+class Stage:
+    """A controller at the other end of a socket, spoken for by the test's own thread."""
+
+    def __init__(self) -> None:
+        ours, theirs = socket.socketpair()
+        theirs.settimeout(ANSWER_WITHIN_S)
+        self.socket = theirs
+        self.client = Client(SocketLink(ours))
+        self.client._core.logged_in = True
+        self._framer = Framer(A2C)
+        self._threads: list[threading.Thread] = []
+
+    def expect(self, opcode: int) -> None:
+        """Wait for this request, and no other."""
+        found: list[Any] = []
+        while not found:
+            found = self._framer.feed(self.socket.recv(4096))
+        assert [frame.opcode for frame in found] == [opcode]
+
+    def say(self, opcode: int, data: bytes, *, tagged: bool = False) -> None:
+        """Send a frame."""
+        self.socket.sendall(c2a(opcode, data, tagged=tagged))
+
+    def do(self, act: Callable[[], object]) -> "queue.Queue[Any]":
+        """Let a thread of its own do something; its result or exception comes out."""
+        outcome: queue.Queue[Any] = queue.Queue()
+
+        def run() -> None:
+            try:
+                outcome.put(act())
+            except Exception as error:  # noqa: BLE001 - handed to the test
+                outcome.put(error)
+
+        thread = threading.Thread(target=run, daemon=True)
+        self._threads.append(thread)
+        thread.start()
+        return outcome
+
+    def end(self) -> None:
+        """Close everything."""
+        self.client.close()
+        self.socket.close()
+        for thread in self._threads:
+            thread.join(ANSWER_WITHIN_S)
+            assert not thread.is_alive()
+
+
+@pytest.fixture
+def stage() -> Iterator[Stage]:
+    """A stage, cleared afterwards."""
+    stage = Stage()
+    yield stage
+    stage.end()
+
+
+def test_a_stop_overtakes_a_call_that_waits(stage: Stage) -> None:
+    """4.17/10, 4.17/9: from another thread, while the first reply to a query is due too."""
+    run = stage.do(lambda: stage.client.run_program("a.rob"))
+    stage.expect(0x30)
+    stage.say(0x30, b"1")
+    status = stage.do(stage.client.get_status)
+    stage.expect(0x09)
+    halt = stage.do(stage.client.emergency_stop)
+    stage.expect(0x32)
+    stage.say(0x32, b"1")
+    stage.say(0x30, b"00|00", tagged=True)
+    stage.say(0x32, b"11", tagged=True)
+    assert halt.get(timeout=ANSWER_WITHIN_S) is None
+    assert isinstance(run.get(timeout=ANSWER_WITHIN_S), Interrupted)
+    stage.say(0x09, b"00")
+    assert status.get(timeout=ANSWER_WITHIN_S).code == "00"
+
+
+def test_equal_requests_of_two_threads_take_turns(stage: Stage) -> None:
+    """3/25: the second is sent when the first is answered."""
+    first = stage.do(stage.client.get_status)
+    stage.expect(0x09)
+    second = stage.do(stage.client.get_status)
+    stage.say(0x09, b"00")
+    assert first.get(timeout=ANSWER_WITHIN_S).code == "00"
+    stage.expect(0x09)
+    stage.say(0x09, b"01")
+    assert second.get(timeout=ANSWER_WITHIN_S).code == "01"
+
+
+def test_closing_ends_every_call_that_waits(stage: Stage) -> None:
+    """The one that listens, and the others."""
+    run = stage.do(lambda: stage.client.run_program("a.rob"))
+    stage.expect(0x30)
+    stage.say(0x30, b"1")
+    jog = stage.do(lambda: stage.client.jog("+x"))
+    stage.expect(0x3D)
+    stage.client.close()
+    for outcome in (run, jog):
+        assert isinstance(outcome.get(timeout=ANSWER_WITHIN_S), LinkLost)
+
+
+def test_a_failed_run_is_told_with_its_code(stage: Stage) -> None:
+    """And with the joints at fault."""
+    run = stage.do(lambda: stage.client.run_program("a.rob"))
+    stage.expect(0x30)
+    stage.say(0x30, b"1")
+    stage.say(0x30, b"00|13", tagged=True)
+    error = run.get(timeout=ANSWER_WITHIN_S)
+    assert isinstance(error, Failed)
+    assert str(error) == "run_program failed: 13, motor fault: inner arm and outer arm"

@@ -1,0 +1,569 @@
+"""ClientCore: which frames are replies to what, and what becomes of all others."""
+
+from datetime import datetime
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scaraspec.client.core import MAX_REMARKS, Settled, Taken, Unexpected
+from scaraspec.client.exchange import MAX_LIST_PARTS
+from scaraspec.client.problems import (
+    ClientError,
+    LinkLost,
+    LoginFailed,
+    ProtocolError,
+    Refused,
+    ReplyTimeout,
+)
+from scaraspec.protocol.commands import (
+    COMMANDS,
+    JointValues,
+    Network,
+    PasswordChange,
+    Pose,
+    RunningProgram,
+)
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.fields import PayloadError
+from scaraspec.protocol.frames import Frame, Skipped
+from scaraspec.protocol.payloads import JogDirection
+from scaraspec.protocol.readings import Dialect
+
+TIME = b"20141222143000"
+NOON = datetime(2014, 12, 22, 14, 30)  # noqa: DTZ001 - the document names no zone
+VALUES: dict[str, Any] = {
+    "login": b"password",
+    "set_password": (b"old", b"new"),
+    "set_network": ("10.0.0.1", "255.0.0.0", "10.0.0.2"),
+    "set_time": NOON,
+    "delete_program": b"a.rob",
+    "set_default_program": b"a.rob",
+    "run_program": b"a.rob",
+    "simulate_program": b"a.rob",
+    "set_gripper_center": (1, 2, 3),
+    "set_initial_tool_position": (1, 2, 3, 4, 5, 6),
+    "set_tool_coordinates": (60, 1, 2, 3, 4, 5, 6),
+    "jog": JogDirection.PLUS_Y,
+    "set_digital_output": (8, 1),
+    "get_analog_input": 8,
+}
+
+
+def test_a_request_waits_for_the_reply_with_its_opcode(play: Any) -> None:
+    """3/33: a reply to something else settles nothing; the one to it does."""
+    time = play.ask("get_time")
+    assert play.sent() == [(0x07, b"")]
+    assert play.says(0x08, b"1.0.0") == [Unexpected(Frame(C2A, 0x08, b"1.0.0"))]
+    assert not time.settled
+    reply = Frame(C2A, 0x07, TIME)
+    assert play.hears(reply.encode()) == [Taken(time, reply), Settled(time)]
+    assert time.outcome() == NOON
+
+
+def test_a_tagged_frame_is_no_reply(play: Any) -> None:
+    """4/9, 3/33: neither for a one-stage command nor as the first reply of a two-stage one."""
+    time, run = play.ask("get_time"), play.ask("run_program", b"a.rob")
+    assert isinstance(play.says(0x07, TIME, tagged=True)[0], Unexpected)
+    assert isinstance(play.says(0x30, b"11", tagged=True)[0], Unexpected)
+    assert not time.settled
+    assert run.accepted is None
+
+
+def test_replies_interleave(play: Any) -> None:
+    """3/27: several commands may be open, and are answered in any order."""
+    run = play.ask("run_program", b"a.rob")
+    status, version = play.ask("get_status"), play.ask("get_version")
+    play.says(0x08, b"2.10.3-beta")
+    play.says(0x30, b"1")
+    play.says(0x30, b"11", tagged=True)
+    play.says(0x09, b"01")
+    assert [e.outcome() for e in (run, status, version)] == [None, "01", "2.10.3-beta"]
+
+
+def test_at_most_one_request_per_opcode(play: Any) -> None:
+    """3/25: the slot is free again only with the reply."""
+    play.ask("get_time")
+    assert not play.core.is_free("get_time")
+    assert play.core.is_free("get_status")
+    with pytest.raises(ClientError, match="still unanswered"):
+        play.ask("get_time")
+    play.says(0x07, TIME)
+    assert play.core.is_free("get_time")
+    assert play.sent() == [(0x07, b"")]
+
+
+@given(st.data())
+def test_any_split_of_the_stream_gives_the_same_events(new_play: Any, data: st.DataObject) -> None:
+    """2/5, 2/6: byte by byte, all at once, or anything between."""
+    stream = b"".join(
+        (
+            Frame(C2A, 0x0B, b"1|a.rob|b.rob").encode(),
+            b"stray \xaa\x07",
+            Frame(C2A, 0x30, b"1").encode(),
+            Frame(C2A, 0x30, b"00|12", tagged=True).encode(),
+            b"\xcc\x07\x0e" + TIME + b"\xbb",  # a wrong end byte
+            Frame(C2A, 0x66, b"\xaa\xcc").encode(),
+            Frame(C2A, 0x0B, b"0|c.rob").encode(),
+            Frame(C2A, 0x07, TIME).encode(),
+        )
+    )
+    cuts = data.draw(st.sets(st.integers(1, len(stream) - 1)))
+    told = []
+    for bounds in ([0, len(stream)], [0, *sorted(cuts), len(stream)]):
+        play = new_play()
+        names = {
+            play.ask("list_programs"): "list",
+            play.ask("run_program", b"a.rob"): "run",
+            play.ask("get_time"): "time",
+        }
+        events: list[Any] = []
+        skipped = b""
+        for start, stop in pairwise(bounds):
+            for event in play.hears(stream[start:stop]):
+                if isinstance(event, Skipped):
+                    skipped += event.data
+                elif isinstance(event, Unexpected):
+                    events.append(event)
+                else:
+                    events.append((type(event), names[event.exchange], *event[1:]))
+        told.append((events, skipped, [(e.value, str(e.problem)) for e in names]))
+    assert told[0] == told[1]
+    assert [value for value, _ in told[0][2]] == [(b"a.rob", b"b.rob", b"c.rob"), None, NOON]
+
+
+BODIES = st.one_of(
+    st.binary(max_size=30),
+    st.sampled_from([b"1", b"0", b"11", b"00|00", b"0|12", b"1|a", b"1\0", b"0|a|b", b"1|2|3|4"]),
+)
+FRAMES = st.builds(
+    Frame, st.just(C2A), st.sampled_from([c.opcode for c in COMMANDS]), BODIES, st.booleans()
+)
+
+
+@given(st.lists(st.one_of(FRAMES.map(Frame.encode), st.binary(max_size=30), st.floats(0, 40))))
+def test_nothing_that_arrives_raises(new_play: Any, happenings: list[bytes | float]) -> None:
+    """Bad input is normal: every exchange is settled in the end, and the core works on."""
+    play = new_play()
+    exchanges = [play.ask(c.name, VALUES.get(c.name)) for c in COMMANDS if c.clause[0] == "4"]
+    exchanges.append(play.begin(play.core.upload(b"a.rob", b"content")))
+    for happening in happenings:
+        if isinstance(happening, bytes):
+            play.hears(happening)
+        else:
+            play.waits(happening)
+        play.sent()
+    play.waits(1000)
+    for exchange in exchanges:
+        assert exchange.settled or exchange.command.two_stage
+    play.core.lose("the cable is out", play.now_s)
+    assert all(exchange.settled for exchange in exchanges)
+    assert play.core.deadline_s is None
+
+
+def test_data_may_hold_start_and_end_bytes(play: Any) -> None:
+    """3/9: the length alone ends a frame."""
+    listing = play.ask("list_programs")
+    play.says(0x0B, b"0|\xcc\x07\xaa|\xaa\xcc")
+    assert listing.outcome() == (b"\xcc\x07\xaa", b"\xaa\xcc")
+
+
+def test_noise_is_survived_and_remarked(play: Any) -> None:
+    """3/19, 3/20, 3/22: stray bytes, a wrong end byte and an undefined opcode lose no reply."""
+    time = play.ask("get_time")
+    play.hears(b"\x00\xaa garbage \xcc\x09\x02\x30\x30\x00")
+    play.says(0xEE, b"?")
+    play.says(0x07, TIME)
+    assert time.outcome() == NOON
+    assert any("no frame" in remark for remark in play.core.remarks)
+    assert any("C2A EE" in remark for remark in play.core.remarks)
+
+
+def test_remarks_are_bounded(play: Any) -> None:
+    """A controller that talks nonsense for ever fills no memory."""
+    for _ in range(3 * MAX_REMARKS):
+        play.says(0xEE)
+    assert len(play.core.remarks) == MAX_REMARKS
+
+
+def test_an_unfinished_frame_is_given_up_after_two_seconds(play: Any) -> None:
+    """A-3-11: a false start with a great length blocks for 2 s; a pause of 1 s loses nothing."""
+    time = play.ask("get_time")
+    reply = Frame(C2A, 0x07, TIME).encode()
+    play.hears(reply[:5])
+    play.waits(1.0)
+    play.hears(reply[5:])
+    assert time.outcome() == NOON
+    time = play.ask("get_time")
+    play.hears(b"\xcc\x08\xff" + reply)
+    assert not time.settled
+    play.waits(2.0)
+    assert time.outcome() == NOON
+
+
+def test_silence_is_a_time_out(play: Any) -> None:
+    """A-3-15: not before 5 s; a reply that comes later is unexpected; the next request works."""
+    time = play.ask("get_time")
+    play.waits(4.9)
+    assert not time.settled
+    play.waits(0.2)
+    with pytest.raises(ReplyTimeout, match="get_time got no reply within 5 s"):
+        time.outcome()
+    assert isinstance(play.says(0x07, TIME)[0], Unexpected)
+    again = play.ask("get_time")
+    play.says(0x07, TIME)
+    assert again.outcome() == NOON
+
+
+def test_a_reply_that_is_arriving_is_waited_for(play: Any) -> None:
+    """2/5: single bytes, a second apart, far beyond the 5 s; noise is not waited for for ever."""
+    time = play.ask("get_time")
+    for byte in Frame(C2A, 0x07, TIME).encode():
+        play.waits(1)
+        play.hears(bytes((byte,)))
+    assert time.outcome() == NOON
+    time = play.ask("get_time")
+    for _ in range(300):
+        play.hears(b"\xcc")
+        play.waits(1)
+    assert isinstance(time.problem, ReplyTimeout)
+
+
+def test_a_late_frame_is_not_timed_out_by_a_busy_caller(play: Any) -> None:
+    """Time passes in `tick` alone: what waits in a socket while a caller is busy is in time."""
+    time = play.ask("get_time")
+    play.now_s += 60
+    play.says(0x07, TIME)
+    assert time.outcome() == NOON
+
+
+def test_nothing_is_sent_before_a_login(new_play: Any) -> None:
+    """2/10, 4.1/5: not before the first, not after a failed one."""
+    play = new_play(login_required=True)
+    with pytest.raises(LoginFailed, match="has to succeed first"):
+        play.ask("get_time")
+    play.ask("login", b"password")
+    with pytest.raises(LoginFailed):
+        play.ask("emergency_stop")
+    play.says(0x01, b"1")
+    play.ask("get_time")
+    assert play.sent() == [(0x01, b"password"), (0x07, b"")]
+    wrong = play.ask("login", b"wrong")
+    play.says(0x01, b"0")
+    with pytest.raises(LoginFailed, match="refused the password"):
+        wrong.outcome()
+    with pytest.raises(LoginFailed):
+        play.ask("get_status")
+
+
+@pytest.mark.parametrize("data", [b"", b"2", b"11", b"1|", b"\x01", b"1 ", b'"1"', b"01", b"yes"])
+def test_a_login_fails_with_any_other_reply(new_play: Any, data: bytes) -> None:
+    """4.1/8: only ``1`` is a yes."""
+    play = new_play(login_required=True)
+    login = play.ask("login", b"password")
+    play.says(0x01, data)
+    with pytest.raises(LoginFailed):
+        login.outcome()
+    assert not play.core.logged_in
+
+
+def test_a_trailing_nul_is_tolerated(play: Any) -> None:
+    """A-T-3, everywhere, a yes included; and it is observed."""
+    stop, time, status = play.ask("set_time", NOON), play.ask("get_time"), play.ask("get_status")
+    play.says(0x06, b"1\0")
+    play.says(0x07, TIME + b"\0")
+    play.says(0x09, b"00\0")
+    assert [e.outcome() for e in (stop, time, status)] == [None, NOON, "00"]
+    assert play.core.observed_readings["trailing_nul"] == {"yes"}
+
+
+@pytest.mark.parametrize("data", [b"", b"2", b"\x01", b"11", b"1|1"])
+def test_no_other_command_takes_anything_else_for_a_yes(play: Any, data: bytes) -> None:
+    """T/3: neither a flag nor a first reply."""
+    done, begun = play.ask("set_default_program", b"a"), play.ask("reset")
+    play.says(0x0E, data)
+    play.says(0x33, data)
+    for exchange in (done, begun):
+        with pytest.raises(ProtocolError, match="cannot be understood"):
+            exchange.outcome()
+
+
+def test_a_flag_of_zero_is_a_refusal(play: Any) -> None:
+    """No reason is given for it."""
+    deletion = play.ask("delete_program", b"gone.rob")
+    play.says(0x0C, b"0")
+    with pytest.raises(Refused, match=r"delete_program was refused: .* no reason") as caught:
+        deletion.outcome()
+    assert caught.value.code is None
+
+
+NETWORK = Network("10.0.0.1", "255.0.0.0", "10.0.0.254")
+LONGEST = RunningProgram(b"a.rob", 98 * 86400 + 86399)
+NUMBERS = JointValues(-0.5, 38, 0, 12.25)
+READABLE: list[tuple[str, int, bytes, Any]] = [
+    ("get_network", 0x04, b"10.0.0.1|255.0.0.0|10.0.0.254", NETWORK),
+    ("get_network", 0x04, b"010.000.000.001|255.0.0.0|10.0.0.254", NETWORK),
+    ("get_version", 0x08, "固件 2".encode(), "固件 2"),
+    ("get_status", 0x09, b"1a", "1A"),
+    ("get_status", 0x09, b"7F", "7F"),
+    ("get_running_program", 0x0A, b"1|a.rob|98235959", LONGEST),
+    ("get_running_program", 0x0A, b"0", None),
+    ("get_running_program", 0x0A, b"0||", None),
+    ("get_running_program", 0x0A, b"\x01|a.rob|00000001", RunningProgram(b"a.rob", 1)),
+    ("get_running_program", 0x0A, b"\x00", None),
+    ("list_programs", 0x0B, b"0|a|b", (b"a", b"b")),
+    ("list_programs", 0x0B, b"0a|b", (b"a", b"b")),
+    ("list_programs", 0x0B, b"01|0", (b"1", b"0")),
+    ("list_programs", 0x0B, b"0|" + b"n" * 200, (b"n" * 200,)),
+    ("list_programs", 0x0B, b"0", ()),
+    ("list_programs", 0x0B, b"0|", ()),
+    ("list_programs", 0x0B, b"", ()),
+    ("get_default_program", 0x0D, b"", b""),
+    ("get_default_program", 0x0D, b"0", b""),
+    ("get_default_program", 0x0D, b"\xb3\xcc.rob", b"\xb3\xcc.rob"),
+    ("get_motor_temperatures", 0x0F, b"-0.5|38|0|12.25", NUMBERS),
+    ("get_motor_temperatures", 0x0E, b"-0.5|38|0|12.25", NUMBERS),
+    ("get_joint_angles", 0x3C, b"-0.50|38.0|-0|12.250|", NUMBERS),
+    ("get_tool_coordinates", 0x38, b"1|2.5|-3|04|0|0.0", Pose(1, 2.5, -3, 4, 0, 0)),
+    ("get_digital_inputs", 0x42, b"1|10000001", "10000001"),
+    ("get_analog_input", 0x44, b"1|0", 0.0),
+    ("get_analog_input", 0x44, b"1|-1.005", -1.005),
+    ("get_digital_outputs", 0x49, b"1|1001000011110000", "1001000011110000"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "opcode", "data", "value"), READABLE)
+def test_every_tolerated_form_is_understood(
+    play: Any, name: str, opcode: int, data: bytes, value: Any
+) -> None:
+    """T/9 and the register's readings: the value is the same however it is written."""
+    exchange = play.ask(name, 8 if name == "get_analog_input" else None)
+    play.says(opcode, data)
+    assert exchange.outcome() == value
+
+
+UNREADABLE = [
+    ("get_network", 0x04, b"10.0.0.1|255.0.0.0"),
+    ("get_network", 0x04, b"10.0.0.256|255.0.0.0|10.0.0.1"),
+    ("get_time", 0x07, b"20141332143000"),
+    ("get_time", 0x07, b""),
+    ("get_status", 0x09, b""),
+    ("get_status", 0x09, b"IDLE"),
+    ("get_running_program", 0x0A, b"1|a.rob"),
+    ("list_programs", 0x0B, b"2|a"),
+    ("get_motor_temperatures", 0x0F, b"1|2|3"),
+    ("get_joint_angles", 0x3C, b"1,5|2|3|4"),
+    ("get_joint_angles", 0x3C, b"1e3|2|3|nan"),
+    ("get_digital_inputs", 0x42, b"1|1000000"),
+    ("get_digital_inputs", 0x42, b"2"),
+    ("get_analog_input", 0x44, b"1|"),
+]
+
+
+@pytest.mark.parametrize(("name", "opcode", "data"), UNREADABLE)
+def test_nonsense_is_a_problem_and_no_value(play: Any, name: str, opcode: int, data: bytes) -> None:
+    """A reply that says nothing is told as such; the client goes on."""
+    exchange = play.ask(name, 8 if name == "get_analog_input" else None)
+    play.says(opcode, data)
+    with pytest.raises(ProtocolError, match=f"reply of {name} cannot be understood: ."):
+        exchange.outcome()
+    version = play.ask("get_version")
+    play.says(0x08, b"1.0.0")
+    assert version.outcome() == "1.0.0"
+
+
+@pytest.mark.parametrize("name", ["get_digital_inputs", "get_analog_input", "get_digital_outputs"])
+def test_an_answer_of_zero_is_an_error_and_no_value(play: Any, name: str) -> None:
+    """4.33/4: ``0`` is no ``1|0``."""
+    exchange = play.ask(name, 8 if name == "get_analog_input" else None)
+    play.says(exchange.command.opcode, b"0")
+    with pytest.raises(Refused):
+        exchange.outcome()
+
+
+def test_readings_are_observed(play: Any) -> None:
+    """What a controller's dialect is shows in its frames."""
+    play.ask("list_programs")
+    play.ask("get_motor_temperatures")
+    play.ask("get_running_program")
+    play.says(0x0B, b"0a")
+    play.says(0x0E, b"1|2|3|4")
+    play.says(0x0A, b"0||")
+    assert play.core.observed_readings == {
+        "list_prefix_sep": {"0a"},
+        "op_temp_reply": {"0x0E"},
+        "runinfo_none": {"0||"},
+    }
+
+
+def test_temperatures_and_the_default_program_are_not_mistaken(play: Any) -> None:
+    """4.14/4: under 0x0E four fields are temperatures and one digit is a set default program."""
+    temperatures, default = (
+        play.ask("get_motor_temperatures"),
+        play.ask("set_default_program", b"a"),
+    )
+    play.says(0x0E, b"1")
+    assert default.settled
+    assert not temperatures.settled
+    play.says(0x0E, b"20|38|34|22")
+    assert temperatures.outcome() == JointValues(20, 38, 34, 22)
+    late = play.ask("set_default_program", b"a")
+    assert isinstance(play.says(0x0E, b"20|38|34|22")[0], Unexpected)
+    assert not late.settled
+
+
+def test_the_default_program_is_asked_for_twice(play: Any) -> None:
+    """A-4.12-1: 0x0D, on silence 0x13; what was found out holds from then on."""
+    first = play.ask("get_default_program")
+    assert isinstance(play.says(0x13, b"a.rob")[0], Unexpected)  # not asked for yet
+    play.waits(5)
+    play.says(0x13, b"a.rob")
+    assert first.outcome() == b"a.rob"
+    second = play.ask("get_default_program")
+    play.waits(5)
+    assert isinstance(second.problem, ReplyTimeout)
+    assert play.sent() == [(0x0D, b""), (0x13, b""), (0x13, b"")]
+    assert play.core.observed_readings["op_get_default"] == {"0x13"}
+    assert play.core.dialect["op_get_default"] == "0x13"
+
+
+def test_a_late_reply_under_the_first_opcode_counts(play: Any) -> None:
+    """Both were asked, so either may answer."""
+    exchange = play.ask("get_default_program")
+    play.waits(6)
+    play.says(0x0D, b"a.rob")
+    assert exchange.outcome() == b"a.rob"
+
+
+def test_silence_may_mean_that_there_is_no_default_program(new_play: Any) -> None:
+    """A-4.12-2, reading (c), where the dialect says so."""
+    play = new_play(Dialect.of(default_none="silence"))
+    exchange = play.ask("get_default_program")
+    play.waits(10)
+    assert exchange.outcome() == b""
+
+
+def test_a_pushed_list_is_joined(play: Any) -> None:
+    """4.10/10: with other replies between the parts, and pauses."""
+    listing = play.ask("list_programs")
+    play.says(0x0B, b"1|a|b")
+    status = play.ask("get_status")
+    play.waits(4)
+    play.says(0x0B, b"1|c")
+    play.says(0x09, b"00")
+    play.waits(4)
+    play.says(0x0B, b"0")
+    assert listing.outcome() == (b"a", b"b", b"c")
+    assert status.settled
+    assert play.sent() == [(0x0B, b""), (0x09, b"")]
+    assert play.core.observed_readings["list_cont"] == {"push"}
+
+
+def test_a_list_that_is_not_pushed_is_fetched(play: Any) -> None:
+    """4.10/10, A-4.10-3 (b): after a silence once, and without waiting from then on."""
+    listing = play.ask("list_programs")
+    play.says(0x0B, b"1|a")
+    assert play.sent() == [(0x0B, b"")]
+    play.waits(5)
+    assert play.sent() == [(0x0B, b"")]
+    play.says(0x0B, b"0|b")
+    assert listing.outcome() == (b"a", b"b")
+    again = play.ask("list_programs")
+    play.says(0x0B, b"1|a")
+    assert play.sent() == [(0x0B, b""), (0x0B, b"")]
+    play.says(0x0B, b"0|b")
+    assert again.outcome() == (b"a", b"b")
+
+
+def test_a_list_that_breaks_off_is_no_list(play: Any) -> None:
+    """Some of the names are not all of them (T/9)."""
+    listing = play.ask("list_programs")
+    play.says(0x0B, b"1|a")
+    play.waits(10)
+    with pytest.raises(ReplyTimeout):
+        listing.outcome()
+
+
+def test_a_list_without_end_is_cut_off(play: Any) -> None:
+    """Memory is bounded."""
+    listing = play.ask("list_programs")
+    for _ in range(MAX_LIST_PARTS):
+        play.says(0x0B, b"1|a")
+    with pytest.raises(ProtocolError, match="no end"):
+        listing.outcome()
+
+
+FORBIDDEN: list[tuple[str, Any]] = [
+    ("login", b""),
+    ("login", b"x" * 256),
+    ("login", b"a|b"),
+    ("set_password", PasswordChange(b"a" * 128, b"b" * 127)),
+    ("set_password", PasswordChange(b"a", b"b|c")),
+    ("set_password", PasswordChange(b"a", b"")),
+    ("delete_program", b"a|b.rob"),
+    ("delete_program", b"n" * 31),
+    ("run_program", b""),
+    ("run_program", b"../a"),
+    ("set_network", Network("999.1.1.1", "255.0.0.0", "10.0.0.1")),
+    ("set_tool_coordinates", (0, 1, 2, 3, 4, 5, 6)),
+    ("set_tool_coordinates", (101, 1, 2, 3, 4, 5, 6)),
+    ("set_gripper_center", (float("nan"), 0, 0)),
+    ("set_gripper_center", (0, float("inf"), 0)),
+    ("set_digital_output", (8, 2)),
+    ("set_digital_output", (0, 1)),
+    ("get_analog_input", 100),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), FORBIDDEN)
+def test_what_the_document_forbids_is_not_sent(play: Any, name: str, value: Any) -> None:
+    """3/28, 4.2/7, T/6, 4.24/2, 4.32/2: it is refused before, in one sentence."""
+    with pytest.raises(PayloadError):
+        play.ask(name, value)
+    assert play.sent() == []
+    assert play.core.is_free(name)
+
+
+def test_the_longest_pair_of_passwords_is_sent(play: Any) -> None:
+    """4.2/7: 255 bytes with the bar."""
+    play.ask("set_password", PasswordChange(b"a" * 127, b"b" * 127))
+    assert play.sent() == [(0x03, b"a" * 127 + b"|" + b"b" * 127)]
+
+
+def test_a_lost_link_settles_everything(play: Any) -> None:
+    """Nothing waits for ever, and nothing is sent any more."""
+    time, run = play.ask("get_time"), play.ask("run_program", b"a")
+    play.says(0x30, b"1")
+    play.core.lose("the cable is out", play.now_s)
+    assert play.core.lose("again", play.now_s) == []
+    for exchange in (time, run):
+        with pytest.raises(LinkLost, match="was not finished: the cable is out"):
+            exchange.outcome()
+    with pytest.raises(LinkLost, match="is not sent: the cable is out"):
+        play.ask("get_time")
+
+
+def test_a_frame_hidden_in_an_unfinished_one_counts_when_the_link_ends(play: Any) -> None:
+    """3/20: what is held back is searched once more."""
+    time = play.ask("get_time")
+    play.hears(b"\xcc\x08\xff" + Frame(C2A, 0x07, TIME).encode())
+    play.core.lose("it ended", play.now_s)
+    assert time.outcome() == NOON
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "opcode"),
+    [("shutdown", None, 0x60), ("set_network", Network("10.0.0.1", "255.0.0.0", "10.0.0.2"), 0x05)],
+)
+def test_the_link_may_end_after_some_commands(
+    play: Any, name: str, value: Any, opcode: int
+) -> None:
+    """4.4/6, 4.35/6: the command is done; what comes after is told why it cannot be sent."""
+    exchange = play.ask(name, value)
+    play.says(opcode, b"1")
+    play.core.lose("cut", play.now_s)
+    assert exchange.outcome() is None
+    with pytest.raises(LinkLost, match=f"as it may after {name}"):
+        play.ask("get_time")

@@ -1,0 +1,70 @@
+"""The client against the virtual controller in every dialect, in one process and no time."""
+
+from datetime import datetime
+
+import pytest
+
+from scaraspec.client import Client, Interrupted, State
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.plant import Plant
+from scaraspec.controller.store import Store
+from scaraspec.links.memory import MemoryNetwork
+from scaraspec.protocol.programs import Node, NodeType, Program, WaitSeconds, build
+from scaraspec.protocol.readings import READINGS, Dialect
+
+CONTENT = build(Program(nodes=(Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(60)),)))
+CHOICES = [(key, option.name) for key, reading in READINGS.items() for option in reading.options]
+
+# What the session below gives away, whatever the controller's dialect is.
+SEEN = {
+    "chunk_trunc",
+    "endian",
+    "estop_interrupted",
+    "list_cont",
+    "list_empty",
+    "list_prefix_sep",
+    "op_get_default",
+    "op_temp_reply",
+    "runinfo_none",
+}
+
+# Where a controller serves nothing else, its client has to speak as it does.
+SPOKEN = {("jog_byte", "binary")}
+
+
+@pytest.mark.parametrize(("key", "option"), CHOICES, ids=map("=".join, CHOICES))
+def test_a_session_goes_the_same_way_in_every_dialect(key: str, option: str) -> None:
+    """The client understands every tolerated reading, and sees which one it is."""
+    dialect = Dialect.of(**{key: option})
+    plant = Plant(datetime(2014, 12, 22), now_s=0.0)  # noqa: DTZ001 - the document names no zone
+    network = MemoryNetwork(Brain(plant, Store(), dialect))
+    extension = ".txt" if option == ".txt" else ".rob"
+    names = tuple(f"program-{number:02}-of-30-bytes..{extension}" for number in range(20))
+    spoken = dialect if (key, option) in SPOKEN else Dialect.of()
+    with Client(network.connect(), password="password", dialect=spoken) as client:
+        assert client.list_programs() == ()
+        for name in names:
+            client.upload_bytes(CONTENT, name)
+        assert client.list_programs() == names
+        assert client.download_bytes(names[3]) == CONTENT
+        client.set_default_program(names[0])
+        assert client.get_default_program() == names[0]
+        assert client.get_running_program() is None
+        assert client.get_motor_temperatures() == (25, 25, 25, 25)
+        client.set_gripper_center(1, -2.5, 0)
+        assert client.get_gripper_center() == (1, -2.5, 0)
+        client.run_program(names[1])
+        pending = client.start_run_program(names[2])
+        assert client.get_status().state is State.RUNNING
+        running = client.get_running_program()
+        assert running is not None
+        assert running.name == names[2]
+        client.emergency_stop()
+        with pytest.raises(Interrupted):
+            pending.wait(60)
+        client.jog("-y")
+        assert client.get_status().state is State.IDLE
+        observed = client.observed_readings
+    assert observed.keys() >= SEEN
+    if key in observed and option != "both":  # which is seen as the one of the two that was used
+        assert observed[key] == {option}

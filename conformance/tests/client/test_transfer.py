@@ -1,0 +1,314 @@
+"""File transfers: against the other end as `protocol.transfer` has it, and against a rude one."""
+
+from typing import Any
+
+import pytest
+
+from scaraspec.client.problems import LinkLost, TransferFailed
+from scaraspec.protocol.fields import PayloadError
+from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State, chunks_of
+
+SIZES = (1, 199, 200, 201, 400, 51_200, 65_535, 65_536, 70_000)
+UP, UP_CHUNK, DOWN, DOWN_CHUNK = 0x50, 0x52, 0x54, 0x56
+
+
+def content_of(size: int) -> bytes:
+    """Bytes of every value, start and end bytes among them."""
+    return bytes(i * 7 % 256 for i in range(size))
+
+
+def chunk(file_size: int, position: int, length: int, data: bytes = b"") -> bytes:
+    """A chunk as a controller might send it, right or wrong."""
+    return FILE_DATA.encode(Chunk(file_size, position, length, data), DEFAULT)
+
+
+def upload(play: Any, content: bytes, name: bytes = b"a.rob") -> Any:
+    """An upload that has begun."""
+    return play.begin(play.core.upload(name, content))
+
+
+def download(play: Any, name: bytes = b"a.rob", **options: int) -> Any:
+    """A download that was granted."""
+    exchange = play.begin(play.core.download(name, **options))
+    play.says(DOWN, b"1")
+    return exchange
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_an_upload_arrives_whole(play: Any, size: int) -> None:
+    """5.2/16, 5.1, 5.2/7: one chunk at a time, and nothing after the last answer."""
+    content, receiver = content_of(size), Receiver(0.0)
+    transfer = upload(play, content)
+    assert play.sent() == [(UP, b"a.rob")]
+    play.says(UP, b"1")
+    while receiver.state is State.ACTIVE:
+        ((opcode, data),) = play.sent()
+        assert (opcode, len(data)) == (UP_CHUNK, 212)
+        assert receiver.take(data, 0.0)
+        play.says(UP_CHUNK, b"1")
+    assert receiver.content == content
+    assert transfer.outcome() is None
+    assert play.sent() == []
+    assert (transfer.moved_bytes, transfer.total_bytes) == (size, size)
+
+
+@pytest.mark.parametrize("endian", ["little", "big"])
+@pytest.mark.parametrize("trunc", ["full", "truncated"])
+@pytest.mark.parametrize("size", SIZES)
+def test_a_download_arrives_whole(play: Any, size: int, trunc: str, endian: str) -> None:
+    """5.2/16, 5.3/5, A-5-2, A-5-3: whatever the controller's chunks look like."""
+    dialect = Dialect.of(endian=endian, chunk_trunc=trunc)
+    content, transfer = content_of(size), download(play)
+    sender = Sender(content, 0.0, dialect)
+    assert play.sent() == [(DOWN, b"a.rob")]
+    while sender.state is State.ACTIVE:
+        piece = sender.next_chunk()
+        assert piece is not None
+        play.says(DOWN_CHUNK, FILE_DATA.encode(piece, dialect))
+        assert play.sent() == [(DOWN_CHUNK, b"1")]
+        sender.acknowledge(accepted=True, now_s=0.0)
+    assert transfer.outcome() == content
+    assert (transfer.moved_bytes, transfer.total_bytes) == (size, size)
+
+
+def test_other_commands_are_served_during_a_transfer(play: Any) -> None:
+    """A-5-17; a second transfer has to wait."""
+    upload(play, content_of(500))
+    play.says(UP, b"1")
+    status = play.ask("get_status")
+    play.says(0x09, b"00")
+    assert status.settled
+    assert not play.core.is_free("transfer")
+
+
+@pytest.mark.parametrize("answer", [b"0", b"", b"2", b"\x01", b"11"])
+def test_no_content_follows_a_name_that_was_not_taken(play: Any, answer: bytes) -> None:
+    """5.2/4, 5.2/19."""
+    transfer = upload(play, b"content")
+    play.says(UP, answer)
+    assert play.sent() == [(UP, b"a.rob")]
+    with pytest.raises(TransferFailed, match=r"the upload of 'a.rob' failed: .+"):
+        transfer.outcome()
+
+
+@pytest.mark.parametrize("answer", [b"0", b"", b"2", b"11"])
+def test_an_upload_ends_with_a_chunk_that_was_not_taken(play: Any, answer: bytes) -> None:
+    """5.2/8, 5.2/19: even with the last one; nothing is sent after it."""
+    transfer = upload(play, content_of(300))
+    play.says(UP, b"1")
+    play.says(UP_CHUNK, b"1")
+    play.sent()
+    play.says(UP_CHUNK, answer)
+    assert play.sent() == []
+    assert isinstance(transfer.problem, TransferFailed)
+    assert play.core.is_free("transfer")
+
+
+@pytest.mark.parametrize("answers", [[], [UP], [UP, UP_CHUNK]])
+def test_an_upload_survives_25_s_and_not_60(play: Any, answers: list[int]) -> None:
+    """5.2/9, 5.4/5: at the name and at every chunk, time and again; then the link works on."""
+    transfer = upload(play, content_of(500))
+    for opcode in answers:
+        play.waits(25)
+        play.says(opcode, b"1")
+    play.waits(30)
+    assert not transfer.settled
+    play.waits(5)
+    with pytest.raises(TransferFailed, match="nothing heard for 30 s"):
+        transfer.outcome()
+    assert [opcode for opcode, _ in play.sent()] == [UP, UP_CHUNK, UP_CHUNK][: len(answers) + 1]
+    version = play.ask("get_version")
+    play.says(0x08, b"1.0.0")
+    assert version.settled
+
+
+@pytest.mark.parametrize("granted", [False, True])
+def test_a_download_survives_25_s_and_not_60(play: Any, granted: bool) -> None:  # noqa: FBT001 - a parameter of the test
+    """5.4/5, 5.4/6."""
+    transfer = play.begin(play.core.download(b"a.rob"))
+    if granted:
+        play.waits(25)
+        play.says(DOWN, b"1")
+        play.waits(25)
+        play.says(DOWN_CHUNK, chunk(300, 0, 200, content_of(200)))
+    play.waits(30)
+    assert not transfer.settled
+    play.waits(5)
+    assert isinstance(transfer.problem, TransferFailed)
+    version = play.ask("get_version")
+    play.says(0x08, b"1.0.0")
+    assert version.settled
+
+
+def test_the_limit_follows_the_dialect(new_play: Any) -> None:
+    """A subject may claim another limit than the tentative 30 s (A-5-13)."""
+    play = new_play(Dialect.of(xfer_timeout="2"))
+    transfer = upload(play, b"content")
+    play.waits(2)
+    assert not transfer.settled
+    play.waits(0.1)
+    assert transfer.settled
+
+
+def test_a_download_that_is_not_granted_fails(play: Any) -> None:
+    """L772."""
+    transfer = play.begin(play.core.download(b"a.rob"))
+    play.says(DOWN, b"0")
+    with pytest.raises(TransferFailed, match="cannot send it"):
+        transfer.outcome()
+
+
+BAD_CHUNKS = {
+    "longer than the buffer": chunk(1000, 200, 201, content_of(200)),
+    "beyond the end of the file": chunk(300, 200, 101, content_of(101)),
+    "of another file size": chunk(301, 200, 101, content_of(101)),
+    "a gap": chunk(300, 201, 99, content_of(99)),
+    "a duplicate": chunk(300, 0, 200, content_of(200)),
+}
+
+
+@pytest.mark.parametrize("bad", BAD_CHUNKS.values(), ids=BAD_CHUNKS)
+def test_a_bad_chunk_is_rejected_once(play: Any, bad: bytes) -> None:
+    """5.3/13, 5.1/13: answered ``0``, and the download has failed."""
+    transfer = download(play)
+    play.says(DOWN_CHUNK, chunk(300, 0, 200, content_of(200)))
+    play.sent()
+    play.says(DOWN_CHUNK, bad)
+    assert play.sent() == [(DOWN_CHUNK, b"0")]
+    assert isinstance(transfer.problem, TransferFailed)
+
+
+@pytest.mark.parametrize("signal", [b"", chunk(300, 0, 0), chunk(0, 0, 0), chunk(300, 200, 0)])
+def test_a_length_of_zero_ends_a_download_unanswered(play: Any, signal: bytes) -> None:
+    """5.3/8, A-5-10."""
+    transfer = download(play)
+    play.sent()
+    play.says(DOWN_CHUNK, signal)
+    assert play.sent() == []
+    with pytest.raises(TransferFailed, match="length of 0"):
+        transfer.outcome()
+
+
+def test_padding_is_ignored(play: Any) -> None:
+    """5.1/12: exactly `length` bytes of the buffer are the file's."""
+    transfer = download(play)
+    play.says(DOWN_CHUNK, chunk(3, 0, 3, b"abc" + b"\xcc" * 197))
+    assert transfer.outcome() == b"abc"
+
+
+def test_a_file_that_is_too_large_is_refused_at_once(play: Any) -> None:
+    """A-5-25: memory is bounded."""
+    transfer = download(play, limit_bytes=1000)
+    play.sent()
+    play.says(DOWN_CHUNK, chunk(1001, 0, 200, content_of(200)))
+    assert play.sent() == [(DOWN_CHUNK, b"0")]
+    assert isinstance(transfer.problem, TransferFailed)
+
+
+def test_chunks_in_any_order_where_the_dialect_takes_them(new_play: Any) -> None:
+    """A-5-8: complete is what has no hole."""
+    play = new_play(Dialect.of(chunk_order="any"))
+    content, transfer = content_of(500), download(play)
+    for piece in reversed(list(chunks_of(content))):
+        assert not transfer.settled
+        play.says(DOWN_CHUNK, FILE_DATA.encode(piece, DEFAULT))
+    assert transfer.outcome() == content
+
+
+def test_a_stray_chunk_is_answered_no(play: Any) -> None:
+    """5.3/5: each is answered once; without a transfer there is nothing to take it."""
+    play.says(DOWN_CHUNK, chunk(3, 0, 3, b"abc"))
+    assert play.sent() == [(DOWN_CHUNK, b"0")]
+    play.says(DOWN_CHUNK, b"")
+    play.says(DOWN_CHUNK, chunk(3, 0, 0))
+    assert play.sent() == []
+
+
+def test_a_chunk_before_the_answer_to_the_name_is_stray(play: Any) -> None:
+    """A-5-23: the reply comes first."""
+    transfer = play.begin(play.core.download(b"a.rob"))
+    play.says(DOWN_CHUNK, chunk(3, 0, 3, b"abc"))
+    assert not transfer.settled
+    assert play.sent() == [(DOWN, b"a.rob"), (DOWN_CHUNK, b"0")]
+
+
+@pytest.mark.parametrize("name", [b"", b"n" * 31, b"a|b", b"a/b", b"..", b"a\\b", b"a\0"])
+def test_names_are_checked_before_anything_is_sent(play: Any, name: bytes) -> None:
+    """5.2/18, T/6, A-5-20."""
+    for begin in (lambda: upload(play, b"x", name), lambda: play.core.download(name)):
+        with pytest.raises(PayloadError):
+            begin()
+    assert play.sent() == []
+
+
+def test_an_empty_file_is_not_sent(play: Any) -> None:
+    """5.2/17, A-5-10."""
+    with pytest.raises(PayloadError, match="empty file"):
+        upload(play, b"")
+    assert play.sent() == []
+
+
+@pytest.mark.parametrize(
+    ("reading", "answers", "sent"),
+    [("name-only", [UP], []), ("chunk", [UP, UP_CHUNK], [(UP_CHUNK, chunk(0, 0, 0))])],
+)
+def test_an_empty_file_is_sent_as_the_dialect_has_it(
+    new_play: Any, reading: str, answers: list[int], sent: list[Any]
+) -> None:
+    """A-5-10, readings (b) and (c)."""
+    play = new_play(Dialect.of(empty_file=reading))
+    transfer = upload(play, b"")
+    for opcode in answers:
+        assert not transfer.settled
+        play.says(opcode, b"1")
+    assert transfer.outcome() is None
+    assert play.sent() == [(UP, b"a.rob"), *sent]
+
+
+def test_an_empty_file_is_taken_where_the_dialect_has_it(new_play: Any) -> None:
+    """A-5-10, reading (c)."""
+    play = new_play(Dialect.of(empty_file="chunk"))
+    transfer = download(play)
+    play.says(DOWN_CHUNK, chunk(0, 0, 0))
+    assert transfer.outcome() == b""
+
+
+def test_an_aborted_upload_is_signalled_in_its_turn(play: Any) -> None:
+    """L787, 5.2/7: a length of 0 instead of the next chunk, once the one before is answered."""
+    transfer = upload(play, content_of(500))
+    play.says(UP, b"1")
+    transfer.abort()
+    assert len(play.sent()) == 2
+    play.says(UP_CHUNK, b"1")
+    assert play.sent() == [(UP_CHUNK, chunk(500, 200, 0))]
+    with pytest.raises(TransferFailed, match="aborted"):
+        transfer.outcome()
+
+
+def test_an_abort_comes_too_late_for_the_last_chunk(play: Any) -> None:
+    """What was taken whole is done (5.2/19)."""
+    transfer = upload(play, b"content")
+    play.says(UP, b"1")
+    transfer.abort()
+    play.says(UP_CHUNK, b"1")
+    assert transfer.outcome() is None
+
+
+def test_an_aborted_download_is_refused_at_the_next_chunk(play: Any) -> None:
+    """5.3/5."""
+    transfer = download(play)
+    transfer.abort()
+    play.sent()
+    play.says(DOWN_CHUNK, chunk(3, 0, 3, b"abc"))
+    assert play.sent() == [(DOWN_CHUNK, b"0")]
+    with pytest.raises(TransferFailed, match="aborted"):
+        transfer.outcome()
+
+
+def test_a_lost_link_ends_a_transfer(play: Any) -> None:
+    """5.2/19: not done."""
+    transfer = upload(play, b"content")
+    play.core.lose("the cable is out", play.now_s)
+    with pytest.raises(LinkLost):
+        transfer.outcome()

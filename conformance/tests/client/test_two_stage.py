@@ -1,0 +1,216 @@
+"""Two-stage commands: first reply, final result, and what an emergency stop does to both."""
+
+from typing import Any
+
+import pytest
+
+from scaraspec.client.core import Unexpected
+from scaraspec.client.problems import Failed, Interrupted, ProtocolError, Refused, ReplyTimeout
+from scaraspec.protocol.commands import BY_NAME, COMMANDS
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.errors import TABLE_8_1, Joint
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import JogDirection
+
+VALUES: dict[str, Any] = {
+    "run_program": b"a.rob",
+    "simulate_program": b"a.rob",
+    "set_tool_coordinates": (60, 200, 300, 324, 34.6, 0, 0),
+    "jog": JogDirection.PLUS_Y,
+}
+TWO_STAGE = [command for command in COMMANDS if command.two_stage]
+REASONED = [command for command in TWO_STAGE if command.name != "emergency_stop"]
+
+
+@pytest.fixture(params=TWO_STAGE, ids=lambda command: command.name)
+def command(request: pytest.FixtureRequest) -> Any:
+    """Each of the eight."""
+    return request.param
+
+
+def test_it_is_done_with_the_final_result(play: Any, command: Any) -> None:
+    """A-3-7: accepted by the first reply, which is not the end; done by the tagged frame."""
+    exchange = play.ask(command.name, VALUES.get(command.name))
+    play.says(command.opcode, b"1")
+    assert exchange.accepted
+    assert not exchange.settled
+    play.says(command.opcode, b"11", tagged=True)
+    assert exchange.outcome() is None
+
+
+def test_the_result_may_share_a_segment_with_the_reply(play: Any, command: Any) -> None:
+    """4/10."""
+    exchange = play.ask(command.name, VALUES.get(command.name))
+    reply, result = Frame(C2A, command.opcode, b"1"), Frame(C2A, command.opcode, b"11", tagged=True)
+    play.hears(reply.encode() + result.encode())
+    assert exchange.outcome() is None
+
+
+def test_the_result_may_take_hours(play: Any, command: Any) -> None:
+    """4/11, A-3-15: no bound, and other commands are served meanwhile (A-4-3)."""
+    exchange = play.ask(command.name, VALUES.get(command.name))
+    play.says(command.opcode, b"1")
+    play.waits(10)
+    status = play.ask("get_status")
+    play.says(0x09, b"01")
+    assert status.outcome() == "01"
+    play.waits(36000)
+    assert not exchange.settled
+    play.says(command.opcode, b"11", tagged=True)
+    assert exchange.outcome() is None
+
+
+def test_a_first_reply_is_due_in_time(play: Any, command: Any) -> None:
+    """A-3-15; and nothing is repeated by itself (4/16)."""
+    exchange = play.ask(command.name, VALUES.get(command.name))
+    play.waits(60)
+    with pytest.raises(ReplyTimeout, match="whether it took effect is not known"):
+        exchange.outcome()
+    assert [opcode for opcode, _ in play.sent()] == [command.opcode]
+
+
+@pytest.mark.parametrize("data", [b"12", b"11|12", b"0|12", b"1", b"", b"11 "])
+def test_a_result_that_says_nothing_is_no_success(play: Any, command: Any, data: bytes) -> None:
+    """A-3-8: success is the whole of ``11``."""
+    exchange = play.ask(command.name, VALUES.get(command.name))
+    play.says(command.opcode, b"1")
+    play.says(command.opcode, data, tagged=True)
+    with pytest.raises(ProtocolError, match="final result of"):
+        exchange.outcome()
+
+
+@pytest.mark.parametrize("case", [str.upper, str.lower])
+@pytest.mark.parametrize("code", TABLE_8_1.values(), ids=lambda code: code.text)
+def test_every_code_is_told_with_its_meaning(play: Any, code: Any, case: Any) -> None:
+    """4/12, 8/4, 8/6: as a refusal and as a failure, in either case, with the faulty joints."""
+    text = case(code.text).encode()
+    refused, failed = play.ask("reset"), play.ask("run_program", b"a.rob")
+    play.says(0x33, b"0|" + text)
+    play.says(0x30, b"1")
+    play.says(0x30, b"00|" + text, tagged=True)
+    with pytest.raises(Refused, match="reset was refused: ") as refusal:
+        refused.outcome()
+    with pytest.raises(Failed) as failure:
+        failed.outcome()
+    assert refusal.value.code == failure.value.code == code
+    assert code.meaning in str(refusal.value)
+    assert isinstance(failure.value, Interrupted) == (code.text == "00")
+    assert code.text == "00" or code.meaning in str(failure.value)
+
+
+def test_joints_are_named(play: Any) -> None:
+    """8/4: 1A is 2 + 8."""
+    reset = play.ask("reset")
+    play.says(0x33, b"0|1A")
+    assert reset.problem.code.joints == (Joint.OUTER_ARM, Joint.ROTATION)
+
+
+@pytest.mark.parametrize(("data", "code"), [(b"0", None), (b"0|7f", "7f"), (b"0 12", "12")])
+def test_a_refusal_is_understood_however_it_is_written(
+    play: Any, data: bytes, code: str | None
+) -> None:
+    """A-4.24-3 (bare 0), 4.8/11 (unknown codes), A-0-2 (a blank): nothing moved (4/13)."""
+    move = play.ask("set_tool_coordinates", VALUES["set_tool_coordinates"])
+    play.says(0x39, data)
+    with pytest.raises(Refused) as caught:
+        move.outcome()
+    assert (caught.value.code and caught.value.code.text) == code
+    assert isinstance(play.says(0x39, b"11", tagged=True)[0], Unexpected)
+
+
+def stop(play: Any, *, first: bool = True) -> Any:
+    """An emergency stop during a run, up to its first reply."""
+    exchange = play.ask("emergency_stop")
+    play.says(0x32, b"1" if first else b"0")
+    return exchange
+
+
+def test_a_stop_overtakes_an_unanswered_request(play: Any) -> None:
+    """4.17/10."""
+    run = play.ask("run_program", b"a.rob")
+    play.ask("get_status")
+    halt = stop(play)
+    play.says(0x32, b"11", tagged=True)
+    assert halt.outcome() is None
+    assert run.accepted is None
+
+
+@pytest.mark.parametrize("order", ["first", "after", "none"])
+def test_any_fate_of_an_interrupted_result_is_survived(play: Any, order: str) -> None:
+    """A-4.17-4, 4.17/9: before, after, or never; the stop succeeds, the run is interrupted."""
+    run = play.ask("run_program", b"a.rob")
+    play.says(0x30, b"1")
+    halt = stop(play)
+    if order == "first":
+        play.says(0x30, b"00|00", tagged=True)
+    play.says(0x32, b"11", tagged=True)
+    if order == "after":
+        play.waits(4)
+        play.says(0x30, b"00|00", tagged=True)
+    play.waits(5)
+    assert halt.outcome() is None
+    with pytest.raises(Interrupted, match="run_program was interrupted"):
+        run.outcome()
+    assert play.core.observed_readings["estop_interrupted"] == {order}
+    again = play.ask("run_program", b"a.rob")
+    play.says(0x30, b"1")
+    play.says(0x30, b"11", tagged=True)
+    assert again.outcome() is None
+
+
+def test_a_jog_ends_well_by_a_stop(play: Any) -> None:
+    """A-4.17-4: stopping is its normal end, ``11``."""
+    jog = play.ask("jog", JogDirection.MINUS_X)
+    assert play.sent() == [(0x3D, b"4")]
+    play.says(0x3D, b"1")
+    stop(play)
+    play.says(0x3D, b"11", tagged=True)
+    assert jog.outcome() is None
+
+
+@pytest.mark.parametrize("result", [None, b"00|12"])
+def test_a_stop_that_did_not_stop_ends_nothing(play: Any, result: bytes | None) -> None:
+    """Refused or failed, it says nothing about the run, which may still be executing."""
+    run = play.ask("run_program", b"a.rob")
+    play.says(0x30, b"1")
+    halt = stop(play, first=result is not None)
+    if result is not None:
+        play.says(0x32, result, tagged=True)
+    play.waits(3600)
+    assert isinstance(halt.problem, Failed if result else Refused)
+    assert not run.settled
+
+
+def test_a_stop_can_be_repeated(play: Any) -> None:
+    """After its first reply, whatever has become of its result."""
+    first = stop(play)
+    second = stop(play)
+    play.says(0x32, b"11", tagged=True)
+    assert isinstance(first.problem, Interrupted)
+    assert second.outcome() is None
+
+
+def test_a_command_accepted_anew_ends_the_one_before(play: Any) -> None:
+    """FIRM A-4-2: while one executes none is accepted, so the lost result is not waited for."""
+    before = play.ask("run_program", b"a.rob")
+    play.says(0x30, b"1")
+    refused = play.ask("run_program", b"b.rob")
+    play.says(0x30, b"0|01")
+    assert isinstance(refused.problem, Refused)
+    assert not before.settled
+    after = play.ask("run_program", b"b.rob")
+    play.says(0x30, b"1")
+    assert isinstance(before.problem, Interrupted)
+    play.says(0x30, b"11", tagged=True)
+    assert after.outcome() is None
+
+
+def test_shutdown_has_no_final_result(play: Any) -> None:
+    """4.35: done with its ``1``; refused with a code."""
+    done = play.ask("shutdown")
+    play.says(0x60, b"1")
+    assert done.outcome() is None
+    refused = play.ask("shutdown")
+    play.says(0x60, b"0|01")
+    assert refused.problem.code.text == "01"
+    assert not BY_NAME["shutdown"].two_stage

@@ -1,0 +1,130 @@
+"""Words: arguments from text, results as lines and as JSON."""
+
+import json
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.client import Failed, LinkLost, Refused, RunningProgram, Status
+from scaraspec.client.words import OPERATIONS, arguments, json_of, json_of_error, lines
+from scaraspec.protocol.commands import BY_NAME, JointValues, Network, Point
+from scaraspec.protocol.errors import TABLE_8_1
+from scaraspec.protocol.fields import PayloadError
+from scaraspec.protocol.payloads import JogDirection
+
+NOON = datetime(2014, 12, 22, 14, 30)  # noqa: DTZ001 - the document names no zone
+
+
+@pytest.mark.parametrize(
+    ("name", "texts", "values"),
+    [
+        ("get_time", [], []),
+        ("set_digital_output", ["8", "1"], [8, 1]),
+        ("set_gripper_center", ["1", "-2.5", "0"], [1.0, -2.5, 0.0]),
+        ("set_time", ["20141222143000"], [NOON]),
+        ("set_time", ["2014-12-22T14:30:00"], [NOON]),
+        ("run_program", ["程序.rob"], ["程序.rob"]),
+        ("run_program", ["\udcff"], ["\udcff"]),
+        ("set_password", ["1", "-2"], ["1", "-2"]),
+        ("set_network", ["1.1.1.1", "2.2.2.2", "3.3.3.03"], ["1.1.1.1", "2.2.2.2", "3.3.3.3"]),
+        ("jog", ["-y"], [JogDirection.MINUS_Y]),
+        ("upload", ["a.rob"], ["a.rob"]),
+        ("download", ["a.rob", "b.rob"], ["a.rob", "b.rob"]),
+    ],
+)  # fmt: skip
+def test_arguments_are_read_as_the_table_has_them(
+    name: str, texts: list[str], values: list[Any]
+) -> None:
+    """Numbers as numbers, times as times, names and passwords as they are."""
+    assert arguments(name, texts) == values
+
+
+@pytest.mark.parametrize(
+    ("name", "texts", "sentence"),
+    [
+        ("get_time", ["now"], "get_time takes no arguments: 1 given"),
+        ("set_digital_output", ["8"], "set_digital_output takes PORT VALUE: 1 given"),
+        ("download", [], r"download takes REMOTE \[LOCAL\]: 0 given"),
+        ("set_digital_output", ["8", "2"], "value 2 is outside 0 to 1"),
+        ("set_digital_output", ["8", "on"], "value 'on' is no integer"),
+        ("set_gripper_center", ["1", "1e3", "0"], "y '1e3' is no plain decimal number"),
+        ("set_gripper_center", ["1", "nan", "0"], "y 'nan' is no plain decimal number"),
+        ("jog", ["up"], r"direction 'up' is none of \+y, -y, \+x, -x"),
+        ("set_time", ["noon"], "time 'noon' is not 14 digits"),
+        ("set_time", ["20141332143000"], "no time of the calendar"),
+        ("set_network", ["999.1.1.1", "255.0.0.0", "1.1.1.1"], "ip '999.1.1.1' is no dotted"),
+    ],
+)
+def test_wrong_arguments_are_told_in_a_sentence(name: str, texts: list[str], sentence: str) -> None:
+    """Which one, and what is wrong with it."""
+    with pytest.raises(PayloadError, match=sentence):
+        arguments(name, texts)
+
+
+RESULTS: list[tuple[str, Any, list[str], Any]] = [
+    ("set_time", None, ["done"], None),
+    ("get_running_program", None, ["no program runs"], None),
+    ("get_default_program", None, ["none"], None),
+    ("list_programs", (), ["no programs"], []),
+    ("list_programs", ("a.rob", "程\x1b"), ["a.rob", "程\\x1b"], ["a.rob", "程\x1b"]),
+    ("get_version", "1.0.0", ["1.0.0"], "1.0.0"),
+    ("get_time", NOON, ["2014-12-22 14:30:00"], "2014-12-22T14:30:00"),
+    ("get_analog_input", 100.0, ["100"], 100.0),
+    ("get_analog_input", -0.25, ["-0.25"], -0.25),
+    ("get_digital_inputs", "10000000", ["10000000  (ports 8 to 1)"], "10000000"),
+    ("get_status", Status.of("00"), ["idle (00)"],
+     {"state": "idle", "code": "00", "meaning": "idle", "joints": []}),
+    ("get_status", Status.of("12"), ["error (12, motor fault: outer arm)"],
+     {"state": "error", "code": "12", "meaning": "motor fault: outer arm",
+      "joints": ["outer_arm"]}),
+    ("get_gripper_center", Point(1, -2.5, 0), ["x  1 mm", "y  -2.5 mm", "z  0 mm"],
+     {"x": 1, "y": -2.5, "z": 0}),
+    ("get_joint_angles", JointValues(1.0, 2.0, 3.0, 4.0),
+     ["inner_arm  1 °", "outer_arm  2 °", "wrist      3 mm", "rotation   4 °"],
+     {"inner_arm": 1, "outer_arm": 2, "wrist": 3, "rotation": 4}),
+    ("get_running_program", RunningProgram("a", 61), ["name        a", "run_time_s  61 s"],
+     {"name": "a", "run_time_s": 61}),
+    ("get_network", Network("1.1.1.1", "2.2.2.2", "3.3.3.3"),
+     ["ip       1.1.1.1", "mask     2.2.2.2", "gateway  3.3.3.3"],
+     {"ip": "1.1.1.1", "mask": "2.2.2.2", "gateway": "3.3.3.3"}),
+    ("download", Path("a.rob"), ["a.rob"], "a.rob"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "result", "shown", "told"), RESULTS)
+def test_results_are_told_to_people_and_programs(
+    name: str, result: Any, shown: list[str], told: Any
+) -> None:
+    """With units and without control characters; with everything."""
+    assert lines(name, result) == shown
+    assert json.loads(json.dumps(json_of(result))) == told
+
+
+def test_bytes_that_are_no_text_are_told_too() -> None:
+    """T/8: a terminal gets something to read, a program gets them unharmed."""
+    (shown,) = lines("get_default_program", "\udcb3\udccc")
+    assert shown.isprintable()
+    assert json.loads(json.dumps(json_of("\udcb3\udccc"))) == "\udcb3\udccc"
+
+
+def test_errors_are_told_with_code_meaning_and_joints() -> None:
+    """Where they have one."""
+    command = BY_NAME["reset"]
+    assert json_of_error(Failed(command, TABLE_8_1["13"])) == {
+        "kind": "Failed",
+        "message": "reset failed: 13, motor fault: inner arm and outer arm",
+        "code": "13",
+        "meaning": "motor fault: inner arm and outer arm",
+        "joints": ["inner_arm", "outer_arm"],
+    }
+    refused = json_of_error(Refused(BY_NAME["set_time"]))
+    assert (refused["code"], refused["meaning"], refused["joints"]) == (None, None, [])
+    assert json_of_error(LinkLost("gone")) == {"kind": "LinkLost", "message": "gone"}
+
+
+def test_every_operation_names_its_parameters_once() -> None:
+    """So that the command line can list them."""
+    for takes in OPERATIONS.values():
+        assert len(set(takes)) == len(takes)
