@@ -415,6 +415,30 @@ def test_a_stop_or_a_lost_link_empties_the_queue(busy_of: Any) -> None:
     assert len(client.hear(10.0)) == 3
 
 
+def test_what_waits_for_a_jog_begins_when_the_jogger_leaves(busy_of: Any) -> None:
+    """A-2-8 and A-4-2 (c) together."""
+    bench, jogger = busy_of("jog", busy_reply="queue")
+    other = bench.client()
+    assert other.ask("lock_joints") is None
+    jogger.link.close()
+    assert other.hear() == [("lock_joints", b"1"), ("*lock_joints", b"11")]
+
+
+@pytest.mark.parametrize("happening", ["open", "receive", "close", "advance"])
+def test_what_is_due_happens_before_whatever_comes(bench: Any, happening: str) -> None:
+    """A shell may be late: the result of a move that is over comes first."""
+    brain = bench.brain
+    brain.open(1, 0.0, "serial")
+    (reply,) = brain.receive(1, b"\xaa\x39\x1399|300|10|250|0|0|0\xcc", 0.0)
+    assert reply.data == b"\xcc\x39\x011\xaa"
+    late_s = bench.plant.motion_ends_s + 1.0
+    arguments = {"open": (2, late_s, "serial"), "receive": (1, b"", late_s), "advance": (late_s,)}
+    if happening == "close":
+        brain.open(2, 0.0, "serial")
+    actions = getattr(brain, happening)(*arguments.get(happening, (2, late_s)))
+    assert actions[0] == (1, b"\xcc\x90\x39\x0211\xaa")
+
+
 def test_the_queue_has_an_end(busy_of: Any) -> None:
     """What does not fit is refused with the state."""
     _, client = busy_of("run_program", busy_reply="queue")

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from scaraspec.controller.store import StoreError
 from scaraspec.protocol.readings import Dialect
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, chunks_of
 
@@ -214,6 +215,25 @@ def test_a_second_transfer_can_replace_the_first(bench_of: Any) -> None:
     assert bench.store.names() == [b"g"]
 
 
+def test_a_replaced_upload_is_a_broken_one(bench_of: Any) -> None:
+    """A-5-12 (b) holds for it too."""
+    bench = bench_of(xfer_concurrency="replace", partial_keep="keep")
+    client = bench.client()
+    client.ask("upload_name", b"f")
+    client.ask("upload_chunk", _chunk(600, 0, bytes(200)))
+    assert client.ask("upload_name", b"g") == b"1"
+    assert bench.store.read(b"f") == bytes(200)
+
+
+def test_a_broken_upload_is_over_for_the_next_request_of_the_same_piece(bench: Any) -> None:
+    """A bad chunk and a new upload may come together."""
+    client = bench.client()
+    client.ask("upload_name", b"f")
+    bad = b"\xaa\x52\xd4" + _chunk(600, 200, bytes(200)) + b"\xcc"
+    client.link.send(bad + b"\xaa\x50\x01f\xcc")
+    assert client.hear() == [("upload_chunk", b"0"), ("upload_name", b"1")]
+
+
 def test_other_commands_are_served_during_a_transfer(bench: Any) -> None:
     """Requirement 5.4/8."""
     client = bench.client()
@@ -248,6 +268,16 @@ def test_a_partial_file_can_stay(bench_of: Any) -> None:
     assert bench.store.names() == []
 
 
+def test_what_a_lost_link_leaves_can_stay_too(bench_of: Any) -> None:
+    """A-5-12 (b): the link was part of the transfer."""
+    bench = bench_of(partial_keep="keep")
+    client = bench.client()
+    client.ask("upload_name", b"f")
+    client.ask("upload_chunk", _chunk(600, 0, bytes(200)))
+    client.link.reset()
+    assert bench.store.read(b"f") == bytes(200)
+
+
 def test_chunks_in_any_order_can_be_taken(bench_of: Any) -> None:
     """A-5-8 (c): complete when nothing is missing."""
     bench = bench_of(chunk_order="any")
@@ -279,6 +309,19 @@ def test_a_name_alone_can_make_an_empty_file(bench_of: Any) -> None:
     client.ask("upload_chunk", _chunk(600, 0, bytes(200)))
     client.hear(31.0)
     assert bench.store.names() == [b"e", b"f"]
+
+
+def test_an_empty_file_that_cannot_be_made_is_refused(
+    bench_of: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A-5-21 under A-5-10 (b)."""
+
+    def fail(*_: object) -> None:
+        raise StoreError("the disk failed")
+
+    bench = bench_of(empty_file="name-only")
+    monkeypatch.setattr(bench.store, "write", fail)
+    assert bench.client().ask("upload_name", b"e") == b"0"
 
 
 def test_a_chunk_of_length_0_can_be_an_empty_file(bench_of: Any) -> None:
