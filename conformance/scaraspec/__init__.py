@@ -1,0 +1,1 @@
+"""scaraspec: certifies, records and gates UISR4200S robot traffic."""

@@ -1,0 +1,166 @@
+"""Judge: wire events in; happenings, findings, the dialect and a conclusion out.
+
+One judge for live recordings, captures from the field and every case of the suite. It joins the
+dialogues of all connections over one scene, asks the rules, and keeps count. What is right stands
+in `rules`; here stands that a gap fails nobody.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import Final
+
+from scaraspec.judgement.dialogue import Dialogue
+from scaraspec.judgement.file_sightings import file_sightings
+from scaraspec.judgement.happenings import Happening, Transfer
+from scaraspec.judgement.requirements import REQUIREMENTS, Strength
+from scaraspec.judgement.rules import RULES
+from scaraspec.judgement.rules.rule import (
+    Check,
+    Judged,
+    is_certain,
+    kind_of,
+    places_of,
+)
+from scaraspec.judgement.scene import Scene
+from scaraspec.judgement.sightings import DialectSeen
+from scaraspec.judgement.verdicts import Cause, Conclusion, Finding, Verdict, conclude, worst
+from scaraspec.judgement.wire import Kind, WireEvent
+from scaraspec.protocol.readings import DEFAULT, Dialect
+
+_KEPT_FINDINGS: Final = 50
+"""Findings kept of one requirement and verdict; beyond that they are counted."""
+
+_MOST_CONNECTIONS: Final = 4096
+"""Connections followed at once; beyond that the one that was silent for longest is given up."""
+
+_DOUBT: Final = "a gap in the recording or a fault injected on purpose may be why"
+
+
+@dataclass(slots=True)
+class Tally:
+    """What was found of one requirement."""
+
+    passes: int = 0
+    others: Counter[Verdict] = field(default_factory=Counter)
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def counts(self) -> Counter[Verdict]:
+        """How often each verdict was given."""
+        return Counter({Verdict.PASS: self.passes} if self.passes else {}) + self.others
+
+    @property
+    def verdict(self) -> Verdict:
+        """The gravest verdict; verdicts only rise."""
+        return worst(self.counts)
+
+
+class Judge:
+    """Judges a recording of one controller, all its connections together.
+
+    Args:
+        dialect: What the subject claims about reply and transfer time-outs.
+        needs_login: False for a serial link, which serves without a login (L83).
+    """
+
+    def __init__(self, dialect: Dialect = DEFAULT, *, needs_login: bool = True) -> None:
+        self.tallies: dict[str, Tally] = defaultdict(Tally)
+        """Requirements on which something was found, by id."""
+        self.dialect_seen = DialectSeen()
+        self.scene = Scene()
+        self._dialect = dialect
+        self._needs_login = needs_login
+        self._dialogues: dict[str, Dialogue] = {}
+        self._checks: dict[tuple[object, ...], _Checks] = {}
+
+    def feed(self, event: WireEvent) -> Iterator[Happening | Finding]:
+        """Take the next event; give what happened, each followed by what is wrong with it."""
+        for happening in self._dialogue(event.connection).feed(event):
+            yield happening
+            yield from self.judge(happening)
+        if event.kind in (Kind.CLOSED, Kind.RESET):
+            del self._dialogues[event.connection]
+        while len(self._dialogues) > _MOST_CONNECTIONS:
+            yield from self._end(next(iter(self._dialogues)))
+
+    def _dialogue(self, connection: str) -> Dialogue:
+        """The connection's dialogue, moved behind all others."""
+        dialogue = self._dialogues.pop(connection, None) or Dialogue(
+            connection, self.scene, self._dialect, needs_login=self._needs_login
+        )
+        self._dialogues[connection] = dialogue
+        return dialogue
+
+    def close(self) -> Iterator[Happening | Finding]:
+        """The recording has ended."""
+        while self._dialogues:
+            yield from self._end(next(iter(self._dialogues)))
+
+    def _end(self, connection: str) -> Iterator[Happening | Finding]:
+        for happening in self._dialogues.pop(connection).close():
+            yield happening
+            yield from self.judge(happening)
+
+    def judge(self, happening: Happening) -> Iterator[Finding]:
+        """Ask every rule that looks at this happening; give the findings that are no pass."""
+        self.dialect_seen.add(happening)
+        if isinstance(happening, Transfer):
+            self.dialect_seen.counts.update(file_sightings(happening))
+        for check, requirements in self._checks_for(happening):
+            judged = check(happening, self.scene)
+            if judged is None:
+                continue
+            for requirement in requirements:
+                tally = self.tallies[requirement]
+                if judged.verdict is Verdict.PASS:
+                    tally.passes += 1
+                    continue
+                finding = _finding(requirement, judged, happening)
+                tally.others[finding.verdict] += 1
+                if tally.others[finding.verdict] <= _KEPT_FINDINGS:
+                    tally.findings.append(finding)
+                yield finding
+        self.scene.remember(happening)
+
+    @property
+    def conclusion(self) -> Conclusion:
+        """What the recording amounts to."""
+        return conclude(Counter(tally.verdict for tally in self.tallies.values()))
+
+    def _checks_for(self, happening: Happening) -> "_Checks":
+        """The checks that look at such a happening, each once, with what they decide."""
+        kind = kind_of(happening)
+        checks = self._checks.get(kind)
+        if checks is None:
+            rules = [rule for rule in RULES if rule.looks_at(happening)]
+            grouped = groupby(rules, key=lambda rule: rule.check)
+            checks = tuple((c, tuple(rule.requirement for rule in g)) for c, g in grouped)
+            self._checks[kind] = checks
+        return checks
+
+
+_Checks = tuple[tuple[Check, tuple[str, ...]], ...]
+
+
+def _finding(requirement: str, judged: Judged, happening: Happening) -> Finding:
+    """The finding that a rule's word amounts to.
+
+    An observation (INFO) never fails anybody, nor does what a gap or a fault may have touched.
+    """
+    verdict, message, reading = judged.verdict, judged.message, judged.reading
+    if verdict is Verdict.FAIL and not is_certain(happening):
+        verdict, message = Verdict.INCONCLUSIVE, f"{message}; {_DOUBT}"
+    elif verdict is Verdict.FAIL and REQUIREMENTS[requirement].strength is Strength.INFO:
+        verdict, reading = Verdict.TOLERATED, (requirement, "observed otherwise")
+    return Finding(
+        requirement,
+        verdict,
+        Cause.SET_UP if verdict is Verdict.INCONCLUSIVE else Cause.SUBJECT,
+        message,
+        judged.expected,
+        judged.observed,
+        judged.places or places_of(happening),
+        reading,
+    )

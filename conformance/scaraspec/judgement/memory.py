@@ -1,0 +1,114 @@
+"""Memory: what was said before, for rules that hold one value against another.
+
+Only exchanges that no gap could have touched are kept, and a gap empties it: what is remembered
+can be relied on. It is bounded, and knows nothing of right or wrong.
+"""
+
+from collections import OrderedDict, deque
+from collections.abc import Iterator
+from typing import Final
+
+from scaraspec.judgement.happenings import Exchange, FrameSeen, Happening
+from scaraspec.protocol.errors import Kind, lookup
+
+KEPT_EXCHANGES: Final = 64
+"""Exchanges remembered of each command."""
+_KEPT_NAMES: Final = 4096
+
+
+class Memory:
+    """What the recording has shown since its last gap, over all connections."""
+
+    def __init__(self) -> None:
+        self.recent: dict[str, deque[Exchange]] = {}
+        """The last answered exchanges of each command, the latest last."""
+        self.asked: dict[str, FrameSeen] = {}
+        """The last request of each command, answered or not."""
+        self.accepted: deque[Exchange] = deque(maxlen=KEPT_EXCHANGES)
+        """The last two-stage commands that were accepted, the latest last."""
+        self.deleted: OrderedDict[bytes, Exchange] = OrderedDict()
+        """Deletions that were confirmed, by name, until the name is uploaded again."""
+        self.passwords: set[bytes] = set()
+        """Passwords that were accepted since one was set: the first two, of which one is wrong."""
+        self.idle_since_ns: int | None = None
+        """Since when the robot does nothing, as far as results and statuses show; None: unknown."""
+        self.idle_seen_ns = -1
+        """When a status 00 or a final result last showed it."""
+
+    def last(self, name: str, *, before_ns: int | None = None) -> Exchange | None:
+        """The last answered exchange of a command, of those answered before a time."""
+        found = reversed(self.recent.get(name, ()))
+        return next((x for x in found if before_ns is None or answered_ns(x) < before_ns), None)
+
+    def between(self, name: str, begin_ns: int, end_ns: int) -> Iterator[Exchange]:
+        """The exchanges of a command that lie between two times, oldest first."""
+        for x in self.recent.get(name, ()):
+            if begin_ns < x.time_ns and answered_ns(x) < end_ns:
+                yield x
+
+    def take(self, happening: Happening, *, busy: bool) -> None:
+        """Remember what a happening says, once it has been judged.
+
+        Args:
+            happening: Anything.
+            busy: Whether a two-stage command is executing.
+        """
+        if isinstance(happening, FrameSeen):
+            if happening.parsed and happening.parsed.part == "request":
+                self._ask(happening)
+        elif isinstance(happening, Exchange) and happening.reply and happening.certain:
+            if happening.transfer or happening.transfer_before:  # they hold files
+                return
+            recent = self.recent.setdefault(happening.name, deque(maxlen=KEPT_EXCHANGES))
+            recent.append(happening)
+            self._learn(happening, busy=busy)
+
+    def _ask(self, request: FrameSeen) -> None:
+        name, before = request.name, self.asked.get(request.name)
+        if name == "upload_name":
+            self.deleted.pop(request.frame.data, None)
+        elif name == "set_password" and before:
+            answered = self.last(name)
+            if answered is None or answered.request is not before:
+                self.passwords.clear()  # nobody knows whether the one before was set
+        self.asked[name] = request
+
+    def _learn(self, x: Exchange, *, busy: bool) -> None:
+        if x.name == "get_status":
+            self._status(x, busy=busy)
+        if not x.accepted:
+            return
+        if x.name == "login":
+            if len(self.passwords) < 2:  # noqa: PLR2004 - two contradict each other, more say no more
+                self.passwords.add(x.request.frame.data)
+        elif x.name == "set_password":
+            self.passwords = {x.asked.new} if x.asked else set()
+        elif x.name == "delete_program":
+            self.deleted[x.request.frame.data] = x
+            if len(self.deleted) > _KEPT_NAMES:
+                self.deleted.popitem(last=False)
+
+    def _status(self, x: Exchange, *, busy: bool) -> None:
+        code = lookup(x.answer) if x.answer else None
+        if code is None or code.kind is not Kind.IDLE:
+            self.idle_since_ns = None
+        elif not busy:
+            self.idle_seen_ns = answered_ns(x)
+            self.idle_since_ns = self.idle_since_ns or self.idle_seen_ns
+
+    def begun(self, exchange: Exchange) -> None:
+        """A two-stage command was accepted."""
+        self.accepted.append(exchange)
+        self.idle_since_ns = None
+
+    def ended(self, exchange: Exchange, *, busy: bool) -> None:
+        """A two-stage command ended; only a final result shows when, its own or a stop's."""
+        if exchange.result and not busy:
+            self.idle_since_ns = self.idle_seen_ns = exchange.result.place.time_ns
+        elif not exchange.interrupted_by:
+            self.idle_since_ns = None
+
+
+def answered_ns(x: Exchange) -> int:
+    """When the first reply was complete; of what was not answered, when it was asked."""
+    return x.reply.place.time_ns if x.reply else x.time_ns

@@ -1,0 +1,84 @@
+"""Clauses 4.5 and 4.6: the robot's clock, held against the time of the recording."""
+
+from typing import Final
+
+from scaraspec.judgement.happenings import Exchange
+from scaraspec.judgement.memory import answered_ns
+from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule
+from scaraspec.judgement.rules.settings import in_force
+from scaraspec.judgement.scene import Scene
+
+_TOLERANCE_S: Final = 2.0
+_DRIFT: Final = 0.01
+_SOON_NS: Final = 60_000_000_000
+"""Behind it a wrong rate of the clock shows, which 4.6/4 judges."""
+
+_NS_PER_S: Final = 1_000_000_000
+
+
+def elapsed_s(first: Exchange, then: Exchange) -> tuple[float, float]:
+    """The least and the most time between the two moments at which two requests were served."""
+    least_ns = then.time_ns - answered_ns(first)
+    return max(least_ns, 0) / _NS_PER_S, (answered_ns(then) - first.time_ns) / _NS_PER_S
+
+
+def off_by_s(advance_s: float, first: Exchange, then: Exchange) -> float:
+    """How far a clock that advanced so much is off the recording's, beyond all tolerance."""
+    least_s, most_s = elapsed_s(first, then)
+    tolerance_s = _TOLERANCE_S + _DRIFT * most_s
+    return max(least_s - tolerance_s - advance_s, advance_s - most_s - tolerance_s, 0.0)
+
+
+@rule("4.5/4", on=Exchange, names=("get_time",))
+def clock_as_set(x: Exchange, scene: Scene) -> Judged | None:
+    """After "1" 0x07 gives the set time and what has passed since, within 2 s (L169, L186)."""
+    setting = in_force("set_time", x, scene)
+    if setting is None or x.answer is None or x.time_ns - setting.time_ns > _SOON_NS:
+        return None
+    advance_s = (x.answer - setting.asked).total_seconds()
+    if not off_by_s(advance_s, setting, x):
+        return PASSED
+    return failed(
+        "the clock does not give the time that was set, and what has passed since",
+        expected=f"{setting.asked} and {elapsed_s(setting, x)[0]:.0f} s",
+        observed=str(x.answer),
+        at=(*places_of(setting), *places_of(x)),
+    )
+
+
+@rule("4.6/4", on=Exchange, names=("get_time",))
+def clock_runs(x: Exchange, scene: Scene) -> Judged | None:
+    """Readings on one connection do not go back and gain a second a second (L186).
+
+    Each is held against the one before and, for slow errors, against the first that is remembered.
+    """
+    earlier = [y for y in scene.memory.recent.get("get_time", ()) if _comparable(y, x, scene)]
+    if not earlier or x.answer is None:
+        return None
+    for y in (earlier[-1], earlier[0]):
+        advance_s = (x.answer - y.answer).total_seconds()
+        if advance_s < 0:
+            wrong = "went back"
+        elif off_by_s(advance_s, y, x):
+            wrong = "stood still" if not advance_s else "does not run at one second a second"
+        else:
+            continue
+        least_s, most_s = elapsed_s(y, x)
+        return failed(
+            f"the clock {wrong}",
+            expected=f"{least_s:.1f} to {most_s:.1f} s later than {y.answer}",
+            observed=f"{advance_s:.0f} s",
+            at=(*places_of(y), *places_of(x)),
+        )
+    return PASSED
+
+
+def _comparable(y: Exchange, x: Exchange, scene: Scene) -> bool:
+    """Whether the clock must have run from one reading to the other."""
+    changes = (scene.memory.asked.get(name) for name in ("set_time", "shutdown"))
+    return (
+        y.answer is not None
+        and y.request.place.connection == x.request.place.connection
+        and answered_ns(y) < x.time_ns
+        and all(c is None or c.place.time_ns < y.time_ns for c in changes)
+    )

@@ -1,0 +1,163 @@
+"""What was set is what is read: passwords, network, default program, gripper and home position.
+
+A value is held against the last setting only where nothing else was asked that could change it.
+"""
+
+from collections.abc import Callable, Collection
+from typing import Any, Final
+
+from scaraspec.judgement.happenings import Ending, Exchange
+from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judgement.rules.text import observed
+from scaraspec.judgement.scene import Scene
+
+PROGRAMS: Final = ("run_program", "simulate_program")
+"""A program's file holds positions of its own (A-6.3-3)."""
+_ROUNDED: Final = 0.051
+"""A controller that keeps one decimal rounds by so much (A-T-5)."""
+
+
+def in_force(setter: str, x: Exchange, scene: Scene) -> Exchange | None:
+    """The accepted setting that is in force while `x` is answered, where that is sure.
+
+    It was accepted before `x` was asked, it was the last that was asked, and the robot was not
+    shut down since: what survives that is open (A-4-6).
+    """
+    found = scene.memory.last(setter, before_ns=x.time_ns)
+    if found is None or not found.accepted or scene.memory.asked.get(setter) is not found.request:
+        return None
+    if found.request.parsed and found.request.parsed.decoded.complaints:
+        return None
+    shutdown = scene.memory.asked.get("shutdown")
+    if shutdown and shutdown.place.time_ns > found.time_ns:
+        return None
+    return found
+
+
+def executed_since(time_ns: int, scene: Scene, names: Collection[str]) -> bool:
+    """Whether one of these two-stage commands executed, or may have, since then."""
+    return any(
+        y.name in names and (y.result is None or y.result.place.time_ns > time_ns)
+        for y in scene.memory.accepted
+    )
+
+
+def _other_value(setting: Exchange, x: Exchange) -> Judged:
+    return failed(
+        f"{x.name} gives another value than {setting.name} had set",
+        expected=observed(setting.request),
+        observed=observed(x.reply) if x.reply else "",
+        at=(*places_of(setting), *places_of(x)),
+    )
+
+
+def _read_back(
+    setter: str, x: Exchange, scene: Scene, same: Callable[[Exchange, Any], bool]
+) -> Judged | None:
+    setting = in_force(setter, x, scene)
+    if setting is None or x.answer is None:
+        return None
+    return PASSED if same(setting, x.answer) else _other_value(setting, x)
+
+
+# 4.2 and 4.4
+
+
+@rule("4.2/3", on=Exchange, names=("set_password",))
+def wrong_old_password(x: Exchange, scene: Scene) -> Judged | None:
+    """With a wrong old password the change is answered "0" (L140; A-4.2-1)."""
+    known = scene.memory.passwords
+    if x.accepted is None or x.asked is None or len(known) != 1 or x.asked.old in known:
+        return None
+    if not x.accepted:
+        return PASSED
+    return failed("a new password was set with a wrong old one", expected="0", observed="1")
+
+
+@rule("4.4/3", on=Exchange, names=("set_network",))
+def reply_before_the_change(x: Exchange, _: Scene) -> Judged | None:
+    """The reply is sent before the new address cuts the connection (A-4.4-1)."""
+    if x.accepted:
+        return PASSED
+    if x.reply or x.ending is not Ending.HUNG_UP:
+        return None
+    return tolerated("A-4.4-1", "no reply", "the connection ended instead of a reply to 0x05")
+
+
+@rule("4.4/4", on=Exchange, names=("get_network",))
+def network_reads_back(x: Exchange, scene: Scene) -> Judged | None:
+    """After "1" 0x04 gives the new values (L157); padding with zeros changes none (A-4.3-2)."""
+    return _read_back("set_network", x, scene, lambda setting, answer: setting.asked == answer)
+
+
+# 4.13
+
+
+@rule("4.13/3", on=Exchange, names=("get_default_program",))
+def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
+    """After "1" the default program is the one that was named (L279, L272).
+
+    Where it was deleted since, there may be none.
+    """
+    setting = in_force("set_default_program", x, scene)
+    deletion = scene.memory.asked.get("delete_program")
+    if setting is None or (deletion and deletion.place.time_ns > setting.time_ns):
+        return None
+    return _read_back(
+        "set_default_program", x, scene, lambda setting, answer: setting.asked == answer
+    )
+
+
+# 4.20 and 4.21
+
+
+def _same_numbers(setting: Exchange, answer: Any, count: int) -> bool:
+    """Equal to the last decimal, where it is the first; else as far as one decimal says."""
+    texts = setting.request.frame.data.rstrip(b"\0").split(b"|")
+    pairs = zip(texts[:count], setting.asked[:count], answer[:count], strict=True)
+    return all(
+        abs(got - value) <= (_ROUNDED if len(text.partition(b".")[2]) > 1 else 0)
+        for text, value, got in pairs
+    )
+
+
+@rule("4.20/3", on=Exchange, names=("get_gripper_center",))
+def gripper_reads_back(x: Exchange, scene: Scene) -> Judged | None:
+    """After "1" 0x34 gives the same numbers (L428, L440; A-4.19-2)."""
+    setting = in_force("set_gripper_center", x, scene)
+    if setting is None or executed_since(setting.time_ns, scene, PROGRAMS):
+        return None
+    return _read_back("set_gripper_center", x, scene, lambda s, answer: _same_numbers(s, answer, 3))
+
+
+@rule("4.21/3", on=Exchange, names=("get_initial_tool_position",))
+def position_reads_back(x: Exchange, scene: Scene) -> Judged | None:
+    """After "1" 0x37 gives the same x, y, z and thetaX (L452, L464); the other two are open."""
+    setting = in_force("set_initial_tool_position", x, scene)
+    if setting is None or executed_since(setting.time_ns, scene, PROGRAMS):
+        return None
+    return _read_back(
+        "set_initial_tool_position", x, scene, lambda s, answer: _same_numbers(s, answer, 4)
+    )
+
+
+@rule("4.21/3", on=Exchange, names=("get_gripper_center",))
+def gripper_stays(x: Exchange, scene: Scene) -> Judged | None:
+    """Setting the initial position leaves 0x34 as it was."""
+    setting = in_force("set_initial_tool_position", x, scene)
+    if setting is None or x.answer is None:
+        return None
+    before = scene.memory.last("get_gripper_center", before_ns=setting.time_ns)
+    changed = scene.memory.asked.get("set_gripper_center")
+    if before is None or (changed and changed.place.time_ns > before.time_ns):
+        return None
+    if executed_since(before.time_ns, scene, PROGRAMS):
+        return None
+    if before.answer == x.answer:
+        return PASSED
+    return failed(
+        "setting the initial tool position changed the gripper centre",
+        expected=observed(before.reply) if before.reply else "",
+        observed=observed(x.reply) if x.reply else "",
+        at=(*places_of(before), *places_of(setting), *places_of(x)),
+    )

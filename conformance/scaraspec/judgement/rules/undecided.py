@@ -1,0 +1,24 @@
+"""Requirements that a recording could decide in principle and does not in practice, and why."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+_GEOMETRY = (
+    "the document gives no arm dimensions, zero pose or axes (A-7-1): numbers alone do not show "
+    "which point or angle they are"
+)
+_NO_SECOND_SOURCE = "the recording has no second source to hold the digits against"
+
+UNDECIDED: Mapping[str, str] = MappingProxyType(
+    {
+        "4.23/3": _GEOMETRY,
+        "4.27/5": _GEOMETRY,
+        "4.31/3": _NO_SECOND_SOURCE,
+        "5.2/20": "the file at its sender is not in the recording; 5.2/12 compares both ways",
+        "7/1": _GEOMETRY,
+        "7/3": _GEOMETRY,
+        "7/4": _GEOMETRY,
+        "8/4": "which motors are faulty is known to the robot alone",
+    }
+)
+"""The reason, by requirement."""

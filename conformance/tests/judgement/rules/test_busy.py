@@ -1,0 +1,149 @@
+"""A busy robot: each requirement on traffic that keeps it, and on traffic that does not."""
+
+from collections.abc import Callable
+
+import pytest
+
+TWO = """
+    login
+    > {first}
+    < {first_name} 1
+    > {second}
+    < {second_name} {reply}
+    {rest}
+"""
+
+
+def two(first: str, second: str, reply: str, rest: str = "") -> str:
+    """A command that executes, and a second one with its reply."""
+    names = {"first_name": first.partition(" ")[0], "second_name": second.partition(" ")[0]}
+    return TWO.format(first=first, second=second, reply=reply, rest=rest, **names)
+
+
+def ends(*names: str) -> str:
+    """Final results, one behind the other."""
+    return "\n".join(f"<90 {name} 11" for name in names)
+
+
+RUN, RESET, JOG, MOVE = "run_program a", "reset", "jog 1", "set_tool_coordinates 50|1|2|3|4|0|0"
+END_BOTH = "<90 {0} 11\n<90 {1} 11"
+ELSEWHERE = """
+    login
+    2> login password
+    2< login 1
+    > run_program a
+    < run_program 1
+    2> reset
+    2< reset 1
+    {pause}
+    <90 run_program 11
+    2<90 reset 11
+"""
+IDLE = """
+    login
+    > get_status
+    < get_status 00
+    {pause}
+    > {asked}
+    < {asked} 0|{code}
+    > get_status
+    < get_status {status}
+"""
+DONE = """
+    login
+    > reset
+    < reset 1
+    <90 reset {result}
+    {pause}
+    > get_status
+    < get_status {status}
+"""
+FAULT = """
+    login
+    > get_status
+    < get_status {status}
+    > reset
+    < reset {reply}
+"""
+
+CASES = (
+    ("4/6", "pass", two(RUN, RESET, "0|01", ends("run_program"))),
+    ("4/6", "fail", two(JOG, RESET, "1", ends("jog", "reset"))),
+    (
+        "4/6",
+        "tolerated busy_reply=silence",
+        """
+        login
+        > jog 1
+        < jog 1
+        > reset
+        > get_status
+        < get_status 04
+        +11
+        > get_status
+        < get_status 04
+        <90 jog 11
+        """,
+    ),
+    ("4/6", "tolerated A-4.28-5=replace", two(JOG, "jog 2", "1", ends("jog", "jog"))),
+    (
+        "4/6",
+        "tolerated A-4.25-2=at lock",
+        two("release_joints", "lock_joints", "1", ends("release_joints", "lock_joints")),
+    ),
+    # On two connections the order of frames need not be that of their sending.
+    ("4/6", "none", ELSEWHERE.format(pause="")),
+    ("4/6", "fail 4.18/2", ELSEWHERE.format(pause="+2")),
+    # A stop is always welcome.
+    ("4/6", "none", two(JOG, "emergency_stop", "1", ends("jog", "emergency_stop"))),
+    ("4.15/8", "pass", two(RUN, "run_program b", "0|01", ends("run_program"))),
+    ("4.15/8", "fail 4/6", two(RUN, "run_program b", "1", ends("run_program", "run_program"))),
+    ("4.15/8", "none", two(RESET, RUN, "0|03", ends("reset"))),
+    ("4.25/5", "pass", two(MOVE, "release_joints", "0|04", ends("set_tool_coordinates"))),
+    (
+        "4.25/5",
+        "fail 4/6",
+        two(MOVE, "release_joints", "1", ends("set_tool_coordinates", "release_joints")),
+    ),
+    ("4.18/2", "pass", two(RUN, RESET, "0|01", ends("run_program"))),
+    ("4.18/2", "pass", two(RUN, RESET, "0|12", ends("run_program"))),
+    ("4.18/2", "fail 4/15", two(RUN, RESET, "0|02", ends("run_program"))),
+    ("4.18/2", "fail 4/6", two(RUN, RESET, "1", ends("reset", "run_program"))),
+    ("4.18/2", "none", two("simulate_program a", RESET, "0|02", ends("simulate_program"))),
+    ("4.35/4", "pass", two(RUN, "shutdown", "0|01", ends("run_program"))),
+    ("4.35/4", "fail", two(RUN, "shutdown", "1", "< close")),
+    ("4/15", "pass", two(JOG, RESET, "0|04", ends("jog"))),
+    ("4/15", "fail", two(JOG, RESET, "0|01", ends("jog"))),
+    ("4/15", "none", two(JOG, RESET, "0|12", ends("jog"))),
+    ("4/15", "none", two("lock_joints", RESET, "0|04", ends("lock_joints"))),
+    ("4/15", "fail", IDLE.format(asked="reset", code="01", status="00", pause="")),
+    ("4/15", "fail", IDLE.format(asked="shutdown", code="04", status="00", pause="")),
+    # Somebody else may have begun something, and may have ended it.
+    ("4/15", "none", IDLE.format(asked="reset", code="01", status="01", pause="")),
+    ("4/15", "none", IDLE.format(asked="reset", code="01", status="00", pause="+2")),
+    ("4/15", "none", IDLE.format(asked="reset", code="06", status="00", pause="")),
+    ("4/8", "pass", "login\n> reset\n< reset 1\n> get_status\n< get_status 03\n<90 reset 11"),
+    ("4/8", "fail 4.8/6", "login\n> reset\n< reset 1\n> get_status\n< get_status 00\n<90 reset 11"),
+    # No code of table 8-1 is that of a lock (A-4-5).
+    (
+        "4/8",
+        "none",
+        "login\n> lock_joints\n< lock_joints 1\n> get_status\n< get_status 00\n<90 lock_joints 11",
+    ),
+    ("4/7", "pass", DONE.format(result="11", pause="", status="00")),
+    ("4/7", "fail", DONE.format(result="11", pause="", status="03")),
+    ("4/7", "none", DONE.format(result="11", pause="", status="12")),
+    ("4/7", "none", DONE.format(result="00|12", pause="", status="03")),
+    ("4/7", "none", DONE.format(result="11", pause="+2", status="01")),
+    ("4.18/6", "pass", FAULT.format(status="12", reply="1")),
+    ("4.18/6", "tolerated reset_from_error=idle-only", FAULT.format(status="12", reply="0|12")),
+    ("4.18/6", "none", FAULT.format(status="00", reply="0|12")),
+)
+
+
+@pytest.mark.parametrize(("requirement", "expected", "session"), CASES)
+def test_busy(
+    requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
+) -> None:
+    """The verdict is the register's, and nothing else fails for it."""
+    check_case(requirement, expected, session)

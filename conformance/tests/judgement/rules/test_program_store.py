@@ -1,0 +1,122 @@
+"""The program store: each requirement on traffic that keeps it, and on traffic that does not."""
+
+from collections.abc import Callable
+
+import pytest
+
+from scaraspec.protocol.programs import Node, NodeType, Program, WaitSeconds, build
+from scaraspec.protocol.transfer import FILE_DATA, chunks_of
+
+PROGRAM = build(Program(nodes=(Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(1)),)))
+DAMAGED = PROGRAM[:-1]
+
+
+def session(*lines: str) -> str:
+    """These lines behind a login."""
+    return "\n".join(("login", *lines))
+
+
+def listed(*parts: str, fetched: bool = False) -> str:
+    """A list in one part or several, which are pushed or fetched."""
+    ask = "> list_programs\n"
+    return ask + (ask if fetched else "").join(f"< list_programs {part}\n" for part in parts)
+
+
+def upload(name: str, content: bytes = PROGRAM) -> str:
+    """A file that is uploaded."""
+    lines = [f"> upload_name {name}\n< upload_name 1"]
+    for chunk in chunks_of(content):
+        data = "".join(f"\\x{octet:02x}" for octet in FILE_DATA.encode(chunk))
+        lines.append(f"> upload_chunk {data}\n< upload_chunk 1")
+    return "\n".join(lines)
+
+
+def delete(name: str, reply: str = "1") -> str:
+    """A file that is deleted."""
+    return f"> delete_program {name}\n< delete_program {reply}"
+
+
+def run(name: str, reply: str, result: str = "") -> str:
+    """A program that is run."""
+    return f"> run_program {name}\n< run_program {reply}" + (
+        result and f"\n<90 run_program {result}"
+    )
+
+
+AT_ONCE = """
+    > list_programs
+    > list_programs
+    < list_programs 1|a.rob
+    < list_programs 0|b.rob
+    < list_programs 1|a.rob
+    < list_programs 0|b.rob
+"""
+RUNNING = "> run_program a.rob\n< run_program 1"
+
+CASES = (
+    ("4.10/4", "pass", session(listed("1|a.rob", "0|b.rob"))),
+    ("4.10/4", "fail", session(listed("1|a.rob", "1|a.rob", fetched=True))),
+    ("4.10/4", "fail", session(listed("1|a", "1|b"), listed("1|a", "1|b"))),
+    ("4.10/4", "none", session(listed("1|a.rob"))),
+    ("4.10/5", "pass", session(listed("1|a.rob", "0|b.rob"))),
+    ("4.10/5", "tolerated list_cont=request", session(listed("1|a.rob", "0|b.rob", fetched=True))),
+    ("4.10/5", "none", session(listed("0|a.rob"))),
+    ("4.10/6", "pass", session(listed("1|a.rob", "0|b.rob"))),
+    ("4.10/6", "fail 4.10/11", session(upload("ab.rob"), "+9", listed("1|a", "0|b.rob"))),
+    ("4.10/6", "fail", session(run("ab.rob", "1", "11"), listed("1|a", "0|b.rob"))),
+    ("4.10/6", "pass", session(run("ab.rob", "0|20"), listed("1|a", "0|b.rob"))),
+    ("4.10/7", "pass", session(listed("1|a.rob", "0|b.rob"))),
+    ("4.10/7", "fail", session(listed("0|a.rob|a.rob"))),
+    ("4.10/7", "fail", session(listed("1|a.rob", "0|b.rob|a.rob"))),
+    ("4.10/7", "fail", session(listed("0|a.rob||b.rob"))),
+    # Whose the parts are nobody can tell where two lists are asked for at the same time.
+    ("4.10/7", "none", session(AT_ONCE)),
+    ("4.10/11", "pass", session(upload("a.rob"), listed("0|a.rob"))),
+    ("4.10/11", "none", session(upload("a.rob"), AT_ONCE)),
+    ("4.10/11", "fail", session(upload("a.rob"), listed("0|b.rob"))),
+    ("4.10/11", "fail", session(upload("a.rob"), listed("0"))),
+    ("4.10/11", "pass", session(upload("a.rob"), "+9", listed("1|b", "0|a.rob", fetched=True))),
+    ("4.10/11", "none", session(upload("a.rob"), listed("1|b.rob"))),
+    ("4.10/11", "fail", session(upload("n" * 30), listed("0|b.rob"))),
+    ("4.10/11", "none", session(upload("n" * 31), listed("0|b.rob"))),
+    # What is no valid program may be left out (A-4.10-5).
+    ("4.10/11", "none 6.1/1 6.6b/1", session(upload("a.rob", DAMAGED), listed("0|b.rob"))),
+    ("4.10/11", "none", session(upload("a.txt", b"text"), listed("0|b.rob"))),
+    ("4.10/11", "pass", session(upload("a.rob"), delete("a.rob"), listed("0|b.rob"))),
+    ("4.10/11", "fail 4.11/3", session(delete("a.rob"), listed("0|a.rob"))),
+    ("4.11/3", "pass", session(delete("a.rob"), listed("0|b.rob"))),
+    ("4.11/3", "fail 4.10/11", session(delete("a.rob"), listed("0|a.rob"))),
+    ("4.11/3", "none", session(delete("a.rob", "0"), listed("0|a.rob"))),
+    ("4.11/3", "none", session(delete("a.rob"), "> upload_name a.rob", listed("0|a.rob"))),
+    ("4.11/3", "pass", session(delete("a.rob"), "> download_name a.rob\n< download_name 0")),
+    ("4.11/3", "fail", session(delete("a.rob"), "> download_name a.rob\n< download_name 1")),
+    ("4.11/3", "pass", session(delete("a.rob"), run("a.rob", "0|20"))),
+    ("4.11/3", "pass", session(delete("a.rob"), run("a.rob", "1", "00|20"))),
+    ("4.11/3", "fail", session(delete("a.rob"), run("a.rob", "1", "11"))),
+    ("4.11/3", "none", session(delete("a.rob"), run("a.rob", "1"))),
+    ("4.11/5", "pass", session(RUNNING, delete("a.rob", "0"))),
+    ("4.11/5", "tolerated delete_guard=allow", session(RUNNING, delete("a.rob"))),
+    ("4.11/5", "none", session(RUNNING, delete("b.rob"))),
+    ("8/5", "pass", session(run("a.rob", "0|20"))),
+    ("8/5", "pass", session(run("a.rob", "1", "00|20"))),
+    ("8/5", "fail", session(upload("a.rob"), run("a.rob", "0|20"))),
+    ("8/5", "tolerated A-4.15-2=20", session(listed("0|a.rob"), run("a.rob", "0|20"))),
+    ("8/5", "fail", session("> reset\n< reset 0|20")),
+    ("8/5", "fail", session("> jog 1\n< jog 1\n<90 jog 00|20")),
+    ("8/5", "none", session(run("a.rob", "0|12"))),
+)
+
+
+@pytest.mark.parametrize(("requirement", "expected", "session"), CASES)
+def test_program_store(
+    requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
+) -> None:
+    """The verdict is the register's, and nothing else fails for it."""
+    check_case(requirement, expected, session)
+
+
+def test_a_damaged_program_may_be_taken_for_missing(judged: Callable) -> None:
+    """Its file exists, and no code says that it is damaged (A-4.15-2)."""
+    record = judged(session(upload("a.rob", DAMAGED), run("a.rob", "0|20")))
+    (finding,) = [f for f in record.findings if f.requirement == "8/5"]
+    assert finding.reading == ("A-4.15-2", "20")

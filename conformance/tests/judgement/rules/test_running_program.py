@@ -1,0 +1,101 @@
+"""The running program: each requirement on traffic that keeps it, and on traffic that does not."""
+
+from collections.abc import Callable
+
+import pytest
+
+DURING = """
+    login
+    > {name} a.rob
+    < {name} 1
+    > get_running_program
+    < get_running_program {answer}
+    {rest}
+"""
+IDLE = """
+    login
+    > get_status
+    < get_status {status}
+    {pause}
+    > get_running_program
+    < get_running_program {answer}
+    > get_status
+    < get_status {status}
+"""
+ASK = "login\n> get_running_program\n< get_running_program {}"
+LONG = "n" * 31
+
+
+def during(answer: str, name: str = "run_program", rest: str = "") -> str:
+    """What is told while a program executes."""
+    return DURING.format(name=name, answer=answer, rest=rest or f"<90 {name} 11")
+
+
+def twice(first: str, pause: str, second: str) -> str:
+    """What is told twice while a program runs."""
+    again = f"+{pause}\n> get_running_program\n< get_running_program 1|a.rob|{second}"
+    return during(f"1|a.rob|{first}", rest=f"{again}\n<90 run_program 11")
+
+
+def idle(answer: str, status: str = "00", pause: str = "") -> str:
+    """What is told between two statuses."""
+    return IDLE.format(answer=answer, status=status, pause=pause)
+
+
+SECONDS = "".join(
+    f"+1\n> get_running_program\n< get_running_program 1|a.rob|{{}}{second:02}\n"
+    for second in range(50, 60)
+)
+
+CASES = (
+    ("4.9/2", "pass", during("1|a.rob|00000000")),
+    ("4.9/2", "pass", during(r"\x01|a.rob|00000000")),
+    ("4.9/2", "fail", during("0")),
+    ("4.9/2", "fail T/1", during("1a.rob00000000")),
+    ("4.9/2", "fail", during("1|a.rob")),
+    ("4.9/2", "none", during("0", name="simulate_program")),
+    ("4.9/2", "none", ASK.format("0")),
+    ("4.9/4", "pass", during("1|a.rob|00000000", name="simulate_program")),
+    ("4.9/4", "fail", during("1|b.rob|00000000")),
+    ("4.9/4", "none", ASK.format("1|b.rob|00000000")),
+    (
+        "4.9/4",
+        "tolerated A-4.9-5=cut",
+        during(f"1|{LONG[:30]}|00000000").replace("> run_program a.rob", f"> run_program {LONG}"),
+    ),
+    ("4.9/5", "pass", twice("00000055", "10", "00000105")),
+    ("4.9/5", "pass", twice("00000055", "0.5", "00000055")),
+    ("4.9/5", "fail", twice("00000055", "10", "00000055")),
+    ("4.9/5", "fail", twice("00000059", "1", "00000000")),
+    # It does not carry over: each step is within the tolerance.
+    ("4.9/5", "fail", during("1|a.rob|00000045", rest=SECONDS.format(*["000001"] * 10))),
+    (
+        "4.9/5",
+        "none",
+        twice("00000055", "10", "00000055").replace(" run_program", " simulate_program"),
+    ),
+    ("4.9/6", "pass", ASK.format("0")),
+    ("4.9/6", "pass", idle("0")),
+    ("4.9/6", "fail", ASK.format("0|a.rob|00000000")),
+    ("4.9/6", "fail", idle("1|a.rob|00000000")),
+    ("4.9/6", "none", idle("1|a.rob|00000000", pause="+2")),
+    ("4.9/6", "none", idle("1|a.rob|00000000", status="01")),
+    ("4.9/7", "pass", ASK.format("0")),
+    ("4.9/7", "tolerated runinfo_none=0||", ASK.format("0||")),
+    ("4.9/8", "pass", ASK.format("1|a.rob|00000000")),
+    ("4.9/8", "tolerated A-4.9-5=longer", ASK.format(f"1|{LONG}|00000000")),
+    ("4.9/10", "pass", idle("1|a.rob|00000000", status="01")),
+    ("4.9/10", "pass", idle("1|a.rob|00000000", status="02")),
+    ("4.9/10", "fail", idle("0", status="01")),
+    ("4.9/10", "tolerated A-4.9-4=no", idle("0", status="02")),
+    ("4.9/10", "none", idle("0", status="01", pause="+2")),
+    ("4.9/10", "none", idle("0", status="12")),
+)
+
+
+@pytest.mark.parametrize(("requirement", "expected", "session"), CASES)
+def test_running_program(
+    requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
+) -> None:
+    """The verdict is the register's, and nothing else fails for it."""
+    check_case(requirement, expected, session)

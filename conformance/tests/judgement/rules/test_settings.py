@@ -1,0 +1,153 @@
+"""What was set: each requirement on traffic that keeps it, and on traffic that does not."""
+
+from collections.abc import Callable
+
+import pytest
+
+SET_GET = """
+    login
+    > {setter} {value}
+    < {setter} {reply}
+    {between}
+    > {getter}
+    < {getter} {answer}
+"""
+PASSWORD = """
+    login
+    > set_password {old}|new
+    < set_password {reply}
+"""
+POSITION = "set_initial_tool_position 1|2|3|4|0|0"
+GRIPPER = """
+    login
+    {before}
+    > set_initial_tool_position 1|2|3|4|0|0
+    < set_initial_tool_position 1
+    {between}
+    > get_gripper_center
+    < get_gripper_center {answer}
+"""
+READ = "> get_gripper_center\n< get_gripper_center 0|0|5"
+PROGRAM = "> run_program a\n< run_program 1\n<90 run_program 11"
+
+
+def network(value: str, answer: str, between: str = "", reply: str = "1") -> str:
+    """A network that is set and read."""
+    return SET_GET.format(
+        setter="set_network",
+        getter="get_network",
+        value=value,
+        reply=reply,
+        answer=answer,
+        between=between,
+    )
+
+
+def default(value: str, answer: str, between: str = "", reply: str = "1") -> str:
+    """A default program that is set and read."""
+    return SET_GET.format(
+        setter="set_default_program",
+        getter="get_default_program",
+        value=value,
+        reply=reply,
+        answer=answer,
+        between=between,
+    )
+
+
+def gripper(value: str, answer: str, between: str = "", reply: str = "1") -> str:
+    """A gripper centre that is set and read."""
+    return SET_GET.format(
+        setter="set_gripper_center",
+        getter="get_gripper_center",
+        value=value,
+        reply=reply,
+        answer=answer,
+        between=between,
+    )
+
+
+def position(value: str, answer: str, between: str = "", reply: str = "1") -> str:
+    """An initial tool position that is set and read."""
+    return SET_GET.format(
+        setter="set_initial_tool_position",
+        getter="get_initial_tool_position",
+        value=value,
+        reply=reply,
+        answer=answer,
+        between=between,
+    )
+
+
+HOME, OFFICE = "10.0.0.2|255.0.0.0|10.0.0.1", "10.0.0.3|255.0.0.0|10.0.0.1"
+
+CASES = (
+    ("4.2/3", "pass", PASSWORD.format(old="wrong", reply="0")),
+    ("4.2/3", "fail", PASSWORD.format(old="wrong", reply="1")),
+    ("4.2/3", "none", PASSWORD.format(old="password", reply="1")),
+    ("4.2/3", "none", PASSWORD.format(old="password", reply="0")),
+    (
+        "4.2/3",
+        "fail",
+        PASSWORD.format(old="password", reply="1")
+        + PASSWORD[10:].format(old="password", reply="1"),
+    ),
+    # Which of two that were accepted is right nobody knows.
+    (
+        "4.2/3",
+        "none 4.1/3",
+        "login\n> login other\n< login 1\n> set_password x|y\n< set_password 1",
+    ),
+    ("4.2/3", "none", "login\n> set_password x|y\n> set_password x|z\n+6\n< set_password 1"),
+    # It may have been changed unseen.
+    (
+        "4.2/3",
+        "none",
+        "login\n> gap\n+30\n> get_status\n< get_status 00\n> set_password x|y\n< set_password 1",
+    ),
+    ("4.4/3", "pass", f"login\n> set_network {HOME}\n< set_network 1"),
+    ("4.4/3", "tolerated A-4.4-1=no reply", f"login\n> set_network {HOME}\n< rst"),
+    ("4.4/3", "none", f"login\n> set_network {HOME}\n> close"),
+    ("4.4/4", "pass", network(HOME, HOME)),
+    ("4.4/4", "pass", network(HOME, "010.000.000.002|255.0.0.0|10.0.0.1")),
+    ("4.4/4", "fail", network(HOME, OFFICE)),
+    ("4.4/4", "none", network(HOME, OFFICE, reply="0")),
+    ("4.4/4", "none", network(HOME, OFFICE, between=f"> set_network {OFFICE}")),
+    ("4.4/4", "none", network(HOME, OFFICE, between="> shutdown\n< shutdown 1")),
+    ("4.4/4", "none", network(HOME, OFFICE, between="2> gap\n+30\n> get_status\n< get_status 00")),
+    ("4.13/3", "pass", default("a.rob", "a.rob")),
+    ("4.13/3", "fail", default("a.rob", "b.rob")),
+    ("4.13/3", "fail", default("a.rob", "")),
+    ("4.13/3", "none", default("a.rob", "b.rob", reply="0")),
+    ("4.13/3", "none", default("a.rob", "", between="> delete_program a.rob\n< delete_program 1")),
+    ("4.20/3", "pass", gripper("1|-2.5|3", "1.0|-2.50|3")),
+    ("4.20/3", "pass", gripper("1.234|0|0", "1.2|0|0")),
+    ("4.20/3", "fail", gripper("1|-2.5|3", "1|2.5|3")),
+    ("4.20/3", "fail", gripper("1|2.5|3", "1|2.6|3")),
+    ("4.20/3", "fail", gripper("1.234|0|0", "1.1|0|0")),
+    ("4.20/3", "none", gripper("1|2|3", "4|5|6", between=PROGRAM)),
+    ("4.21/3", "pass", position("1|2|3|4.5|6|7", "1|2|3|4.5|0|0")),
+    ("4.21/3", "fail", position("1|2|3|4.5|0|0", "1|2|3|4|0|0")),
+    ("4.21/3", "none", position("1|2|3|4|0|0", "9|2|3|4|0|0", between=PROGRAM)),
+    ("4.21/3", "pass", GRIPPER.format(before=READ, between="", answer="0|0|5")),
+    ("4.21/3", "fail", GRIPPER.format(before=READ, between="", answer="1|2|3")),
+    ("4.21/3", "none", GRIPPER.format(before="", between="", answer="1|2|3")),
+    ("4.21/3", "none", GRIPPER.format(before=READ, between=PROGRAM, answer="1|2|3")),
+    (
+        "4.21/3",
+        "none",
+        GRIPPER.format(
+            before=READ,
+            between="> set_gripper_center 1|2|3\n< set_gripper_center 1",
+            answer="1|2|3",
+        ),
+    ),
+)
+
+
+@pytest.mark.parametrize(("requirement", "expected", "session"), CASES)
+def test_settings(
+    requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
+) -> None:
+    """The verdict is the register's, and nothing else fails for it."""
+    check_case(requirement, expected, session)

@@ -1,0 +1,139 @@
+"""An arm that stands still: each requirement on traffic that keeps it, and that does not."""
+
+from collections.abc import Callable
+
+import pytest
+
+from scaraspec.protocol.commands import BY_NAME
+
+JOINTS = "> get_joint_angles\n< get_joint_angles {}"
+POSE = "> get_tool_coordinates\n< get_tool_coordinates {}"
+STATUS = "> get_status\n< get_status 00"
+MOVING = "> get_status\n< get_status 04"
+HERE, NEAR, THERE = "0|90|0|0", "0|90.1|0|0", "1|90|0|0"
+HERE_XY, THERE_XY = "300|300|0|0|0|0", "295|305|0|0|0|0"
+SET = {
+    "4.13/6": "set_default_program a.rob",
+    "4.20/5": "set_gripper_center 0|0|9",
+    "4.21/5": "set_initial_tool_position 1|2|3|4|0|0",
+}
+
+
+def session(*lines: str) -> str:
+    """These lines behind a login."""
+    return "\n".join(("login", *lines))
+
+
+def done(name: str, data: str = "", result: str = "11") -> str:
+    """A two-stage command from beginning to end."""
+    assert BY_NAME[name].two_stage
+    return f"> {name} {data}\n< {name} 1\n<90 {name} {result}"
+
+
+def joints(*readings: str) -> str:
+    """Readings of the joint angles."""
+    return "\n".join(JOINTS.format(reading) for reading in readings)
+
+
+def pose(*readings: str) -> str:
+    """Readings of the tool coordinates."""
+    return "\n".join(POSE.format(reading) for reading in readings)
+
+
+def put(requirement: str) -> str:
+    """The setting that a requirement is about, accepted."""
+    asked = SET[requirement]
+    return f"> {asked}\n< {asked.split()[0]} 1"
+
+
+LOCKED = done("lock_joints")
+MOVED = done("set_tool_coordinates", "50|300|300|0|0|0|0")
+SIMULATING = "> simulate_program a\n< simulate_program 1"
+
+CASES = (
+    ("4.17/7", "pass", session(done("emergency_stop"), joints(HERE, HERE))),
+    ("4.17/7", "pass", session(done("emergency_stop"), joints(HERE, NEAR))),
+    ("4.17/7", "fail", session(done("emergency_stop"), joints(HERE, THERE))),
+    ("4.17/7", "none", session(done("emergency_stop", result="00|12"), joints(HERE, THERE))),
+    # Later somebody may have begun another motion.
+    ("4.17/7", "none", session(done("emergency_stop"), joints(HERE), "+3", joints(THERE))),
+    ("4.17/7", "none 4/7", session(done("emergency_stop"), joints(HERE), MOVING, joints(THERE))),
+    ("4.26/5", "pass", session(LOCKED, joints(HERE, HERE))),
+    ("4.26/5", "fail", session(LOCKED, joints(HERE, THERE))),
+    ("4.26/5", "none", session(done("release_joints"), joints(HERE, THERE))),
+    ("4.27/4", "pass", session(MOVED, joints(HERE, HERE))),
+    ("4.27/4", "fail", session(MOVED, joints(HERE, THERE))),
+    ("4.27/4", "pass", session(LOCKED, "+5", STATUS, joints(HERE, HERE), STATUS)),
+    ("4.27/4", "fail", session(LOCKED, "+5", STATUS, joints(HERE, THERE), STATUS)),
+    # A pendant's motion would show in the status behind it, or in time.
+    ("4.27/4", "none", session(LOCKED, "+5", STATUS, joints(HERE, THERE), MOVING)),
+    ("4.27/4", "none", session(LOCKED, "+5", STATUS, joints(HERE), "+2", joints(THERE), STATUS)),
+    # Nobody knows whether the joints are locked; a hand may move them.
+    ("4.27/4", "none", session(STATUS, joints(HERE, THERE), STATUS)),
+    ("4.27/4", "none", session(done("release_joints"), "+5", STATUS, joints(HERE, THERE), STATUS)),
+    ("4.23/5", "pass", session(MOVED, pose(HERE_XY, HERE_XY))),
+    ("4.23/5", "fail", session(MOVED, pose(HERE_XY, THERE_XY))),
+    ("4.23/5", "pass", session(LOCKED, "+5", STATUS, pose(HERE_XY, HERE_XY), STATUS)),
+    ("4.23/5", "fail", session(LOCKED, "+5", STATUS, pose(HERE_XY, THERE_XY), STATUS)),
+    # The pose may be that of the gripper (A-4.23-1).
+    ("4.23/5", "none", session(MOVED, pose(HERE_XY), put("4.20/5"), pose(THERE_XY))),
+    *(
+        case
+        for requirement, wrong in (
+            ("4.13/6", "tolerated A-4.12-3=moves"),
+            ("4.20/5", "fail"),
+            ("4.21/5", "tolerated A-4.21-2=moves"),
+        )
+        for case in (
+            (requirement, "pass", session(STATUS, joints(HERE), put(requirement), joints(HERE))),
+            (requirement, wrong, session(STATUS, joints(HERE), put(requirement), joints(THERE))),
+            (requirement, "none", session(joints(HERE), put(requirement), joints(THERE))),
+            (
+                requirement,
+                "none",
+                session(STATUS, joints(HERE), put(requirement), "+3", joints(THERE)),
+            ),
+            (
+                requirement,
+                "none",
+                session(done("release_joints"), joints(HERE), put(requirement), joints(THERE)),
+            ),
+        )
+    ),
+    # Which of two settings moved the arm nobody can tell.
+    ("4.20/5", "none", session(STATUS, joints(HERE), put("4.20/5"), put("4.21/5"), joints(THERE))),
+    ("4.16/5", "pass", session(joints(HERE), SIMULATING, joints(HERE))),
+    (
+        "4.16/5",
+        "tolerated 4.16/5=observed otherwise",
+        session(joints(HERE), SIMULATING, joints(THERE)),
+    ),
+    (
+        "4.16/5",
+        "tolerated 4.16/5=observed otherwise",
+        session(
+            f"> get_digital_outputs\n< get_digital_outputs 1|{'0' * 16}",
+            done("simulate_program", "a"),
+            f"> get_digital_outputs\n< get_digital_outputs 1|{'1' * 16}",
+        ),
+    ),
+    (
+        "4.16/5",
+        "none",
+        session(
+            f"> get_digital_outputs\n< get_digital_outputs 1|{'0' * 16}",
+            SIMULATING,
+            "> set_digital_output 1|1\n< set_digital_output 1",
+            f"> get_digital_outputs\n< get_digital_outputs 1|{'0' * 15}1",
+        ),
+    ),
+    ("4.16/5", "none", session(joints(HERE), MOVED, SIMULATING, joints(THERE))),
+)
+
+
+@pytest.mark.parametrize(("requirement", "expected", "session"), CASES)
+def test_standstill(
+    requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
+) -> None:
+    """The verdict is the register's, and nothing else fails for it."""
+    check_case(requirement, expected, session)

@@ -1,0 +1,163 @@
+"""Two-stage commands: each requirement on traffic that keeps it, and on traffic that does not."""
+
+from collections.abc import Callable
+
+import pytest
+
+_ASKED = {
+    "run_program": "run_program a.rob",
+    "simulate_program": "simulate_program a.rob",
+    "emergency_stop": "emergency_stop",
+    "reset": "reset",
+    "set_tool_coordinates": "set_tool_coordinates 60|1|2|3|4|0|0",
+    "release_joints": "release_joints",
+    "lock_joints": "lock_joints",
+    "jog": "jog 1",
+    "shutdown": "shutdown",
+}
+_OUTCOMES = {
+    # command: what says how it succeeds, and what says how it fails
+    "run_program": ("4.15/5", "4.15/6"),
+    "simulate_program": ("4.16/3", "4.16/4"),
+    "emergency_stop": ("4.17/4", "4.17/5"),
+    "reset": ("4.18/4", "4.18/5"),
+    "set_tool_coordinates": ("4.24/6", "4.24/7"),
+    "release_joints": ("4.25/3", "4.25/4"),
+    "lock_joints": ("4.26/3", "4.26/4"),
+    "jog": ("4.28/5", "4.28/6"),
+}
+_REFUSALS = {"4.15/3": "run_program", "4.24/3": "set_tool_coordinates", "4.35/3": "shutdown"}
+_ACCEPTANCES = {
+    "4.15/4": "run_program",
+    "4.18/3": "reset",
+    "4.24/5": "set_tool_coordinates",
+    "4.35/2": "shutdown",
+}
+
+
+def refused(name: str, reply: str) -> str:
+    """A command and its first reply."""
+    return f"login\n> {_ASKED[name]}\n< {name} {reply}"
+
+
+def ended(name: str, result: str) -> str:
+    """A command that is accepted, and its final result."""
+    return f"{refused(name, '1')}\n<90 {name} {result}"
+
+
+def cases() -> list[tuple[str, str, str]]:
+    """The tables above as cases."""
+    found = []
+    for name, (success, failure) in _OUTCOMES.items():
+        found += [
+            (success, "pass", ended(name, "11")),
+            (success, "fail 4/2", ended(name, "1")),
+            (success, "none", ended(name, "00|12")),
+            (failure, "pass", ended(name, "00|12")),
+            (failure, "fail 4/3 T/1", ended(name, "00")),
+            (failure, "none", ended(name, "11")),
+        ]
+    for requirement, name in _REFUSALS.items():
+        found.append((requirement, "pass", refused(name, "0|12")))
+        found.append((requirement, "none", refused(name, "1")))
+    for requirement, name in _ACCEPTANCES.items():
+        found.append((requirement, "pass", refused(name, "1")))
+        found.append((requirement, "none", refused(name, "0|12")))
+    return found
+
+
+TRAILING_NUL = r"""
+    login
+    > run_program a.rob
+    < run_program 1\x00
+    <90 run_program 11\x00
+"""
+SLOW = """
+    login
+    > {query}
+    < {answer}
+    > run_program a.rob
+    +3
+    < run_program 1
+    <90 run_program 11
+"""
+
+CASES = (
+    *cases(),
+    ("4/1", "pass", refused("run_program", "1")),
+    ("4/1", "pass", refused("reset", "0|04")),
+    ("4/1", "pass", TRAILING_NUL),
+    ("4/1", "fail 4.26/2", refused("lock_joints", "yes")),
+    ("4/1", "fail 4.15/4", refused("run_program", "1|go")),
+    ("4/1", "fail 4.25/2", refused("release_joints", "0")),
+    ("4/1", "tolerated err_bare0=0", refused("set_tool_coordinates", "0")),
+    ("4/1", "pass", refused("emergency_stop", "0")),
+    ("4.15/3", "fail 4/1", refused("run_program", "0")),
+    ("4.15/3", "fail T/7 8/2", refused("run_program", "0|99")),
+    ("4.24/3", "fail T/7 8/2", refused("set_tool_coordinates", "0|99")),
+    ("4.24/3", "tolerated err_bare0=0", refused("set_tool_coordinates", "0")),
+    ("4.35/3", "fail", refused("shutdown", "0")),
+    ("4.15/4", "fail 4/1", refused("run_program", "1|11")),
+    ("4.18/3", "fail 4/1", refused("reset", "11")),
+    ("4.24/5", "fail 4/1", refused("set_tool_coordinates", "1|")),
+    ("4.35/2", "fail", refused("shutdown", "1|")),
+    ("4.15/2", "pass", refused("run_program", "0|20")),
+    ("4.15/2", "tolerated A-4.15-1=00|20", ended("run_program", "00|20")),
+    ("4/2", "pass", ended("jog", "11")),
+    ("4/2", "pass", TRAILING_NUL),
+    ("4/2", "fail 4.18/4", ended("reset", "1|11")),
+    ("4/3", "pass", ended("reset", "00|11")),
+    ("4/3", "fail 4.18/5 T/7 8/2", ended("reset", "00|99")),
+    ("4/3", "fail 4.18/5 T/1", ended("reset", "00")),
+    ("4/4", "pass", refused("reset", "0|05")),
+    ("4/4", "tolerated A-0-7=00", refused("reset", "0|00")),
+    ("4/5", "pass", ended("reset", "00|12")),
+    ("4/5", "pass", ended("run_program", "00|20")),
+    ("4/5", "tolerated A-8-5=03", ended("reset", "00|03")),
+    # A command that was stopped blames no motor (A-4.17-4).
+    (
+        "4/5",
+        "pass",
+        """
+        login
+        > reset
+        < reset 1
+        > emergency_stop
+        < emergency_stop 1
+        <90 reset 00|00
+        <90 emergency_stop 11
+        """,
+    ),
+    ("4/14", "pass", ended("run_program", "11")),
+    ("4/14", "fail", SLOW.format(query="get_status", answer="get_status 00")),
+    # A program that does nothing, over a link that is slow.
+    ("4/14", "none", SLOW.format(query="get_status\n+2", answer="get_status 00")),
+    # A busy robot may have been silent the first time (A-4-2).
+    (
+        "4/14",
+        "none",
+        SLOW.format(query="get_status", answer="get_status 00").replace(
+            "+3", "+3\n    > run_program a.rob"
+        ),
+    ),
+    ("4/16", "pass", ended("jog", "11")),
+    (
+        "4/16",
+        "tolerated A-4-2=asked again",
+        "login\n> reset\n< reset 1\n> reset\n< reset 0|03\n<90 reset 11",
+    ),
+    ("4.28/2", "pass", "login\n> jog 4"),
+    ("4.28/2", "fail", "login\n> jog 5"),
+    ("4.28/2", "fail", r"login" + "\n" + r"> jog \x00"),
+    ("4.28/2", "tolerated jog_byte=binary", "login\n> jog \\x04"),
+    ("4.35/5", "pass", "login\n> shutdown\n< shutdown 1\n< close"),
+    ("4.35/5", "fail", "login\n> shutdown\n< shutdown 1\n<90 60 11\n< close"),
+)
+
+
+@pytest.mark.parametrize(("requirement", "expected", "session"), CASES)
+def test_two_stage(
+    requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
+) -> None:
+    """The verdict is the register's, and nothing else fails for it."""
+    check_case(requirement, expected, session)

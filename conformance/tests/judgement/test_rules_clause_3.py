@@ -1,0 +1,249 @@
+"""Clause 3: each requirement on traffic that keeps it, and on traffic that does not."""
+
+from collections.abc import Callable
+
+import pytest
+
+QUERY = """
+    login
+    > get_status
+    < get_status 00
+"""
+RUN = """
+    login
+    > run_program a.rob
+    < run_program 1
+    <90 run_program 11
+"""
+LONG_NAME = "6E" * 300  # with the length byte 300 - 256
+
+CASES = (
+    ("3/1", "pass", QUERY),
+    ("3/1", "fail", "login\n> = AA 09 05 01 02 03 04 05 06 07\n> get_status\n< get_status 00"),
+    ("3/1", "inconclusive", "> gap\n> = AA 09 05 01 02 03 04 05 06 07\n> get_status"),
+    ("3/2", "pass", QUERY),
+    ("3/2", "fail", "login\n> = AB 09 00 CC\n> get_status\n< get_status 00"),
+    ("3/2", "fail", "login\n> = CC 09 00 AA\n< get_status 00"),
+    ("3/3", "pass", QUERY),
+    ("3/3", "fail", "login\n> = AA 09 00 CD\n> get_status\n< get_status 00"),
+    ("3/4", "pass", QUERY),
+    ("3/4", "fail", "login\n> get_status\n< = AB 09 02 30 30 AA\n< get_status 00"),
+    ("3/4", "fail", "login\n> get_status\n< = AA 09 02 30 30 CC\n< get_status 00"),
+    ("3/5", "pass", QUERY),
+    ("3/5", "fail", "login\n> get_status\n< = CC 09 02 30 30 BB\n> get_time"),
+    ("3/5", "fail", "login\n> reset\n< reset 1\n< = CC 90 33 02 31 31 BB\n> get_time"),
+    ("3/6", "pass", QUERY),
+    ("3/6", "fail 3/7", "login\n> get_status\n< = CC 09 01 30 30 AA\n> get_time"),
+    ("3/7", "pass", QUERY),
+    (
+        "3/7",
+        "fail 3/6",
+        "login\n> get_status\n< = CC 09 03 30 30 AA\n> get_time\n< get_time 20260101000000",
+    ),
+    ("3/7", "fail 3/6", "login\n> reset\n< reset 1\n< = CC 90 33 04 30 30 7C 31 31 AA\n> get_time"),
+    # Nothing comes that would end the frame: the length is one that the document prints (L450).
+    (
+        "3/7",
+        "fail 3/6 4.21/6",
+        "login\n> = AA 36 19 32 30 30 7C 33 30 30 7C 33 32 34 7C 33 34 7C 33 34 7C 30 CC",
+    ),
+    ("3/8", "pass", QUERY),
+    ("3/8", "fail 3/6 3/7", "login\n> = AA 09 00 30 CC\n> get_status\n< get_status 00"),
+    ("3/10", "pass", QUERY),
+    ("3/10", "pass", "login\n> 13\n< 13 a.rob"),
+    ("3/10", "fail", "login\n> 3E\n> get_status\n< get_status 00"),
+    ("3/10", "fail", "login\n> get_status\n< get_status 00\n< 77 1"),
+    ("3/10", "inconclusive", "> gap\n> get_time\n> 77"),
+    ("3/11", "pass", QUERY),
+    ("3/11", "pass", "login\n> get_motor_temperatures\n< 0E 20|38|34|22"),
+    ("3/11", "pass 4.12/2", "login\n> get_default_program\n< 13 a.rob"),
+    # The heartbeat of 0x09 is unsolicited (A-3-16); the request has its own reply.
+    ("3/11", "pass", "login\n> get_time\n< get_status 00\n< get_time 20260101000000"),
+    (
+        "3/11",
+        "fail",
+        "login\n> get_time\n< 08 20260101000000\n> get_status\n< get_status 00\n+6\n> get_status",
+    ),
+    (
+        "3/11",
+        "inconclusive",
+        "login\n> gap 4\n> get_time\n< 08 1\n> get_status\n< get_status 00\n+11\n> get_status",
+    ),
+    ("3/12", "pass", RUN),
+    ("3/12", "fail", "login\n> run_program a.rob\n< run_program 1\n< run_program 11"),
+    ("3/14", "pass", RUN),
+    ("3/14", "tolerated A-3-6=90 09", "login\n> get_status\n< get_status 00\n<90 09 00"),
+    ("3/15", "pass", QUERY),
+    ("3/15", "fail", "login\n> 90\n> get_status\n< get_status 00"),
+    ("3/15", "fail", "login\n> = AA 90 30 02 31 31 CC\n> get_status\n< get_status 00"),
+    ("3/16", "pass", RUN),
+    ("3/16", "fail", "login\n> run_program a.rob\n<90 run_program 11\n< run_program 1"),
+    ("3/16", "fail", "login\n<90 run_program 11"),
+    ("3/16", "inconclusive", "login\n> gap 10\n<90 run_program 11"),
+    (
+        "3/16",
+        "tolerated A-2-9=elsewhere",
+        """
+        login
+        2> login password
+        2< login 1
+        > run_program a.rob
+        < run_program 1
+        <90 run_program 11
+        2<90 run_program 11
+        """,
+    ),
+    ("3/17", "pass", "login\n> run_program a.rob\n< run_program 0|20"),
+    ("3/17", "fail", "login\n> run_program a.rob\n< run_program 0|20\n<90 run_program 00|20"),
+    (
+        "3/17",
+        "inconclusive",
+        "login\n> run_program a\n< run_program 0|20\n> gap 9\n<90 run_program 00|20",
+    ),
+    ("3/18", "pass", RUN),
+    ("3/18", "fail", RUN + "<90 run_program 11"),
+    (
+        "3/18",
+        "fail",
+        """
+        login
+        > run_program a.rob
+        < run_program 1
+        > get_status
+        < get_status 00
+        > reset
+        < reset 1
+        <90 reset 11
+        """,
+    ),
+    (
+        "3/18",
+        "fail",
+        "login\n> reset\n< reset 1\n> get_status\n< get_status 00\n+6\n> close",
+    ),
+    ("3/18", "inconclusive", "login\n> reset\n< reset 1\n< gap 7\n> get_status\n< get_status 00"),
+    # Not yet over when the link is lost, or shut down: no verdict.
+    ("3/18", "none", "login\n> reset\n< reset 1\n> close"),
+    (
+        "3/18",
+        "tolerated estop_interrupted=none",
+        """
+        login
+        > run_program a.rob
+        < run_program 1
+        > emergency_stop
+        < emergency_stop 1
+        <90 emergency_stop 11
+        > reset
+        < reset 1
+        """,
+    ),
+    (
+        "3/18",
+        "tolerated A-4.28-5=replace",
+        """
+        login
+        > jog 1
+        < jog 1
+        > jog 2
+        < jog 1
+        <90 jog 11
+        > reset
+        < reset 1
+        """,
+    ),
+    ("3/24", "pass", "login\n> get_time\n> get_status\n< get_time 20260101000000\n< get_status 00"),
+    # A request that nobody answers is overtaken by nothing.
+    ("3/24", "pass 3/10", "login\n> 77\n> get_status\n< get_status 00"),
+    (
+        "3/24",
+        "tolerated pipelining=any-order",
+        "login\n> get_time\n> get_status\n< get_status 00\n< get_time 20260101000000",
+    ),
+    ("3/25", "pass", QUERY),
+    (
+        "3/25",
+        "tolerated A-3-14=two open requests",
+        "login\n> get_status\n> get_status\n< get_status 00\n< get_status 00",
+    ),
+    # After the reply time a repetition is a new attempt.
+    ("3/25", "pass 3/31", "login\n> get_status\n+6\n> get_status\n< get_status 00"),
+    ("3/26", "pass", QUERY),
+    ("3/26", "tolerated A-3-16=unsolicited frame", QUERY + "< get_status 00"),
+    ("3/26", "inconclusive", "> gap\n< get_status 00"),
+    ("3/28", "pass", QUERY),
+    (
+        "3/28",
+        "fail 3/6 3/7",
+        f"login\n> = AA 30 2C {LONG_NAME} CC\n> get_status\n< get_status 00",
+    ),
+    ("3/31", "pass", QUERY),
+    ("3/31", "pass", "login\n> get_time\n+6\n< get_time 20260101000000"),
+    # Before the login silence is one way to refuse (A-4-4).
+    ("3/31", "none 2/10", "> get_time\n> get_status\n+20\n> get_status"),
+    (
+        "3/31",
+        "fail",
+        "login\n> get_time\n> get_status\n< get_status 00\n+6\n> get_status\n< get_status 00",
+    ),
+    ("3/31", "fail", "login\n> get_time\n> get_status\n< get_status 00\n+6\n> close"),
+    (
+        "3/31",
+        "fail",
+        "login\n> get_time\n> get_status\n< get_status 00\n+6\n< get_time 20260101000000",
+    ),
+    # Overtaken, and too late by itself.
+    (
+        "3/31",
+        "fail",
+        "login\n> get_time\n> get_status\n+6\n< get_status 00\n< get_time 20260101000000",
+    ),
+    # Asked again after the reply time, answered once: one of the two was not answered.
+    ("3/31", "fail", "login\n> get_time\n+6\n> get_time\n< get_time 20260101000000\n+11\n> close"),
+    ("3/31", "pass", "login\n> get_time\n> get_status\n< get_status 00\n> close"),
+    ("3/31", "inconclusive", "login\n> get_time\n+6\n> close"),
+    # A robot that shuts down, or changes its address, answers no more.
+    ("3/31", "pass", "login\n> shutdown\n< shutdown 1\n> get_time\n+6\n> close"),
+    ("3/31", "inconclusive", "login\n> get_time\n< gap 18\n> get_status\n< get_status 00"),
+    (
+        "3/31",
+        "tolerated busy_reply=silence",
+        RUN.replace(
+            "<90", "> reset\n> get_status\n< get_status 01\n+11\n> get_status\n< get_status 01\n<90"
+        ),
+    ),
+    (
+        "3/31",
+        "tolerated A-4-3=not served",
+        RUN.replace(
+            "<90",
+            "> get_time\n> get_status\n< get_status 01\n+11\n> get_status\n< get_status 01\n<90",
+        ),
+    ),
+    (
+        "3/31",
+        "tolerated op_get_default=0x13",
+        "login\n> get_default_program\n> 13\n< 13 a.rob\n+11\n> get_status\n< get_status 00",
+    ),
+    (
+        "3/31",
+        "tolerated default_none=silence",
+        "login\n> get_default_program\n> get_status\n< get_status 00\n+11\n> get_status",
+    ),
+    ("3/32", "pass", QUERY),
+    ("3/32", "fail", "login\n> = 00\n> get_status\n< get_status 00"),
+    (
+        "3/32",
+        "fail",
+        "login\n> get_status\n< = CC\n< get_status 00\n> get_time\n< get_time 20260101000000",
+    ),
+    ("3/32", "inconclusive", "> gap\n> = 00 00\n> get_status"),
+)
+
+
+@pytest.mark.parametrize(("requirement", "expected", "session"), CASES)
+def test_clause_3(
+    requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
+) -> None:
+    """The verdict is the register's, and nothing else fails for it."""
+    check_case(requirement, expected, session)

@@ -1,0 +1,203 @@
+"""Clause 5: each requirement on traffic that keeps it, and on traffic that does not."""
+
+from collections.abc import Callable
+
+import pytest
+
+UPLOAD = """
+    login
+    > upload_name a.bin
+    < upload_name 1
+    > chunk 0/300
+    < upload_chunk 1
+    > chunk 200/300
+    < upload_chunk 1
+"""
+DOWNLOAD = """
+    login
+    > download_name a.bin
+    < download_name 1
+    < chunk 0/300
+    > download_chunk 1
+    < chunk 200/300
+    > download_chunk 1
+"""
+AGAIN = """
+    > upload_name a.bin
+    < upload_name {}
+"""
+DELETE = """
+    > delete_program a.bin
+    < delete_program {}
+"""
+FETCH = DOWNLOAD.replace("login", "")
+LONG_NAME = "n" * 31
+
+
+def up(*chunks: str) -> str:
+    """An upload of these chunks, each of them acknowledged."""
+    answers = "".join(f"> {chunk}\n< upload_chunk 1\n" for chunk in chunks)
+    return f"login\n> upload_name a.bin\n< upload_name 1\n{answers}"
+
+
+def down(*chunks: str) -> str:
+    """A download of these chunks, each of them acknowledged."""
+    answers = "".join(f"< {chunk}\n> download_chunk 1\n" for chunk in chunks)
+    return f"login\n> download_name a.bin\n< download_name 1\n{answers}"
+
+
+CASES = (
+    ("5.1/1", "pass", UPLOAD),
+    ("5.1/1", "fail 5.2/5", up("upload_chunk 123")),
+    ("5.1/1", "fail 5.3/4", down("download_chunk 123")),
+    ("5.1/1", "fail 5.2/5", up("52 " + r"\x05\x00\x00\x00\x00\x00\x00\x00\x05\x00\x00\x00hello.")),
+    ("5.1/2", "pass", UPLOAD),
+    ("5.1/2", "tolerated chunk_trunc=truncated", up("chunk 0/300", "chunk 200/300 cut")),
+    ("5.1/3", "pass", UPLOAD),
+    ("5.1/3", "fail", up("chunk 0/300", "chunk 200/301")),
+    ("5.1/4", "pass", UPLOAD),
+    ("5.1/4", "fail 5.1/8", up("chunk 0/500", "chunk 1/500 len=200", "chunk 2/500 len=100")),
+    ("5.1/4", "fail 5.1/8", up("chunk 1/300 len=200")),
+    ("5.1/4", "fail 5.1/8", down("chunk 200/300 len=100")),
+    ("5.1/5", "pass", UPLOAD),
+    ("5.1/5", "fail 5.4/3", up("chunk 0/300 len=201")),
+    ("5.1/6", "pass", UPLOAD),
+    ("5.1/6", "fail", up("chunk 0/300", "chunk 200/300 len=101")),
+    ("5.1/7", "pass", UPLOAD),
+    ("5.1/7", "none 5.1/8", up("chunk 0/700", "chunk 400/700", "chunk 600/700")),
+    ("5.1/8", "pass", DOWNLOAD),
+    ("5.1/8", "fail", up("chunk 0/700", "chunk 400/700", "chunk 600/700")),
+    ("5.1/8", "fail", up("chunk 0/700", "chunk 0/700", "chunk 200/700")),
+    ("5.1/8", "fail", down("chunk 0/700", "chunk 100/700")),
+    # What a gap has torn out of the middle is no fault of the sender.
+    ("5.1/8", "pass", up("chunk 0/700") + "> gap 216\n> chunk 400/700\n< upload_chunk 1"),
+    ("5.1/9", "pass", UPLOAD),
+    ("5.1/9", "tolerated endian=big", up("chunk 0/300 big", "chunk 200/300 big")),
+    ("5.1/9", "fail", up("chunk 0/300", "chunk 200/300 big")),
+    (
+        "5.1/9",
+        "fail",
+        UPLOAD + "> upload_name b.bin\n< upload_name 1\n> chunk 0/300 big\n< upload_chunk 1",
+    ),
+    ("5.1/10", "pass", UPLOAD + AGAIN.format(0)),
+    ("5.1/10", "fail 5.2/3 5.4/2", UPLOAD + AGAIN.format(1)),
+    ("5.1/10", "pass", UPLOAD + AGAIN.format(0) + DELETE.format(1) + AGAIN.format(1)),
+    # Whether a refused deletion left it there is not certain.
+    ("5.1/10", "none", UPLOAD + DELETE.format(0) + AGAIN.format(1)),
+    ("5.1/10", "none", UPLOAD + "> gap 12\n" + AGAIN.format(1)),
+    ("5.1/11", "pass", UPLOAD),
+    # The name may be answered behind the first chunk.
+    (
+        "5.1/11",
+        "pass",
+        "login\n> upload_name a\n> chunk 0/9\n< upload_name 1\n< upload_chunk 1",
+    ),
+    ("5.1/11", "fail", "login\n> chunk 0/300\n< upload_chunk 0"),
+    ("5.1/11", "fail", "login\n< chunk 0/300\n> download_chunk 0"),
+    ("5.1/11", "inconclusive", "> gap\n> chunk 0/300\n< upload_chunk 1"),
+    ("5.2/1", "pass", UPLOAD),
+    ("5.2/1", "fail", "login\n> upload_name\n< upload_name 0"),
+    ("5.2/2", "pass", UPLOAD),
+    ("5.2/2", "fail", "login\n> upload_name a\n< upload_name 1|2"),
+    ("5.2/3", "pass", UPLOAD + AGAIN.format(0)),
+    ("5.2/3", "fail 5.1/10 5.4/2", UPLOAD + AGAIN.format(1)),
+    ("5.2/4", "pass", UPLOAD),
+    ("5.2/4", "fail", "login" + AGAIN.format(0) + "> chunk 0/300\n< upload_chunk 0"),
+    ("5.2/4", "none", "login" + AGAIN.format(0) + "> gap 20\n> chunk 0/300\n< upload_chunk 1"),
+    ("5.2/5", "pass", UPLOAD),
+    ("5.2/5", "fail 5.1/1", up("upload_chunk 123")),
+    ("5.2/6", "pass", UPLOAD),
+    ("5.2/6", "fail", up("chunk 0/300").replace("_chunk 1", "_chunk OK")),
+    ("5.2/7", "pass", UPLOAD),
+    (
+        "5.2/7",
+        "fail",
+        "login" + AGAIN.format(1) + "> chunk 0/300\n> chunk 200/300\n"
+        "< upload_chunk 1\n< upload_chunk 1",
+    ),
+    (
+        "5.2/7",
+        "fail",
+        "login" + AGAIN.format(1) + "> chunk 0/300\n+20\n> chunk 200/300\n< upload_chunk 1",
+    ),
+    ("5.2/8", "pass", UPLOAD),
+    (
+        "5.2/8",
+        "tolerated A-5-14=goes on",
+        up("chunk 0/300") + "> chunk 200/300\n< upload_chunk 0\n> chunk 200/300\n< upload_chunk 1",
+    ),
+    (
+        "5.2/8",
+        "tolerated A-5-14=goes on",
+        "login" + AGAIN.format(1) + "> chunk 0/700\n< upload_chunk 0\n> chunk 200/700",
+    ),
+    ("5.2/12", "pass", UPLOAD + FETCH),
+    ("5.2/12", "fail", UPLOAD + FETCH.replace("200/300", "200/300 other")),
+    ("5.2/12", "fail", UPLOAD + down("chunk 0/200").removeprefix("login")),
+    ("5.2/12", "none", UPLOAD + "> gap 30\n" + FETCH.replace("200/300", "200/300 other")),
+    (
+        "5.2/12",
+        "none 4.11/3",
+        UPLOAD + DELETE.format(1) + FETCH.replace("200/300", "200/300 other"),
+    ),
+    ("5.2/13", "pass", UPLOAD),
+    ("5.2/13", "fail", UPLOAD + "> chunk 300/300\n< upload_chunk 1"),
+    ("5.2/13", "fail", DOWNLOAD + "< chunk 200/300\n> download_chunk 1"),
+    ("5.2/17", "pass", UPLOAD),
+    (
+        "5.2/17",
+        "tolerated empty_file=chunk",
+        "login" + AGAIN.format(1) + "> chunk 0/0\n< upload_chunk 1",
+    ),
+    ("5.2/17", "none", "login" + AGAIN.format(1) + "> chunk 0/300 len=0\n+40\n> close"),
+    ("5.2/18", "pass", UPLOAD),
+    ("5.2/18", "tolerated name_max=255", f"login\n> upload_name {LONG_NAME}\n< upload_name 1"),
+    ("5.3/1", "pass", DOWNLOAD),
+    ("5.3/1", "fail", "login\n> download_name\n< download_name 0"),
+    ("5.3/2", "pass", DOWNLOAD),
+    ("5.3/2", "fail", "login\n> download_name a\n< download_name"),
+    ("5.3/4", "pass", DOWNLOAD),
+    ("5.3/4", "fail 5.1/1", down("download_chunk 123")),
+    (
+        "5.3/4",
+        "fail",
+        UPLOAD + "> download_name a.bin\n< download_name 1\n+61\n> get_status\n< get_status 00",
+    ),
+    # Of an empty file, which this may be, nothing need come (A-5-10).
+    ("5.3/4", "inconclusive", "login\n> download_name a\n< download_name 1\n+61\n> close"),
+    ("5.3/5", "pass", DOWNLOAD),
+    ("5.3/5", "fail", DOWNLOAD + "> download_chunk 1"),
+    ("5.3/5", "fail", DOWNLOAD.replace("_chunk 1", "_chunk yes")),
+    ("5.3/5", "inconclusive", DOWNLOAD + "< gap 216\n> download_chunk 1"),
+    ("5.3/6", "pass", DOWNLOAD),
+    (
+        "5.3/6",
+        "fail",
+        down() + "< chunk 0/300\n< chunk 200/300\n> download_chunk 1\n> download_chunk 1",
+    ),
+    ("5.3/10", "pass", DOWNLOAD),
+    (
+        "5.3/10",
+        "fail",
+        "login\n> download_name a\n< download_name 0\n< chunk 0/9\n> download_chunk 0",
+    ),
+    ("5.4/1", "pass", UPLOAD),
+    ("5.4/1", "none", "login" + AGAIN.format(0)),
+    ("5.4/2", "pass", UPLOAD + AGAIN.format(0)),
+    ("5.4/2", "fail 5.1/10 5.2/3", UPLOAD + AGAIN.format(1)),
+    ("5.4/3", "pass", UPLOAD),
+    ("5.4/3", "fail 5.1/5", up("chunk 0/300 len=201")),
+)
+
+PASSES_ONLY = {
+    "5.1/7": "who goes on behind the end breaks 5.2/13",
+    "5.4/1": "a file may be refused for many reasons",
+}
+
+
+@pytest.mark.parametrize(("requirement", "expected", "session"), CASES)
+def test_clause_5(
+    requirement: str, expected: str, session: str, check_case: Callable[[str, str, str], None]
+) -> None:
+    """The verdict is the register's, and nothing else fails for it."""
+    check_case(requirement, expected, session)
