@@ -1,0 +1,137 @@
+"""Typed dataclasses to plain JSON values and back, driven by their annotations.
+
+Nothing here knows what a result is. Writing never fails on a well-typed object; reading trusts
+nothing: what does not fit is told with its place, and keys that nobody knows are passed over, so
+that a later writer may add some.
+"""
+
+import math
+import reprlib
+import types
+from collections.abc import Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from enum import Enum
+from functools import cache
+from typing import Any, Final, TypeVar, Union, get_args, get_origin, get_type_hints
+
+T = TypeVar("T")
+
+_INTEGER_LIMIT: Final = 1 << 63
+
+
+class MisfitError(ValueError):
+    """A plain value is not of the type wanted; the message says where, and what it is."""
+
+
+def to_plain(value: Any) -> Any:
+    """The value as objects, arrays, strings and numbers; enums become their values."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: to_plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, Mapping):
+        return {to_plain(k): to_plain(v) for k, v in value.items()}
+    if isinstance(value, tuple):
+        return [to_plain(v) for v in value]
+    return value
+
+
+def from_plain(wanted: type[T], plain: Any) -> T:
+    """Make a `wanted` of plain values.
+
+    Raises:
+        MisfitError: They do not fit.
+    """
+    made: T = _make(wanted, plain, "")
+    return made
+
+
+def _make(wanted: Any, plain: Any, at: str) -> Any:
+    origin, args = get_origin(wanted), get_args(wanted)
+    if origin in (Union, types.UnionType):
+        (inner,) = (arg for arg in args if arg is not type(None))
+        return None if plain is None else _make(inner, plain, at)
+    if origin is tuple:
+        return _make_tuple(args, plain, at)
+    if origin is Mapping:
+        keys, values = args
+        return {
+            _make(keys, k, f"a key of {at}"): _make(values, v, _join(at, k))
+            for k, v in _a(dict, plain, at).items()
+        }
+    if is_dataclass(wanted):
+        return _make_dataclass(wanted, plain, at)
+    if issubclass(wanted, Enum):
+        return _make_enum(wanted, plain, at)
+    return _make_scalar(wanted, plain, at)
+
+
+def _make_tuple(args: tuple[Any, ...], plain: Any, at: str) -> tuple[Any, ...]:
+    items = _a(list, plain, at)
+    if args[-1] is ...:
+        args = args[:1] * len(items)
+    if len(items) != len(args):
+        raise MisfitError(f"{at} has {len(items)} items, not {len(args)}")
+    pairs = zip(args, items, strict=True)
+    return tuple(_make(arg, item, f"{at}[{i}]") for i, (arg, item) in enumerate(pairs))
+
+
+def _make_dataclass(wanted: Any, plain: Any, at: str) -> Any:
+    values = _a(dict, plain, at)
+    made = {}
+    for name, (hint, required) in _members(wanted).items():
+        if name in values:
+            made[name] = _make(hint, values[name], _join(at, name))
+        elif required:
+            raise MisfitError(f"{_join(at, name)} is missing")
+    return wanted(**made)
+
+
+@cache
+def _members(wanted: Any) -> dict[str, tuple[Any, bool]]:
+    """Of each member its type, and whether it has no default."""
+    hints = get_type_hints(wanted)
+    return {
+        f.name: (hints[f.name], f.default is MISSING and f.default_factory is MISSING)
+        for f in fields(wanted)
+    }
+
+
+def _make_enum(wanted: type[Enum], plain: Any, at: str) -> Enum:
+    for member in wanted:
+        if member.value == plain:
+            return member
+    names = ", ".join(str(member.value) for member in wanted)
+    raise MisfitError(f"{at} is {reprlib.repr(plain)}, not one of {names}")
+
+
+def _make_scalar(wanted: Any, plain: Any, at: str) -> Any:
+    if wanted is float and type(plain) is int:
+        plain = float(_bounded(plain, at))
+    value = _a(wanted, plain, at)
+    if wanted is float and not math.isfinite(value):
+        raise MisfitError(f"{at} is no finite number")
+    return _bounded(value, at) if wanted is int else value
+
+
+def _bounded(number: int, at: str) -> int:
+    if not -_INTEGER_LIMIT <= number < _INTEGER_LIMIT:
+        raise MisfitError(f"{at} does not fit 64 bits")
+    return number
+
+
+_NAMES: Final = {dict: "an object", list: "an array", str: "a text", int: "an integer"} | {
+    float: "a number",
+    bool: "true or false",
+}
+
+
+def _a(wanted: type[T], plain: Any, at: str) -> T:
+    if type(plain) is not wanted:  # a bool is no int here
+        raise MisfitError(f"{at or 'the whole'} is {reprlib.repr(plain)}, not {_NAMES[wanted]}")
+    return plain
+
+
+def _join(at: str, name: str) -> str:
+    name = name if name.isidentifier() else reprlib.repr(name)
+    return f"{at}.{name}" if at else name

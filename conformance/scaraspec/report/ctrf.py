@@ -1,0 +1,89 @@
+"""ctrf.json: the cases in the Common Test Report Format (https://ctrf.io).
+
+The format knows passed, failed, skipped and other; our own verdict goes with each as its raw
+status. What is inconclusive or broke down is *other*: neither a pass nor the subject's failure.
+"""
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.report.files import write_whole
+from scaraspec.report.model import Case, Results
+from scaraspec.report.telling import cases_for_machines
+
+SPEC_VERSION: Final = "0.0.0"
+"""The version that the specification gives itself; it is a draft."""
+
+_STATUSES: Final = {
+    Verdict.NONE: "skipped",
+    Verdict.PASS: "passed",
+    Verdict.TOLERATED: "passed",
+    Verdict.INCONCLUSIVE: "other",
+    Verdict.FAIL: "failed",
+    Verdict.ERROR: "other",
+}
+
+
+def write(results: Results, path: Path) -> None:
+    """Write ctrf.json, whole or not at all.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    write_whole(path, render(results))
+
+
+def render(results: Results) -> str:
+    """The text of ctrf.json."""
+    cases = cases_for_machines(results)
+    statuses = [_STATUSES[case.verdict] for case in cases]
+    took_ms = sum(_ms(case) for case in cases)
+    begun_ms, ended_ms = 0, took_ms
+    if results.session:
+        begun_ms, ended_ms = results.session.begun_ns // 10**6, results.session.ended_ns // 10**6
+    document = {
+        "reportFormat": "CTRF",
+        "specVersion": SPEC_VERSION,
+        "generatedBy": results.tool.name,
+        "results": {
+            "tool": {"name": results.tool.name, "version": results.tool.version},
+            "summary": {
+                "tests": len(cases),
+                **{s: statuses.count(s) for s in ("passed", "failed", "skipped", "other")},
+                "pending": 0,
+                "start": begun_ms,
+                "stop": ended_ms,
+                "extra": {"verdict": results.verdict.value},
+            },
+            "tests": [_test(case, results) for case in cases],
+            "environment": {
+                "appName": results.subject.title,
+                "appVersion": results.subject.version,
+            },
+        },
+    }
+    return json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def _ms(case: Case) -> int:
+    return round(case.duration_s * 1000)
+
+
+def _test(case: Case, results: Results) -> dict[str, Any]:
+    test: dict[str, Any] = {
+        "name": case.id,
+        "status": _STATUSES[case.verdict],
+        "rawStatus": case.verdict.value,
+        "duration": _ms(case),
+        "suite": [results.role.value, case.id.partition("/")[0]],
+        "type": "conformance",
+        "message": case.message,
+        "tags": [f"hazard:{case.hazard.value}", *(f"requirement:{r}" for r in case.requirements)],
+    }
+    if case.expected or case.observed:
+        test["trace"] = f"expected: {case.expected}\nobserved: {case.observed}"
+    if case.replay:
+        test["extra"] = {"replay": case.replay}
+    return test

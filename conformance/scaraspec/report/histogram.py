@@ -1,0 +1,68 @@
+"""Times in fixed memory: a histogram whose bins are equal on a logarithmic scale.
+
+Sixteen bins double the time, so that a bin's geometric middle is within 2.2 % of all that fell
+into it. Minimum and maximum are exact. At most 512 bins, from 1 µs to 71 minutes; what lies beyond
+is counted in the first and the last.
+"""
+
+import math
+from collections import Counter
+from typing import Final
+
+from scaraspec.report.model import Timing
+
+_PER_OCTAVE: Final = 16
+_TOLD_PER_OCTAVE: Final = 4
+_FIRST_NS: Final = 1_000
+_BINS: Final = 32 * _PER_OCTAVE
+
+
+class Histogram:
+    """Counts durations in nanoseconds; one below zero, of a clock set back, counts as zero."""
+
+    def __init__(self) -> None:
+        self._bins: Counter[int] = Counter()
+        self._count = 0
+        self._min_ns = self._max_ns = 0
+
+    def add(self, duration_ns: int) -> None:
+        """Count one."""
+        duration_ns = max(duration_ns, 0)
+        self._min_ns = min(self._min_ns, duration_ns) if self._count else duration_ns
+        self._max_ns = max(self._max_ns, duration_ns)
+        self._count += 1
+        octaves = math.log2(max(duration_ns, _FIRST_NS) / _FIRST_NS)
+        self._bins[min(int(octaves * _PER_OCTAVE), _BINS - 1)] += 1
+
+    def timing(self) -> Timing | None:
+        """What was counted; None where nothing was."""
+        if not self._count:
+            return None
+        told: Counter[int] = Counter()
+        for index, count in self._bins.items():
+            told[index * _TOLD_PER_OCTAVE // _PER_OCTAVE] += count
+        return Timing(
+            count=self._count,
+            min_ms=_ms(self._min_ns),
+            p50_ms=_ms(self._quantile_ns(0.50)),
+            p99_ms=_ms(self._quantile_ns(0.99)),
+            max_ms=_ms(self._max_ns),
+            bins=tuple(
+                (_ms(_FIRST_NS * 2 ** (index / _TOLD_PER_OCTAVE)), count)
+                for index, count in sorted(told.items())
+            ),
+        )
+
+    def _quantile_ns(self, share: float) -> float:
+        due = math.ceil(share * self._count)
+        index = -1
+        for index, count in sorted(self._bins.items()):  # noqa: B007 - the last one is the answer
+            due -= count
+            if due <= 0:
+                break
+        middle_ns = _FIRST_NS * 2 ** ((index + 0.5) / _PER_OCTAVE)
+        return min(max(middle_ns, self._min_ns), self._max_ns)
+
+
+def _ms(duration_ns: float) -> float:
+    return round(duration_ns / 1e6, 6)

@@ -1,0 +1,253 @@
+"""SessionStats: what happened on the wire, counted while it passes and in bounded memory.
+
+Takes everything that a judge yields. Nothing is judged here. Durations go into histograms (see
+`histogram` for their error), lists are kept up to a limit and counted beyond it.
+"""
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass, field
+from typing import Final, TypeVar
+
+from scaraspec.judgement.happenings import (
+    Ending,
+    Exchange,
+    FrameSeen,
+    Happening,
+    Injected,
+    LinkChange,
+    Lost,
+    Transfer,
+    Undecodable,
+)
+from scaraspec.judgement.verdicts import Finding
+from scaraspec.judgement.wire import Kind, Place, WireEvent
+from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.fields import show
+from scaraspec.report.exhibits import Exhibits
+from scaraspec.report.histogram import Histogram
+from scaraspec.report.model import (
+    CommandSeen,
+    ConnectionSeen,
+    Loss,
+    RunSeen,
+    Session,
+    TransferSeen,
+)
+
+_LISTED: Final = 500
+_RUNS: Final = ("run_program", "simulate_program")
+
+T = TypeVar("T")
+
+
+@dataclass(slots=True)
+class _Command:
+    """The exchanges of one command so far."""
+
+    count: int = 0
+    refused: int = 0
+    endings: Counter[str] = field(default_factory=Counter)
+    latency: Histogram = field(default_factory=Histogram)
+    duration: Histogram = field(default_factory=Histogram)
+
+
+@dataclass(slots=True)
+class _Connection:
+    """One connection so far."""
+
+    begun_ns: int
+    ended_ns: int
+    bytes: Counter[Direction] = field(default_factory=Counter)
+    frames: int = 0
+    ending: str = "open"
+    note: str = ""
+    faults: int = 0
+
+    @property
+    def remark(self) -> str:
+        """Its addresses, and how often it was tampered with on purpose."""
+        faults = f"injected faults: {self.faults}" if self.faults else ""
+        return "; ".join(filter(None, (self.note, faults)))
+
+
+class SessionStats:
+    """Counts happenings; what findings rest on is kept in `exhibits`."""
+
+    def __init__(self) -> None:
+        self.exhibits = Exhibits()
+        self._begun_ns: int | None = None
+        self._ended_ns = 0
+        self._bytes: Counter[Direction] = Counter()
+        self._frames = self._undecodable_bytes = 0
+        self._connections: dict[str, _Connection] = {}
+        self._commands: defaultdict[str, _Command] = defaultdict(_Command)
+        self._transfers: list[TransferSeen] = []
+        self._runs: list[RunSeen] = []
+        self._losses: list[Loss] = []
+        self._unlisted: Counter[str] = Counter()
+
+    def add(self, item: Happening | Finding) -> None:
+        """Take the next thing that a judge yields."""
+        self.exhibits.add(item)
+        match item:
+            case FrameSeen():
+                self._frames += 1
+                connection = self._passed(item.place)
+                if connection:
+                    connection.frames += 1
+            case Undecodable():
+                self._undecodable_bytes += item.place.length_bytes
+                self._passed(item.place)
+            case LinkChange(event):
+                self._link(event)
+            case Lost(event):
+                self._lost(event)
+            case Injected(event):
+                self._injected(event)
+            case Exchange():
+                self._exchange(item)
+            case Transfer():
+                self._list("transfers", self._transfers, _transfer(item))
+
+    def session(self) -> Session | None:
+        """What happened so far; None where nothing did."""
+        if self._begun_ns is None:
+            return None
+        return Session(
+            begun_ns=self._begun_ns,
+            ended_ns=self._ended_ns,
+            bytes={d: self._bytes[d] for d in Direction},
+            frames=self._frames,
+            undecodable_bytes=self._undecodable_bytes,
+            connections=tuple(
+                ConnectionSeen(
+                    name,
+                    c.begun_ns,
+                    c.ended_ns,
+                    {d: c.bytes[d] for d in Direction},
+                    c.frames,
+                    c.ending,
+                    c.remark,
+                )
+                for name, c in self._connections.items()
+            ),
+            exchanges=tuple(
+                CommandSeen(
+                    name,
+                    c.count,
+                    c.refused,
+                    dict(sorted(c.endings.items())),
+                    c.latency.timing(),
+                    c.duration.timing(),
+                )
+                for name, c in sorted(self._commands.items())
+            ),
+            transfers=tuple(self._transfers),
+            runs=tuple(self._runs),
+            losses=tuple(self._losses),
+            unlisted=dict(self._unlisted),
+        )
+
+    def _at(self, name: str, time_ns: int) -> _Connection | None:
+        """The connection's record, moved on to `time_ns`; None beyond those that are listed."""
+        self._begun_ns = time_ns if self._begun_ns is None else min(self._begun_ns, time_ns)
+        self._ended_ns = max(self._ended_ns, time_ns)
+        connection = self._connections.get(name)
+        if connection is None:
+            if len(self._connections) >= _LISTED:
+                return None
+            connection = self._connections[name] = _Connection(time_ns, time_ns)
+        connection.ended_ns = max(connection.ended_ns, time_ns)
+        return connection
+
+    def _passed(self, place: Place) -> _Connection | None:
+        self._bytes[place.direction] += place.length_bytes
+        connection = self._at(place.connection, place.time_ns)
+        if connection:
+            connection.bytes[place.direction] += place.length_bytes
+        return connection
+
+    def _link(self, event: WireEvent) -> None:
+        connection = self._at(event.connection, event.time_ns)
+        if connection is None:
+            if event.kind is Kind.OPENED:
+                self._unlisted["connections"] += 1
+        elif event.kind is Kind.OPENED:
+            connection.note = event.note
+        else:
+            connection.ending = event.kind.value
+
+    def _lost(self, event: WireEvent) -> None:
+        self._at(event.connection, event.time_ns)
+        loss = Loss(
+            event.connection,
+            event.direction,
+            event.offset_bytes,
+            event.length_bytes,
+            event.time_ns,
+            event.note,
+        )
+        self._list("losses", self._losses, loss)
+
+    def _injected(self, event: WireEvent) -> None:
+        if connection := self._at(event.connection, event.time_ns):
+            connection.faults += 1
+
+    def _exchange(self, exchange: Exchange) -> None:
+        command = self._commands[exchange.name]
+        command.count += 1
+        command.refused += exchange.accepted is False
+        if exchange.ending is not Ending.ANSWERED:
+            command.endings[exchange.ending.value] += 1
+        if exchange.latency_ns is not None:
+            command.latency.add(exchange.latency_ns)
+        if exchange.duration_ns is not None:
+            command.duration.add(exchange.duration_ns)
+        if exchange.name in _RUNS:
+            self._list("runs", self._runs, _run(exchange))
+
+    def _list(self, name: str, listed: list[T], item: T) -> None:
+        if len(listed) < _LISTED:
+            listed.append(item)
+        else:
+            self._unlisted[name] += 1
+
+
+def _transfer(transfer: Transfer) -> TransferSeen:
+    return TransferSeen(
+        name=show(transfer.name),
+        upload=transfer.upload,
+        begun_ns=transfer.begun_ns,
+        duration_ms=(transfer.ended_ns - transfer.begun_ns) / 1e6,
+        size_bytes=transfer.size_bytes,
+        received_bytes=transfer.received_bytes,
+        chunks=transfer.chunks,
+        order=transfer.order,
+        state=transfer.state.value,
+        reason=transfer.reason,
+    )
+
+
+def _run(exchange: Exchange) -> RunSeen:
+    outcome, code = _outcome(exchange)
+    duration_ns = exchange.duration_ns
+    return RunSeen(
+        name=show(exchange.asked or b""),
+        simulated=exchange.name == "simulate_program",
+        begun_ns=exchange.time_ns,
+        duration_ms=None if duration_ns is None else duration_ns / 1e6,
+        outcome=outcome,
+        code=code or "",
+    )
+
+
+def _outcome(exchange: Exchange) -> tuple[str, str | None]:
+    """How a run ended, in one word or two, and the code that came with it."""
+    outcome = exchange.outcome
+    if exchange.accepted is False:
+        return "refused", getattr(exchange.answer, "code", None)
+    if exchange.interrupted_by:
+        return "interrupted", outcome.code if outcome else None
+    if outcome is None:
+        return exchange.ending.value, None
+    return ("done" if outcome.done else "failed"), outcome.code

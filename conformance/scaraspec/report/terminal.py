@@ -1,0 +1,131 @@
+"""The summary on a terminal: tables where there is one, plain lines where there is none.
+
+It says what a run amounts to and what to look at first; the rest is in the page. What a subject
+sent is shown, never obeyed: no control character of it reaches the terminal.
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.report.model import Case, Results
+from scaraspec.report.telling import TELLING, most_telling_first
+from scaraspec.report.visible import visible
+
+_STYLES: Final = {
+    "conformant": "bold green",
+    "nonconformant": "bold red",
+    "inconclusive": "bold magenta",
+    "nothing-tested": "bold yellow",
+    "pass": "green",
+    "tolerated": "yellow",
+    "fail": "red",
+    "error": "bold red",
+    "none": "dim",
+}
+
+DEFAULT_FINDINGS: Final = 10
+
+
+def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS) -> None:
+    """Print the summary.
+
+    Args:
+        results: What to say.
+        console: Where to; a table is drawn only if it is a terminal.
+        findings: How many findings to show, the most telling ones.
+    """
+    told = [case for case in most_telling_first(results) if case.verdict is not Verdict.PASS]
+    shown, hidden = told[:findings], max(len(told) - findings, 0)
+    if console.is_terminal:
+        _draw(results, shown, console)
+    else:
+        for line in _lines(results, shown):
+            console.print(_text(line), soft_wrap=True)
+    if hidden:
+        console.print(_text(f"and {hidden} more findings in the report"), soft_wrap=True)
+
+
+def _text(text: str, style: str = "") -> Text:
+    """Text in which nothing is taken for mark-up, and nothing acts on the terminal."""
+    return Text(visible(text), style)
+
+
+def _lines(results: Results, shown: list[Case]) -> Iterator[str]:
+    yield f"{results.verdict.value}: {results.subject.title}"
+    yield f"{_counts(results)}; {_coverage(results)}"
+    for party, dialect in _dialects(results):
+        yield f"dialect of the {party}: {dialect}"
+    for case in shown:
+        yield " · ".join(
+            part for part in (case.verdict.value, case.id, _what(case), _where(case)) if part
+        )
+
+
+def _draw(results: Results, shown: list[Case], console: Console) -> None:
+    verdict = results.verdict.value
+    console.print(_text(f"{verdict}  ", _STYLES[verdict]).append_text(_text(results.subject.title)))
+    facts = Table.grid(padding=(0, 2))
+    facts.add_column(style="dim")
+    facts.add_column(overflow="fold")
+    facts.add_row("cases", _counts(results))
+    facts.add_row("coverage", _coverage(results))
+    for party, dialect in _dialects(results):
+        facts.add_row(_text(f"dialect, {party}"), _text(dialect))
+    console.print(facts)
+    if not shown:
+        return
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for heading in ("verdict", "case", "finding", "where"):
+        table.add_column(heading, overflow="fold")
+    for case in shown:
+        verdict = case.verdict.value
+        texts = map(_text, (case.id, _what(case), _where(case)))
+        table.add_row(_text(verdict, _STYLES[verdict]), *texts)
+    console.print()
+    console.print(table)
+
+
+def _counts(results: Results) -> str:
+    counted = [f"{results.counts[v]} {v.value}" for v in TELLING if results.counts.get(v)]
+    return ", ".join(counted) or "no cases"
+
+
+def _coverage(results: Results) -> str:
+    judged = sum(r.verdict is not Verdict.NONE for r in results.requirements)
+    return f"{judged} of {len(results.requirements)} requirements in scope judged"
+
+
+def _dialects(results: Results) -> Iterator[tuple[str, str]]:
+    """Of each party the readings seen that are not the default, and where it mixes them."""
+    for party, seen in results.readings.items():
+        told = [
+            f"{key}={'+'.join(reading.options)}{' (mixed)' if reading.mixed else ''}"
+            for key, reading in seen.items()
+            if reading.options and not reading.default
+        ]
+        if seen:
+            yield party, ", ".join(told) or "the default, as far as it shows"
+
+
+def _what(case: Case) -> str:
+    """The finding in one line."""
+    compared = [
+        f"{name} {_one_line(text)}"
+        for name, text in (("expected", case.expected), ("observed", case.observed))
+        if text
+    ]
+    return f"{case.message} ({'; '.join(compared)})".strip() if compared else case.message
+
+
+def _one_line(text: str, limit: int = 80) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= limit else f"{text[: limit - 1]}…"
+
+
+def _where(case: Case) -> str:
+    return case.wire[0].place if case.wire else ""

@@ -1,0 +1,88 @@
+"""Plain values become typed ones, or the place that does not fit is named."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+import pytest
+
+from scaraspec.report.codec import MisfitError, from_plain, to_plain
+
+
+class Colour(Enum):
+    RED = "red"
+    BLUE = "blue"
+
+
+@dataclass(frozen=True)
+class Inner:
+    number: int
+    share: float = 0.5
+
+
+@dataclass(frozen=True)
+class Outer:
+    name: str
+    colour: Colour
+    inner: Inner | None = None
+    pairs: tuple[tuple[str, int], ...] = ()
+    by_colour: Mapping[Colour, bool] = field(default_factory=dict)
+
+
+WHOLE = Outer("x", Colour.RED, Inner(3, 0.25), (("a", 1), ("b", 2)), {Colour.BLUE: True})
+
+
+def test_a_value_survives_the_way_out_and_back() -> None:
+    """Every kind of member that the model uses comes back equal."""
+    plain = to_plain(WHOLE)
+    assert plain == {
+        "name": "x",
+        "colour": "red",
+        "inner": {"number": 3, "share": 0.25},
+        "pairs": [["a", 1], ["b", 2]],
+        "by_colour": {"blue": True},
+    }
+    assert from_plain(Outer, plain) == WHOLE
+
+
+def test_what_has_a_default_may_be_missing_and_what_nobody_knows_is_passed_over() -> None:
+    """Files of older and of newer writers are read."""
+    assert from_plain(Outer, {"name": "x", "colour": "red", "later": 1}) == Outer("x", Colour.RED)
+
+
+def test_a_whole_number_is_taken_for_a_number() -> None:
+    """JSON writers may drop the fraction of 1.0."""
+    assert from_plain(Inner, {"number": 1, "share": 1}) == Inner(1, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"name": None}, "name is None, not a text"),
+        ({"colour": "green"}, "colour is 'green', not one of red, blue"),
+        ({"inner": {}}, "inner.number is missing"),
+        ({"inner": {"number": True}}, "inner.number is True, not an integer"),
+        ({"inner": {"number": 1.5}}, "inner.number is 1.5, not an integer"),
+        ({"inner": {"number": 2**63}}, "inner.number does not fit 64 bits"),
+        ({"inner": {"number": 1, "share": float("inf")}}, "inner.share is no finite number"),
+        ({"inner": {"number": 1, "share": 10**400}}, "inner.share does not fit 64 bits"),
+        ({"inner": []}, "inner is [], not an object"),
+        ({"pairs": {}}, "pairs is {}, not an array"),
+        ({"pairs": [["a"]]}, "pairs[0] has 1 items, not 2"),
+        ({"pairs": [["a", 1], ["b", "c"]]}, "pairs[1][1] is 'c', not an integer"),
+        ({"by_colour": {"red": 0}}, "by_colour.red is 0, not true or false"),
+        ({"by_colour": {"\x1b": True}}, "a key of by_colour is '\\x1b', not one of red, blue"),
+    ],
+)
+def test_what_does_not_fit_is_told_with_its_place(change: dict[str, Any], told: str) -> None:
+    """The message leads a reader to the line that is wrong."""
+    with pytest.raises(MisfitError) as caught:
+        from_plain(Outer, {"name": "x", "colour": "red"} | change)
+    assert str(caught.value) == told
+
+
+def test_the_whole_may_be_wrong() -> None:
+    """Where there is no place to name, the whole is."""
+    with pytest.raises(MisfitError, match="the whole is 3, not an object"):
+        from_plain(Outer, 3)

@@ -1,0 +1,152 @@
+"""The frames that findings rest on are kept as they were, but for passwords."""
+
+import pytest
+
+from scaraspec.judgement.happenings import FrameSeen, Undecodable
+from scaraspec.judgement.verdicts import Cause, Finding, Verdict
+from scaraspec.judgement.wire import Place
+from scaraspec.protocol import commands
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.protocol.frames import Frame, Why
+from scaraspec.protocol.transfer import FILE_DATA, Chunk
+from scaraspec.report.exhibits import Exhibits, exhibit
+from scaraspec.report.model import FrameField
+
+
+def seen(frame: Frame, at: int = 0) -> FrameSeen:
+    """A frame at this place of its stream."""
+    place = Place("1", frame.direction, at, frame.size_bytes, 1000 + at)
+    return FrameSeen(frame, place, 1000 + at, commands.read(frame))
+
+
+def undecodable(direction: Direction, data: bytes) -> Undecodable:
+    """Bytes that are no frame."""
+    return Undecodable(data, Why.BAD_END, Place("1", direction, 0, len(data), 5))
+
+
+def finding(*places: Place, requirement: str = "3/18") -> Finding:
+    """A failure that rests on these places."""
+    return Finding(requirement, Verdict.FAIL, Cause.SUBJECT, "wrong", evidence=places)
+
+
+def parts(frame: Frame) -> list[tuple[str, int, int, str]]:
+    """The fields of a frame's exhibit."""
+    return [(f.name, f.offset_bytes, f.length_bytes, f.value) for f in exhibit(seen(frame)).fields]
+
+
+def test_an_exhibit_says_where_and_what_it_is() -> None:
+    """Place, note and bytes."""
+    found = exhibit(seen(Frame(C2A, 0x30, b"11", tagged=True), at=66))
+    assert (found.connection, found.direction, found.offset_bytes) == ("1", C2A, 66)
+    assert (found.length_bytes, found.time_ns) == (7, 1066)
+    assert (found.note, found.frame_hex) == ("run_program, final result", "CC9030023131AA")
+
+
+def test_every_part_of_a_frame_is_marked() -> None:
+    """Head, the texts between bars, and end; the bars stand alone."""
+    assert parts(Frame(A2C, 0x43, b"8|1")) == [
+        ("start", 0, 1, "A2C"),
+        ("opcode", 1, 1, "Set a digital output"),
+        ("length", 2, 1, "3"),
+        ("port", 3, 1, "8"),
+        ("value", 5, 1, "1"),
+        ("end", 6, 1, "A2C"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("frame", "names"),
+    [
+        (Frame(C2A, 0x30, b"1"), ["flag"]),
+        (Frame(C2A, 0x30, b"0|11"), ["flag", "code"]),
+        (Frame(C2A, 0x30, b"00|12", tagged=True), ["flag", "code"]),
+        (Frame(C2A, 0x0A, b"1|a.rob|00000003"), ["flag", "name", "run_time_s"]),
+        (Frame(C2A, 0x0A, b"0"), ["flag"]),
+        (Frame(C2A, 0x0B, b"0|a|b"), ["flag", "name", "name"]),
+        (Frame(C2A, 0x04, b"192.168.1.2 255.255.255.0"), ["data"]),
+        (Frame(C2A, 0x30, b"1|2|3|4"), ["data"] * 4),
+        (Frame(A2C, 0x77, b"?"), ["data"]),
+        (Frame(A2C, 0x09), []),
+    ],
+)
+def test_texts_bear_the_names_of_the_form_that_is_drawn(frame: Frame, names: list[str]) -> None:
+    """What fits no drawn form is plain data, and is not named wrongly."""
+    marked = [name for name, *_ in parts(frame)]
+    assert [n for n in marked if n not in ("start", "tag", "opcode", "length", "end")] == names
+
+
+def test_a_chunk_shows_its_structure() -> None:
+    """The three numbers, the valid bytes and the padding."""
+    data = FILE_DATA.encode(Chunk(300, 200, 100, b"x" * 100))
+    assert parts(Frame(A2C, 0x52, data))[3:8] == [
+        ("fileSize", 3, 4, "300"),
+        ("position", 7, 4, "200"),
+        ("length", 11, 4, "100"),
+        ("data", 15, 100, "100 valid bytes"),
+        ("padding", 115, 100, ""),
+    ]
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        Frame(A2C, 0x01, b"sesame"),
+        Frame(A2C, 0x03, b"sesame|sesame2"),
+        Frame(C2A, 0x01, b"sesame"),
+    ],
+)
+def test_a_password_is_hidden(frame: Frame) -> None:
+    """Only its length is left; a reply that repeats it is hidden, too."""
+    found = exhibit(seen(frame))
+    assert b"sesame".hex().upper() not in found.frame_hex
+    assert found.frame_hex[6:-2] == "2A" * len(frame.data)
+    assert "sesame" not in repr(found)
+
+
+def test_the_flag_of_a_login_is_shown() -> None:
+    """One byte cannot be a password, and is what a reader looks for."""
+    assert exhibit(seen(Frame(C2A, 0x01, b"0"))).frame_hex == "CC010130AA"
+
+
+def test_a_password_is_hidden_in_bytes_that_are_no_frame() -> None:
+    """A login with a wrong length must not give away what a right one hides."""
+    found = exhibit(undecodable(A2C, b"\x00\xaa\x01\x09sesame\xcc"))
+    assert found.frame_hex == "00AA01" + "2A" * 8
+    assert found.note == "no frame: bad end"
+
+
+def test_bytes_that_are_no_frame_are_shown_up_to_a_limit() -> None:
+    """Garbage is evidence; a megabyte of it is not better evidence."""
+    assert exhibit(undecodable(C2A, b"\xcc\x09\x05")).frame_hex == "CC0905"
+    assert len(exhibit(undecodable(C2A, b"\x55" * 4000)).frame_hex) == 1024
+
+
+def test_what_a_finding_names_is_kept() -> None:
+    """Bytes come back for the place, though the recording has passed."""
+    exhibits, frame = Exhibits(), seen(Frame(A2C, 0x09))
+    exhibits.add(frame)
+    exhibits.add(finding(frame.place))
+    for at in range(1000):
+        exhibits.add(seen(Frame(A2C, 0x08), at))
+    assert exhibits.evidence(frame.place).frame_hex == "AA0900CC"
+
+
+def test_a_place_whose_bytes_are_gone_is_still_told() -> None:
+    """No bytes are made up for it."""
+    exhibits, frame = Exhibits(), seen(Frame(A2C, 0x09), at=12)
+    exhibits.add(frame)
+    for at in range(100, 1000):
+        exhibits.add(seen(Frame(A2C, 0x08), at))
+    exhibits.add(finding(frame.place))
+    found = exhibits.evidence(frame.place)
+    assert (found.offset_bytes, found.frame_hex, found.fields) == (12, "", ())
+
+
+def test_memory_is_bounded() -> None:
+    """A requirement that fails at every frame keeps the first of them."""
+    exhibits = Exhibits()
+    for at in range(2000):
+        exhibits.add(seen(Frame(A2C, 0x09), at))
+        exhibits.add(finding(Place("1", A2C, at, 4, 1000 + at)))
+    assert len(exhibits._kept) == 50
+    assert FrameField("start", 0, 1, "A2C") in exhibits.evidence(Place("1", A2C, 0, 4, 1000)).fields

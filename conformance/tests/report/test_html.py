@@ -1,0 +1,323 @@
+"""The page is well-formed, whole in both languages, asks nothing of the network, obeys no subject.
+
+It is read here as a parser reads it; how a browser behaves on it is tested elsewhere.
+"""
+
+import base64
+import hashlib
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from scaraspec.judgement.verdicts import Conclusion
+from scaraspec.report import html
+from scaraspec.report.model import Results
+from scaraspec.report.words import WORDS, Language
+
+_VOID = frozenset({"meta", "input", "br"})
+_IN_LINE = frozenset({"span", "code", "b", "bdi", "i", "a"})
+
+
+@dataclass
+class Element:
+    """A tag, its attributes, and what is in it."""
+
+    tag: str
+    attributes: dict[str, str]
+    parent: "Element | None" = None
+    parts: "list[Element | str]" = field(default_factory=list)
+
+    @property
+    def children(self) -> "list[Element]":
+        return [part for part in self.parts if isinstance(part, Element)]
+
+    @property
+    def text(self) -> str:
+        return "".join(part if isinstance(part, str) else part.text for part in self.parts)
+
+    def has_class(self, name: str) -> bool:
+        return name in self.attributes.get("class", "").split()
+
+
+class Page(HTMLParser):
+    """The elements of a page; complains of tags that do not match."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.all: list[Element] = []
+        self._open: list[Element] = []
+        self.feed(text)
+        self.close()
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        names = [name for name, _ in attrs]
+        assert len(names) == len(set(names)), f"an attribute stands twice in {tag}"
+        parent = self._open[-1] if self._open else None
+        element = Element(tag, {name: value or "" for name, value in attrs}, parent)
+        self.all.append(element)
+        if parent:
+            parent.parts.append(element)
+        if tag not in _VOID:
+            self._open.append(element)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in _VOID:
+            self.handle_endtag(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop().tag == tag
+
+    def handle_data(self, data: str) -> None:
+        if self._open:
+            self._open[-1].parts.append(data)
+
+    def of(self, tag: str, class_name: str = "") -> list[Element]:
+        """All elements of a tag and class, in order."""
+        return [e for e in self.all if e.tag == tag and (not class_name or e.has_class(class_name))]
+
+
+def said(element: Element, language: str) -> str:
+    """The text that a reader of one language sees."""
+    return " ".join(seen_in(element, "zh" if language == "en" else "en").split())
+
+
+def seen_in(element: Element, hidden: str) -> str:
+    """The text but for that of a class; elements that are no part of a line stand apart."""
+    if element.has_class(hidden):
+        return ""
+    parts = (part if isinstance(part, str) else seen_in(part, hidden) for part in element.parts)
+    apart = "" if element.tag in _IN_LINE else " "
+    return apart + "".join(parts) + apart
+
+
+@pytest.fixture
+def page(full: Results) -> Page:
+    """The page of the full results."""
+    return Page(html.render(full))
+
+
+def test_every_text_of_the_tool_is_there_in_both_languages(page: Page) -> None:
+    """Each English piece has its Chinese one beside it."""
+    english, chinese = page.of("span", "en"), page.of("span", "zh")
+    assert len(english) == len(chinese) > 100
+    for one, other in zip(english, chinese, strict=True):
+        assert one.parent is other.parent
+        assert (one.attributes["lang"], other.attributes["lang"]) == ("en", "zh")
+        assert one.text
+        assert other.text
+
+
+@pytest.mark.parametrize("language", Language)
+def test_the_language_shown_first_is_that_of_the_option(full: Results, language: Language) -> None:
+    """And the switch knows what to change."""
+    page = Page(html.render(full, language))
+    (root,) = page.of("html")
+    assert root.attributes == {"lang": language.value, "data-language": language.value}
+    assert [
+        b.attributes["data-switch"] for b in page.of("button") if "data-switch" in b.attributes
+    ] == ["en", "zh"]
+    changing = [e.attributes for e in page.all if "data-attribute" in e.attributes]
+    assert changing
+    for attributes in changing:
+        assert attributes[attributes["data-attribute"]] == attributes[f"data-{language.value}"]
+
+
+def test_the_verdict_stands_first(page: Page) -> None:
+    """In words, with what it means and how much was judged."""
+    (verdict,) = page.of("section", "verdict")
+    assert verdict.has_class("is-nonconformant")
+    assert said(verdict, "en").startswith(
+        "Nonconformant Cell 7 控制器 At least one requirement of the document is violated. "
+        "5 of 7 requirements in scope were judged. 1 ✕ fail"
+    )
+    assert said(verdict, "zh").startswith("不符合 Cell 7 控制器 至少有一项协议文档的要求被违反。")
+
+
+@pytest.mark.parametrize("conclusion", Conclusion)
+def test_every_conclusion_has_its_banner(full: Results, conclusion: Conclusion) -> None:
+    """Also a run without any case, and one that knows nothing of the wire."""
+    bare = replace(
+        full, verdict=conclusion, cases=(), requirements=(), counts={}, readings={}, session=None
+    )
+    page = Page(html.render(bare))
+    (heading,) = page.of("h1")
+    assert said(heading, "en") == WORDS[conclusion.value].en
+    assert "There are no cases." in page.of("body")[0].text
+
+
+def test_a_case_shows_all_that_settles_an_argument(page: Page) -> None:
+    """The sentence, the document's words, clause and lines, both sides, the bytes, the replay."""
+    case = page.of("details", "case")[0]
+    text = said(case, "en")
+    for part in (
+        "✕ fail 3/18 run_program ended a second time",
+        "To each first reply '1' of a two-stage command there must be one final result",
+        "执行结束后将结果返回",
+        "L318 · firm · derived: it follows from the rest of the document · Open points: A-3-7",
+        "Expected one final result",
+        "Observed a second one",
+        "controller → client run_program, final result · +566 ms · connection 1, byte 73, 7 bytes",
+        "Responsible: the subject · Hazard: motion · Took: 1.5 s",
+        "Show it again scaraspec certify controller tcp://robot --only 3/18",
+    ):
+        assert part in text
+    chinese = said(case, "zh")
+    for part in ("应为 one final result", "责任方: 被测对象", "控制层 → 应用层", "第 73 字节起"):
+        assert part in chinese
+    assert "open" in case.attributes
+
+
+def test_a_frame_is_cut_at_its_fields(page: Page) -> None:
+    """What is between them stands alone; every byte is there once."""
+    (frame,) = page.of("div", "frame")
+    segments = [" ".join(child.text.split()) for child in frame.children]
+    assert segments == ["CC start C2A", "90 30 02", "31 31 flag 11", "AA"]
+
+
+def test_cases_are_told_most_telling_first(page: Page) -> None:
+    """Failures, then what is unsettled, then tolerated, then what passed."""
+    verdicts = [case.attributes["data-verdict"] for case in page.of("details", "case")]
+    assert verdicts == ["fail", "error", "inconclusive", "tolerated", "pass", "none"]
+    offered = [box.attributes["value"] for box in page.of("input") if "value" in box.attributes]
+    assert offered == verdicts
+
+
+def test_every_requirement_in_scope_has_its_square(page: Page, full: Results) -> None:
+    """With its verdict, and a link to its first case where it has one."""
+    squares = [e for e in page.all if e.has_class("square") and "title" in e.attributes]
+    assert len(squares) == len(full.requirements)
+    assert [e.tag for e in squares] == ["a"] * 6 + ["i"]
+    assert squares[1].has_class("is-fail")
+    assert squares[1].attributes["href"] == "#case-0"
+    assert squares[1].attributes["title"].startswith("3/18 · fail · To each first reply")
+
+
+def test_the_dialect_is_told_with_its_meaning(page: Page) -> None:
+    """Default or not, mixed, claimed; an unknown key costs no page."""
+    (table,) = page.of("table", "dialect")
+    text = said(table, "en")
+    for part in (
+        "endian A-5-2 In which byte order",
+        "big the most significant byte first little the least significant byte first mixed: one",
+        "Claimed: little · not as claimed",
+        "a controller takes these and 0x01 to 0x04 default Claimed: ascii · as claimed",
+        "not seen Claimed: counts",
+        "no_such_key x",
+    ):
+        assert part in text
+
+
+def test_what_happened_is_told(page: Page) -> None:
+    """Counts, commands with their timing and plot, transfers, runs, connections, gaps."""
+    (section,) = (e for e in page.of("section") if e.attributes.get("id") == "session")
+    text = said(section, "en")
+    for part in (
+        "connections 2 frames 18 bytes from the client 1,323 bytes from the controller 72",
+        "gaps in the recording 4 bytes that are no frame 3",
+        "run_program Run a program 3 1 15.1 µs 35.7 µs 44 µs 44 µs",
+        "0x3E 1 1",
+        "a.rob upload +0 µs 305 ms 200 / 1,024 6 failed cut",
+        "a.rob run +0 µs – refused 20 program file does not exist",
+        "b.rob simulation +0 µs 12.5 ms odd ZZ",
+        "1 a:1 → b:8877",
+        "mislaid",
+        "client → controller 12 unknown lost packets and 3 more",
+    ):
+        assert part in text
+    plots = [svg for svg in page.of("svg") if svg.parent and svg.parent.has_class("plot")]
+    assert len(plots) == 3
+    assert [child.tag for child in plots[1].children].count("rect") == 2
+
+
+def test_the_foot_says_what_a_reader_must_know(page: Page) -> None:
+    """The rule of precedence (A-0-10), and that this is no safety function."""
+    (footer,) = page.of("footer")
+    english, chinese = said(footer, "en"), said(footer, "zh")
+    assert "scaraspec is no safety function" in english
+    assert "the frame rule of clause 3, before the prose of a clause" in english
+    assert "A-0-10" in english
+    assert "scaraspec 不是安全功能" in chinese
+    assert "第三章的帧格式、各节正文" in chinese
+
+
+@pytest.mark.parametrize("name", ["complaint-1", "plant-b-other-dialect", "plant-a-torn"])
+def test_the_page_asks_nothing_of_the_network(audited: Callable[[str], Results], name: str) -> None:
+    """No address, no source, no import; and a policy that would stop them."""
+    text = html.render(audited(name))
+    page = Page(text)
+    for element in page.all:
+        assert not {"src", "srcset", "action", "background", "data"} & element.attributes.keys()
+        assert element.attributes.get("href", "#").startswith("#")
+        assert element.tag not in ("link", "iframe", "object", "embed", "img", "base", "form")
+    assert not re.search(r"url\(|@import|https?:|fetch\(|XMLHttpRequest|import\(", text)
+    policies = [e.attributes["content"] for e in page.of("meta") if "http-equiv" in e.attributes]
+    assert "default-src 'none'" in policies[0]
+
+
+def test_only_our_script_may_run(page: Page) -> None:
+    """The policy names the digest of the one script that is there."""
+    (script,) = page.of("script")
+    digest = base64.b64encode(hashlib.sha256(script.text.encode()).digest()).decode()
+    (policy,) = (e.attributes["content"] for e in page.of("meta") if "http-equiv" in e.attributes)
+    assert f"script-src 'sha256-{digest}';" in policy
+
+
+@pytest.mark.parametrize("language", Language)
+def test_hostile_text_stays_text(
+    hostile: Results, page: Page, language: Language, tmp_path: Path
+) -> None:
+    """Wherever a subject can put some: no element, no attribute, no control, no turned line."""
+    path = tmp_path / "report.html"
+    html.write(hostile, path, language)
+    text = path.read_text(encoding="utf-8")
+    attacked = Page(text)
+    assert Counter(e.tag for e in attacked.all)["script"] == 1
+    assert {e.tag for e in attacked.all} <= {e.tag for e in page.all} | {"code"}
+    assert not [name for e in attacked.all for name in e.attributes if name.startswith("on")]
+    assert not [c for c in text if (ord(c) < 32 and c != "\n") or c in "\u202e\ufffe\x7f"]
+    shown = [e for e in attacked.all if "</script><script>alert(1)" in e.text and not e.children]
+    assert len(shown) > 50
+    assert all("⟨U+0000⟩⟨U+001B⟩[31m⟨U+202E⟩txt.exe⟨U+FFFE⟩" in e.text for e in shown)
+
+
+def test_every_id_is_there_once_and_every_link_leads_somewhere(
+    page: Page, hostile: Results
+) -> None:
+    """Whatever the cases are called."""
+    for each in (page, Page(html.render(hostile))):
+        ids = [e.attributes["id"] for e in each.all if "id" in e.attributes]
+        assert len(ids) == len(set(ids))
+        links = {e.attributes["href"][1:] for e in each.all if "href" in e.attributes}
+        assert links <= set(ids)
+
+
+def test_a_file_name_of_right_to_left_letters_turns_nothing_else(full: Results) -> None:
+    """What a subject names is isolated from the text around it."""
+    named = replace(full, subject=replace(full.subject, name="שלום.rob"))
+    page = Page(html.render(named))
+    holders = [e for e in page.all if e.text == "שלום.rob"]
+    assert holders
+    assert {e.tag for e in holders if not e.children} == {"bdi"}
+
+
+def test_thousands_of_cases_are_folded(full: Results) -> None:
+    """Each is one line until it is opened; only a failure that comes first is open."""
+    (failing,) = (case for case in full.cases if case.id == "3/18")
+    many = replace(full, cases=tuple(replace(failing, id=f"3/18.{n}") for n in range(300)))
+    cases = Page(html.render(many)).of("details", "case")
+    assert len(cases) == 300
+    assert [case for case in cases if "open" in case.attributes] == cases[:1]
+    passing = replace(full, cases=full.cases[:1])
+    assert "open" not in Page(html.render(passing)).of("details", "case")[0].attributes
+
+
+def test_equal_results_are_equal_pages(full: Results) -> None:
+    """No clock and no chance in it."""
+    assert html.render(full) == html.render(full)

@@ -1,0 +1,285 @@
+"""results.json holds all that results say, is written in one way, and is read with distrust."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.report import model
+from scaraspec.report.model import (
+    SCHEMA,
+    Case,
+    Evidence,
+    FrameField,
+    ReadingSeen,
+    RequirementResult,
+    Results,
+    ResultsError,
+    Role,
+    Subject,
+    Tool,
+)
+
+texts = st.text(max_size=20)
+numbers = st.integers(-(2**63), 2**63 - 1)
+evidence = st.builds(
+    Evidence,
+    *(texts, st.sampled_from(Direction), numbers, numbers, numbers, texts, texts),
+    st.lists(st.builds(FrameField, texts, numbers, numbers, texts), max_size=2).map(tuple),
+)
+cases = st.builds(
+    Case,
+    texts,
+    st.lists(texts, max_size=2).map(tuple),
+    st.sampled_from(Verdict),
+    st.none() | st.sampled_from(Cause),
+    st.sampled_from(Hazard),
+    *(texts, texts, texts),
+    st.floats(allow_nan=False, allow_infinity=False),
+    texts,
+    st.lists(evidence, max_size=2).map(tuple),
+)
+readings = st.builds(
+    ReadingSeen, st.lists(texts, max_size=2).map(tuple), st.booleans(), st.booleans(), texts
+)
+every_results = st.builds(
+    Results,
+    tool=st.builds(Tool, texts, texts),
+    subject=st.builds(Subject, st.sampled_from(Role), texts, texts, texts, texts),
+    role=st.sampled_from(Role),
+    verdict=st.sampled_from(Conclusion),
+    counts=st.dictionaries(st.sampled_from(Verdict), numbers),
+    readings=st.dictionaries(texts, st.dictionaries(texts, readings, max_size=2), max_size=2),
+    requirements=st.lists(
+        st.builds(RequirementResult, texts, st.sampled_from(Verdict)), max_size=2
+    ).map(tuple),
+    cases=st.lists(cases, max_size=3).map(tuple),
+)
+
+
+@given(every_results)
+def test_results_round_trip(results: Results) -> None:
+    """What is written is read back equal, whatever texts and numbers it holds."""
+    assert Results.from_json(results.to_json().encode()) == results
+
+
+def test_a_file_round_trips_with_everything_in_it(
+    full: Results, hostile: Results, tmp_path: Path
+) -> None:
+    """Also the part on the session, and hostile text."""
+    path = tmp_path / "results.json"
+    for results in (full, hostile):
+        results.write(path)
+        assert Results.read(path) == results
+
+
+def test_equal_results_are_equal_bytes(full: Results) -> None:
+    """Keys are sorted, so that two runs can be compared by a plain diff."""
+    text = full.to_json()
+    assert text == json.dumps(json.loads(text), ensure_ascii=False, indent=1, sort_keys=True) + "\n"
+    assert "控制器" in text
+    assert "\r" not in text
+
+
+def test_the_shape_is_the_promised_one(full: Results) -> None:
+    """These keys are what other programs rely on."""
+    plain = json.loads(full.to_json())
+    assert plain.keys() == {
+        *("schema", "tool", "subject", "role", "verdict", "counts", "readings"),
+        *("requirements", "cases", "session"),
+    }
+    assert plain["schema"] == "scaraspec.results/1"
+    assert plain["tool"].keys() == {"name", "version"}
+    assert plain["requirements"][1] == {"id": "3/18", "verdict": "fail", "cases": ["3/18"]}
+    assert plain["counts"] == dict.fromkeys(
+        ("none", "pass", "tolerated", "inconclusive", "fail", "error"), 1
+    )
+    assert all(
+        case.keys()
+        == {
+            *("id", "requirements", "verdict", "cause", "hazard", "message", "expected"),
+            *("observed", "duration_s", "replay", "wire"),
+        }
+        for case in plain["cases"]
+    )
+    assert plain["cases"][0]["cause"] is None
+    assert {"connection", "direction", "offset_bytes", "length_bytes", "time_ns"} < plain["cases"][
+        1
+    ]["wire"][0].keys()
+
+
+def test_a_torn_file_is_told_as_one(full: Results, tmp_path: Path) -> None:
+    """Wherever it is cut: one sentence that begins with the file's name, and no result."""
+    path, whole = tmp_path / "results.json", full.to_json().encode()
+    for length in range(0, len(whole) - 1, 97):
+        path.write_bytes(whole[:length])
+        with pytest.raises(ResultsError) as caught:
+            Results.read(path)
+        assert str(caught.value).startswith(f"{path} is ")
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("raw", "told"),
+    [
+        (b"", "torn or no results.json"),
+        (b"\x89MCAP\xff\x00", "no results.json"),
+        (b"[" * 100_000, "no results.json"),
+        (b"[]", "does not say"),
+        (b'"scaraspec.results/1"', "does not say"),
+        (b"{}", "does not say"),
+        (b'{"schema": 1}', "does not say"),
+        (b'{"schema": "someone.else/1"}', "does not say"),
+        (b'{"schema": "scaraspec.results/2"}', "is of schema 'scaraspec.results/2'"),
+        (b'{"schema": "scaraspec.results/1"}', "damaged: tool is missing"),
+        (b'{"schema": "scaraspec.results/1", "tool": NaN}', "not readable as JSON"),
+        (b'{"schema": ' + b"9" * 5000 + b"}", "no results.json"),
+    ],
+)
+def test_what_is_no_results_file_is_told(raw: bytes, told: str) -> None:
+    """Each with its own reason."""
+    with pytest.raises(ResultsError) as caught:
+        Results.from_json(raw)
+    assert told in str(caught.value)
+
+
+def test_a_damaged_file_is_told_with_the_place(full: Results) -> None:
+    """The message leads to the damage."""
+    plain = json.loads(full.to_json())
+    plain["cases"][3]["verdict"] = "good"
+    with pytest.raises(ResultsError, match=r"damaged: cases\[3\]\.verdict is 'good', not one"):
+        Results.from_json(json.dumps(plain))
+
+
+def test_what_cannot_be_opened_is_told(tmp_path: Path) -> None:
+    """A missing file and a folder are one sentence each."""
+    with pytest.raises(ResultsError, match=r"absent\.json cannot be read: No such file"):
+        Results.read(tmp_path / "absent.json")
+    with pytest.raises(ResultsError, match="cannot be read: Is a directory"):
+        Results.read(tmp_path)
+
+
+def test_a_file_that_is_too_large_is_refused(
+    full: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Memory is bounded by a limit, not by the file."""
+    path = tmp_path / "results.json"
+    full.write(path)
+    monkeypatch.setattr(model, "_LARGEST_FILE_BYTES", path.stat().st_size - 1)
+    with pytest.raises(ResultsError, match="larger than results can be"):
+        Results.read(path)
+
+
+# A judge of the part of JSON Schema that ours uses: the lock holds no validator.
+
+
+def misfits(schema: Mapping[str, Any], value: Any, root: Mapping[str, Any]) -> list[str]:
+    """What of `value` breaks `schema`."""
+    if "$ref" in schema:
+        return misfits(root["$defs"][schema["$ref"].rpartition("/")[2]], value, root)
+    found = []
+    if "const" in schema and value != schema["const"]:
+        found.append(f"{value!r} is not {schema['const']!r}")
+    if "enum" in schema and value not in schema["enum"]:
+        found.append(f"{value!r} is none of {schema['enum']}")
+    if "anyOf" in schema and all(misfits(s, value, root) for s in schema["anyOf"]):
+        found.append(f"{value!r} is none of the alternatives")
+    if "type" in schema and not is_of(schema["type"], value):
+        found.append(f"{value!r} is no {schema['type']}")
+    elif isinstance(value, dict):
+        found += misfits_of_object(schema, value, root)
+    elif isinstance(value, list):
+        found += misfits_of_array(schema, value, root)
+    return found
+
+
+def misfits_of_object(
+    schema: Mapping[str, Any], value: dict[str, Any], root: Mapping[str, Any]
+) -> list[str]:
+    """What of an object's keys and members breaks `schema`."""
+    known = schema.get("properties", {})
+    found = [f"{key} is missing" for key in schema.get("required", ()) if key not in value]
+    for key, item in value.items():
+        found += misfits(schema.get("propertyNames", {}), key, root)
+        found += misfits(known.get(key, schema.get("additionalProperties", {})), item, root)
+    return found
+
+
+def misfits_of_array(
+    schema: Mapping[str, Any], value: list[Any], root: Mapping[str, Any]
+) -> list[str]:
+    """What of an array's length and items breaks `schema`."""
+    found = [m for item in value for m in misfits(schema.get("items", {}), item, root)]
+    for part, item in zip(schema.get("prefixItems", ()), value, strict=False):
+        found += misfits(part, item, root)
+    if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)):
+        found.append(f"{len(value)} items")
+    return found
+
+
+def is_of(types: str | list[str], value: Any) -> bool:
+    """Whether a JSON value is of one of these types."""
+    names = {dict: "object", list: "array", str: "string", bool: "boolean", type(None): "null"}
+    name = names.get(type(value), "number")
+    allowed = {types} if isinstance(types, str) else set(types)
+    return name in allowed or (type(value) is int and "integer" in allowed)
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict[str, Any]:
+    """The schema that ships beside the model."""
+    path = Path(model.__file__).with_name("results.schema.json")
+    loaded: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return loaded
+
+
+def test_what_is_written_fits_the_schema(
+    full: Results, hostile: Results, schema: dict[str, Any]
+) -> None:
+    """The schema allows all that the model can say."""
+    for results in (full, hostile, replace(full, session=None)):
+        assert misfits(schema, json.loads(results.to_json()), schema) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (("schema",), "scaraspec.results/2"),
+        (("verdict",), "good"),
+        (("counts", "good"), 1),
+        (("cases", 0, "cause"), "nobody"),
+        (("cases", 0, "duration_s"), "1 s"),
+        (("cases", 1, "wire", 0), {}),
+        (("readings", "controller", "endian", "claimed"), 3),
+        (("session", "exchanges", 1, "latency", "bins", 0), [1]),
+        (("session", "bytes", "both"), 1),
+    ],
+)
+def test_the_schema_refuses_what_is_wrong(
+    full: Results, schema: dict[str, Any], path: tuple[str | int, ...], value: Any
+) -> None:
+    """A schema that allows everything would prove nothing."""
+    plain = json.loads(full.to_json())
+    at: Any = plain
+    for step in path[:-1]:
+        at = at[step]
+    at[path[-1]] = value
+    assert misfits(schema, plain, schema)
+
+
+def test_the_schema_names_every_member_of_the_model(schema: dict[str, Any]) -> None:
+    """A member that is added to the model is added to the schema."""
+    whole = {**schema["$defs"], "Results": schema}
+    for name, part in whole.items():
+        if "properties" in part:
+            members = [f.name for f in fields(getattr(model, name))]
+            assert [p for p in part["properties"] if p != "schema"] == members
+    assert schema["title"] == schema["properties"]["schema"]["const"] == SCHEMA

@@ -1,0 +1,56 @@
+"""Cases are told in the order in which they matter, and no run looks better than it is."""
+
+from dataclasses import replace
+
+import pytest
+
+from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.report.model import Case, Results
+from scaraspec.report.telling import cases_for_machines, most_telling_first
+
+
+def test_failures_come_first_and_passes_last(full: Results) -> None:
+    """A reader who stops early has seen the worst."""
+    assert [case.verdict for case in most_telling_first(full)] == [
+        Verdict.FAIL,
+        Verdict.ERROR,
+        Verdict.INCONCLUSIVE,
+        Verdict.TOLERATED,
+        Verdict.PASS,
+        Verdict.NONE,
+    ]
+
+
+def test_what_the_document_states_comes_before_what_follows_from_it(full: Results) -> None:
+    """Among failures: firm and stated, firm and derived, tolerant, unknown."""
+    ids = ("9/9", "5.2/17", "3/18", "3/1")
+    cases = tuple(Case(i, (i,), Verdict.FAIL, Cause.SUBJECT) for i in ids)
+    told = most_telling_first(replace(full, cases=cases))
+    assert [case.id for case in told] == ["3/1", "3/18", "5.2/17", "9/9"]
+
+
+def test_passes_keep_the_order_of_the_document(full: Results) -> None:
+    """There is nothing to rank among them."""
+    cases = tuple(Case(i, (i,), Verdict.PASS) for i in ("3/18", "3/1", "9/9"))
+    told = most_telling_first(replace(full, cases=cases))
+    assert [case.id for case in told] == ["3/18", "3/1", "9/9"]
+
+
+@pytest.mark.parametrize("verdict", [Conclusion.NOTHING_TESTED, Conclusion.INCONCLUSIVE])
+def test_a_run_that_is_not_conformant_has_a_case_that_says_so(
+    full: Results, verdict: Conclusion
+) -> None:
+    """Machines that count failures and errors find at least one."""
+    passes = (Case("3/1", ("3/1",), Verdict.PASS),)
+    for cases in ((), passes):
+        first, *others = cases_for_machines(replace(full, verdict=verdict, cases=cases))
+        assert (first.id, first.verdict) == ("verdict", Verdict.INCONCLUSIVE)
+        assert tuple(others) == cases
+
+
+def test_nothing_is_added_where_the_cases_say_it(full: Results) -> None:
+    """Neither to failures nor to a conformant run."""
+    passes = (Case("3/1", ("3/1",), Verdict.PASS),)
+    conformant = replace(full, verdict=Conclusion.CONFORMANT, cases=passes)
+    assert cases_for_machines(full) == list(full.cases)
+    assert cases_for_machines(conformant) == list(passes)

@@ -1,0 +1,99 @@
+"""The summary says the verdict first, fits a screen, and obeys nothing that a subject sent."""
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from scaraspec.report import terminal
+from scaraspec.report.model import Results
+
+WHERE = "connection 1, C2A byte 73, 7 bytes"
+
+
+def shown(results: Results, *, as_terminal: bool = False, findings: int = 10) -> str:
+    """What is printed."""
+    stream = io.StringIO()
+    console = Console(
+        file=stream,
+        force_terminal=as_terminal,
+        width=100,
+        color_system="standard" if as_terminal else None,
+    )
+    terminal.show(results, console, findings=findings)
+    return stream.getvalue()
+
+
+def test_where_there_is_no_terminal_there_are_plain_lines(full: Results) -> None:
+    """Each finding is one line, however narrow the console, so that grep finds it whole."""
+    counts = "1 fail, 1 error, 1 inconclusive, 1 tolerated, 1 pass, 1 none"
+    compared = "(expected one final result; observed a second one)"
+    assert shown(full).splitlines() == [
+        "nonconformant: Cell 7 控制器",
+        f"{counts}; 5 of 7 requirements in scope judged",
+        "dialect of the client: no_such_key=x",
+        "dialect of the controller: endian=big+little (mixed)",
+        f"fail · 3/18 · run_program ended a second time {compared} · {WHERE}",
+        "error · 9/9 · no such requirement",
+        "inconclusive · 5.2/3 · the link was lost",
+        "tolerated · 5.1/9 · (observed endian = big)",
+        "none · 4.1/2",
+    ]
+
+
+def test_a_terminal_gets_a_table(full: Results) -> None:
+    """The same facts, aligned and coloured."""
+    text = shown(full, as_terminal=True)
+    assert "\x1b[" in text
+    for part in ("nonconformant", "Cell 7 控制器", "3/18", "one final result", "endian=big+little"):
+        assert part in text
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", text)
+    assert max(len(line) for line in plain.splitlines()) <= 100
+
+
+def test_only_the_most_telling_findings_are_shown(full: Results) -> None:
+    """The others are counted, not hidden."""
+    lines = shown(full, findings=2).splitlines()
+    assert [line.split(" · ")[0] for line in lines[4:]] == [
+        "fail",
+        "error",
+        "and 3 more findings in the report",
+    ]
+
+
+def test_a_pass_is_no_finding(audited: Callable[[str], Results]) -> None:
+    """A conforming capture is four lines."""
+    lines = shown(audited("plant-a-morning-shift")).splitlines()
+    assert lines[0] == "conformant: plant-a-morning-shift.pcapng"
+    assert not [line for line in lines if line.startswith("pass")]
+
+
+def test_the_default_dialect_is_said_to_be_one(audited: Callable[[str], Results]) -> None:
+    """Silence could mean that nobody looked."""
+    text = shown(audited("complaint-4"))
+    assert "dialect of the client: the default, as far as it shows" in text
+
+
+@pytest.mark.parametrize("as_terminal", [False, True])
+def test_hostile_text_reaches_no_terminal(hostile: Results, *, as_terminal: bool) -> None:
+    """No escape sequence but our own, no control, no mark-up of rich."""
+    marked = replace(hostile, subject=replace(hostile.subject, name="[red]x[/red]\x1b]0;title\x07"))
+    text = shown(marked, as_terminal=as_terminal)
+    assert "[red]x[/red]⟨U+001B⟩]0;title⟨U+0007⟩" in text
+    assert "\x1b]" not in text
+    assert "\u202e" not in text
+    assert "\x00" not in text
+    assert re.sub(r"\x1b\[[0-9;]*m", "", text).count("\x1b") == 0
+    assert as_terminal or "\x1b" not in text
+
+
+def test_a_long_comparison_is_cut(full: Results) -> None:
+    """The page has all of it."""
+    (case,) = (case for case in full.cases if case.id == "3/18")
+    long = replace(full, cases=(replace(case, observed="x\n" * 500),))
+    finding = shown(long).splitlines()[-1]
+    assert "observed x x x" in finding
+    assert len(finding) < 300

@@ -1,0 +1,74 @@
+"""Every word of the page is there in both languages, is used, and is missing nowhere."""
+
+import re
+from pathlib import Path
+from string import Formatter
+
+import pytest
+
+from scaraspec.judgement.happenings import Ending
+from scaraspec.judgement.requirements import REQUIREMENTS, Basis, Strength
+from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.judgement.wire import Kind
+from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.transfer import State
+from scaraspec.report import words
+from scaraspec.report.model import Role
+from scaraspec.report.words import CLAUSES, WORDS, Words
+
+SETTLED = ("OPEN", "ANSWERED")
+ALL = {**WORDS, **{f"clause {clause}": heading for clause, heading in CLAUSES.items()}}
+
+
+@pytest.mark.parametrize("word", ALL.values(), ids=ALL)
+def test_both_languages_say_it(word: Words) -> None:
+    """Neither is empty, Chinese has Chinese in it, and both are filled in alike."""
+    assert word.en.strip() == word.en != ""
+    assert word.zh.strip() == word.zh != ""
+    assert re.search("[\u4e00-\u9fff]", word.zh)
+    assert not re.search("[\u4e00-\u9fff]", word.en)
+    places = [{name for _, name, _, _ in Formatter().parse(text) if name} for text in word]
+    assert places[0] == places[1]
+
+
+def test_every_value_that_the_page_names_has_its_words() -> None:
+    """A verdict, cause, hazard or ending that is added is not shown as a bare key."""
+    needed = {
+        *(c.value for c in Conclusion),
+        *(f"{c.value}_means" for c in Conclusion),
+        *(v.value for v in Verdict if v is not Verdict.INCONCLUSIVE),
+        *(f"cause_{c.value}" for c in Cause),
+        *(f"hazard_{h.value}" for h in Hazard),
+        *(r.value for r in Role),
+        *(s.value for s in Strength),
+        *(b.value for b in Basis),
+        *(d.value for d in Direction),
+        *(f"state_{s.value}" for s in State),
+        *(f"outcome_{e.value}".replace(" ", "-") for e in Ending if e.name not in SETTLED),
+        *(f"outcome_{o}" for o in ("done", "failed", "refused", "interrupted")),
+        *(f"ending_{k.value}" for k in (Kind.HALF_CLOSED, Kind.CLOSED, Kind.RESET)),
+        "ending_open",
+    }
+    assert needed - WORDS.keys() == set()
+
+
+def test_every_clause_has_its_heading() -> None:
+    """The matrix has no nameless row."""
+    assert {r.clause for r in REQUIREMENTS.values()} <= CLAUSES.keys()
+
+
+def test_no_word_is_left_over() -> None:
+    """A word that no template says any longer is taken out of the table."""
+    templates = Path(words.__file__).with_name("templates").glob("*.html")
+    said = "".join(template.read_text(encoding="utf-8") for template in templates)
+    prefixes = ("cause_", "hazard_", "state_", "outcome_", "ending_", "lane_")
+    kinds = (Conclusion, Verdict, Role, Strength, Basis, Direction)
+    computed = {member.value for kind in kinds for member in kind}
+    computed |= {f"{conclusion.value}_means" for conclusion in Conclusion}
+    left = [
+        key
+        for key in WORDS
+        if f'"{key}"' not in said and key not in computed and not key.startswith(prefixes)
+    ]
+    assert left == []
