@@ -29,7 +29,7 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import TAG, Why
 from scaraspec.protocol.readings import DEFAULT, Dialect
 
-_MOST_PARTS: Final = 1024  # of one program list
+_MOST_PARTS: Final = 256  # of one program list; of a longer one the last are kept
 
 
 class Dialogue:
@@ -176,7 +176,7 @@ class Dialogue:
             certain=self._certain(seen),
         )
         if self._listing and exchange.name == "list_programs":
-            exchange.parts = self._listing.parts[-_MOST_PARTS:]  # the next is fetched (A-4.10-3)
+            exchange.parts = self._listing.parts.copy()  # the next is fetched (A-4.10-3)
             self._waiting.owe(exchange.name)  # or on its way
             yield from self._end_listing(Ending.ANSWERED)
         yield from self._waiting.add(exchange)
@@ -211,8 +211,10 @@ class Dialogue:
     def _list_part(self, exchange: Exchange, seen: FrameSeen) -> Iterator[Happening]:
         exchange.parts.append(seen)
         exchange.certain = exchange.certain and seen.certain
-        more = seen.value is not None and seen.value.more
-        if more and len(exchange.parts) < _MOST_PARTS:
+        if len(exchange.parts) > _MOST_PARTS:
+            del exchange.parts[0]
+            exchange.certain = False
+        if seen.value is not None and seen.value.more:
             self._listing = exchange
         else:
             self._listing = None

@@ -112,12 +112,13 @@ class Judge:
             judged = check(happening, self.scene)
             if judged is None:
                 continue
+            if judged.verdict is Verdict.PASS:
+                for requirement in requirements:
+                    self.tallies[requirement].passes += 1
+                continue
             for requirement in requirements:
-                tally = self.tallies[requirement]
-                if judged.verdict is Verdict.PASS:
-                    tally.passes += 1
-                    continue
                 finding = _finding(requirement, judged, happening)
+                tally = self.tallies[requirement]
                 tally.others[finding.verdict] += 1
                 if tally.others[finding.verdict] <= _KEPT_FINDINGS:
                     tally.findings.append(finding)

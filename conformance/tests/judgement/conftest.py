@@ -10,7 +10,7 @@ One line is one thing that happens, a millisecond after the one before it::
     > chunk 0/300               file data: position, file size; then len=5, big, cut, other
     > =AA 09 00 CC              raw bytes
     < gap 12                    bytes that nobody saw; without a number, how many is not known
-    > open                      also half-close, close, rst; a connection opens by itself; a
+    > open                      half-close, close, rst, injected; a connection opens by itself; a
                                 text behind it is the event's note
     +5.2                        seconds pass
     2> get_time                 on the connection named 2
@@ -28,6 +28,7 @@ from scaraspec.judgement.happenings import (
     Exchange,
     FrameSeen,
     Happening,
+    Injected,
     LinkChange,
     Lost,
     Transfer,
@@ -50,6 +51,7 @@ _LINK = {
     "half-close": Kind.HALF_CLOSED,
     "close": Kind.CLOSED,
     "rst": Kind.RESET,
+    "injected": Kind.INJECTED,
 }
 _RULED = {rule.requirement for rule in RULES}
 
@@ -96,7 +98,7 @@ class _Script:
         direction = A2C if match["who"] == ">" else C2A
         if (connection, direction) not in self.offsets:
             self.offsets[connection, A2C] = self.offsets[connection, C2A] = 0
-            if what not in ("open", "gap"):
+            if what not in ("open", "gap", "injected"):
                 self._add(connection, A2C, Kind.OPENED)
         if what in _LINK:
             self._add(connection, direction, _LINK[what])
@@ -208,7 +210,7 @@ def _untimed(happening: Happening) -> tuple[Any, ...]:
         case Undecodable():
             place = happening.place
             return ("bytes", happening.data, happening.why, place.offset_bytes, place.length_bytes)
-        case LinkChange() | Lost():
+        case LinkChange() | Lost() | Injected():
             return (happening.event.kind, happening.event.direction)
         case Exchange():
             frames = [seen.frame for seen in happening.frames]

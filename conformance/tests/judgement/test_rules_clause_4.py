@@ -112,6 +112,7 @@ CASES = (
     ("4.8/7", "fail 4/8", during("set_tool_coordinates", "00", "50|200|300|200|0|0|0")),
     ("4.8/7", "fail 4/8", during("jog", "00", "1")),
     # Frames of two connections may have been captured in another order.
+    ("4.8/7", "none", "2> login password\n2< login 1" + OTHER.format(pause="").replace("00", "02")),
     ("4.8/7", "none", "2> login password\n2< login 1" + OTHER.format(pause="")),
     ("4.8/7", "fail 4/8", "2> login password\n2< login 1" + OTHER.format(pause="+2")),
     ("4.8/8", "pass", STATUS.format("12")),

@@ -4,6 +4,7 @@ from functools import partial
 from typing import Final
 
 from scaraspec.judgement.happenings import Ending, Exchange, FrameSeen
+from scaraspec.judgement.rules.busy import STATE_OF, never_idle_while_executing
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol import errors
@@ -11,16 +12,14 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 
 _STATUS: Final = ("get_status",)
-_STATE_OF: Final = {
-    "run_program": ("4.8/4", "01"),
-    "simulate_program": ("4.8/5", "02"),
-    "reset": ("4.8/6", "03"),
-    "set_tool_coordinates": ("4.8/7", "04"),
-    "jog": ("4.8/7", "04"),
+_REQUIREMENT_OF: Final = {
+    "run_program": "4.8/4",
+    "simulate_program": "4.8/5",
+    "reset": "4.8/6",
+    "set_tool_coordinates": "4.8/7",
+    "jog": "4.8/7",
 }
-"""Two-stage commands that have a state: the requirement that says so, and its code (L1018-1021)."""
-_REORDERED_NS: Final = 1_000_000_000
-"""Frames of two connections may have been sent in another order than they were captured in."""
+"""Two-stage commands that have a state, and the requirement that says so (L1018-1021)."""
 
 
 @rule("4.8/1", on=FrameSeen, names=_STATUS, sender=A2C)
@@ -57,7 +56,7 @@ def _state(x: Exchange, _: Scene, *, name: str) -> Judged | None:
     """
     if x.unsettled or [y.name for y in x.during] != [name] or x.answer in (None, "00"):
         return None
-    executing, expected, code = x.during[0], _STATE_OF[name][1], errors.TABLE_8_1[x.answer]
+    executing, expected, code = x.during[0], STATE_OF[name], errors.TABLE_8_1[x.answer]
     if code.text == expected or code.kind is errors.Kind.FAULT:
         return PASSED
     if executing.request.place.connection != x.request.place.connection:
@@ -70,24 +69,9 @@ def _state(x: Exchange, _: Scene, *, name: str) -> Judged | None:
     )
 
 
-def _not_idle(x: Exchange, _: Scene) -> Judged | None:
-    """Between its first reply and its final result no status was 00 (L318)."""
-    if not x.idle or not x.result:
-        return None
-    same = x.idle.place.connection == x.request.place.connection
-    if not same and x.result.begun_ns - x.idle.place.time_ns < _REORDERED_NS:
-        return None
-    return failed(
-        f"the status is 00 (idle) while {x.name} executes",
-        expected=_STATE_OF[x.name][1],
-        observed="00",
-        at=(x.request.place, x.idle.place, x.result.place),
-    )
-
-
-for _name, (_requirement, _) in _STATE_OF.items():
+for _name, _requirement in _REQUIREMENT_OF.items():
     rule(_requirement, on=Exchange, names=_STATUS)(partial(_state, name=_name))
-    rule(_requirement, on=Exchange, names=(_name,))(_not_idle)
+    rule(_requirement, on=Exchange, names=(_name,))(never_idle_while_executing)
 
 
 @rule("4.8/8", on=Exchange, names=_STATUS)

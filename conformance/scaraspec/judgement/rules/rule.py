@@ -179,7 +179,7 @@ def sender_of(happening: Happening) -> Direction | None:
 
 
 def is_certain(happening: Happening) -> bool:
-    """Whether no gap or fault can have touched it; that a link was opened or ended is seen or not."""
+    """Whether no gap or fault can have touched it; a change of the link is seen or it is not."""
     if isinstance(happening, LinkChange | Lost | Injected):
         return isinstance(happening, LinkChange)
     return happening.certain

@@ -1,0 +1,159 @@
+"""The archive: what a recorder that is left running for weeks writes into its folder.
+
+Law: it only joins the rooms that do the work: rotation, the ring, retention, the contents.
+"""
+
+import shutil
+import signal
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from scaraspec.judgement.judge import Judge
+from scaraspec.judgement.wire import WireEvent
+from scaraspec_recorder.contents import Contents
+from scaraspec_recorder.deriver import Deriver, Output
+from scaraspec_recorder.file_sets import Shelf
+from scaraspec_recorder.masking import Redactor
+from scaraspec_recorder.quantities import SECOND_NS, show_size
+from scaraspec_recorder.retention import PERIOD_NS, Keep, Retention
+from scaraspec_recorder.ring import Incidents, Ring
+from scaraspec_recorder.rotation import Rotate, Rotation
+from scaraspec_recorder.sinks import Folder, Sink, SinkFailed
+from scaraspec_recorder.triggers import Pressed, parse_trigger
+
+RING_BYTES: Final = 64 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Archive:
+    """What is written, and what of it is kept.
+
+    Attributes:
+        robot: What the files are called by.
+        session: What is known beforehand, such as the addresses.
+        needs_login: False for a serial link (L83).
+        draw: Whether to write .rrd files too.
+        redact: Whether to hide passwords in the raw layer too.
+        continuous: Whether everything is written; else only what `triggers` ask for.
+        rotate: When a file ends and the next begins.
+        keep: For how long, and how much of it, is kept.
+        min_free_bytes: How much of the disk is to stay free; 0 for no such limit.
+        triggers: When an incident is written, see `triggers`.
+        before_ns: How much of what came before a trigger belongs to its incident.
+        after_ns: How much of what comes after it does.
+        ring_bytes: How much memory what came before may take, roughly.
+    """
+
+    robot: str
+    session: Mapping[str, str] = field(default_factory=dict)
+    needs_login: bool = True
+    draw: bool = True
+    redact: bool = False
+    continuous: bool = True
+    rotate: Rotate = field(default_factory=Rotate)
+    keep: Keep = field(default_factory=Keep)
+    min_free_bytes: int = 0
+    triggers: tuple[str, ...] = ()
+    before_ns: int = 60 * SECOND_NS
+    after_ns: int = 60 * SECOND_NS
+    ring_bytes: int = RING_BYTES
+
+
+def archive_sink(
+    folder: Folder,
+    *,
+    archive: Archive,
+    now_ns: Callable[[], int] = time.time_ns,
+    free_bytes: Callable[[], int] | None = None,
+) -> Sink:
+    """Make the sink that writes an archive (a `SinkFactory`).
+
+    What an earlier one left in the folder is repaired and listed first. Where one of the triggers
+    is ``signal``, SIGUSR1 of this process is taken.
+
+    Args:
+        folder: Where to.
+        archive: What.
+        now_ns: The clock.
+        free_bytes: How much of the disk is free; asked of the system where it is not given.
+
+    Raises:
+        OSError: The folder cannot be used.
+        SinkFailed: Less of the disk is free than must be, and there is nothing to remove.
+        ImportError: Drawing needs an extra that is not installed; the text says which.
+    """
+    contents = Contents(folder.path)
+    free_bytes = free_bytes or (lambda: shutil.disk_usage(folder.path).free)
+    retention = Retention(contents, archive.keep, archive.min_free_bytes, free_bytes)
+    enough = retention.enforce(now_ns())
+    contents.save()
+    if not enough:
+        raise SinkFailed(_too_little(archive))
+    masked = "masked" if archive.redact else "masked but in raw bytes"
+    session = {"robot": archive.robot, **archive.session, "passwords": masked}
+    shelf = Shelf(folder, contents, archive.robot, session, archive.draw)
+    judge = Judge(needs_login=archive.needs_login)
+    outputs: list[Output] = []
+    if archive.continuous:
+        outputs.append(Rotation(shelf, judge, archive.rotate))
+    if archive.triggers:
+        outputs.append(_incidents(archive, shelf))
+    deriver = Deriver(outputs, judge, Redactor() if archive.redact else None)
+    return _Retained(deriver, retention, shelf, _too_little(archive))
+
+
+def _incidents(archive: Archive, shelf: Shelf) -> Incidents:
+    watchers = {text: parse_trigger(text) for text in archive.triggers}
+    for watcher in watchers.values():
+        if isinstance(watcher, Pressed) and hasattr(signal, "SIGUSR1"):  # Windows has none
+            signal.signal(signal.SIGUSR1, lambda *_, press=watcher.press: press())
+    ring = Ring(archive.before_ns, archive.ring_bytes)
+    return Incidents(shelf, ring, watchers, archive.after_ns)
+
+
+def _too_little(archive: Archive) -> str:
+    return (
+        f"less than {show_size(archive.min_free_bytes)} is free on the disk, and no recording is "
+        "left that may be removed: recording waits for room"
+    )
+
+
+class _Retained:
+    """A sink that makes room as it writes; where there is none to make, it ends its files."""
+
+    def __init__(self, sink: Sink, retention: Retention, shelf: Shelf, too_little: str) -> None:
+        self._sink = sink
+        self._retention = retention
+        self._shelf = shelf
+        self._too_little = too_little
+        self._looked_ns = 0
+        self._full = False
+
+    def write(self, event: WireEvent) -> None:
+        """Take the next event.
+
+        Raises:
+            SinkFailed: The disk has no room that may be used.
+        """
+        if self._full:
+            raise SinkFailed(self._too_little)
+        self._sink.write(event)
+
+    def tick(self, now_ns: int) -> None:
+        """Make all durable, and see to the room on the disk now and then."""
+        if self._full:
+            raise SinkFailed(self._too_little)
+        self._sink.tick(now_ns)
+        if 0 <= now_ns - self._looked_ns < PERIOD_NS:
+            return
+        self._looked_ns = now_ns
+        if not self._retention.enforce(now_ns, self._shelf.written_bytes):
+            self._sink.close()  # what was taken is safe: after this tick it does not come again
+            self._full = True
+
+    def close(self) -> None:
+        """End the files."""
+        if not self._full:
+            self._sink.close()

@@ -1,0 +1,119 @@
+"""Children: the processes of a recorder, and how they are kept alive and ended.
+
+Law: a child obeys its line and nothing else. The line is a socket pair; its near end closes when
+the recorder closes it or dies, and that is the order to finish. Signals that a terminal or a
+service manager sends to all processes at once are for the recorder alone.
+"""
+
+import asyncio
+import logging
+import multiprocessing
+import signal
+import socket
+from collections.abc import Callable
+from multiprocessing.connection import wait
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from multiprocessing.process import BaseProcess
+
+FIRST_DELAY_S: Final = 0.1
+LAST_DELAY_S: Final = 5.0
+"""How long a child that dies again and again stays dead."""
+
+_log = logging.getLogger(__name__)
+_processes = multiprocessing.get_context("spawn")
+
+
+def ignore_signals() -> None:
+    """To be called first in a child: leave it to the recorder when to end."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if number := getattr(signal, name, None):  # Windows knows fewer
+            signal.signal(number, signal.SIG_IGN)
+
+
+class Child:
+    """A process that is started again whenever it fails, until it is stopped.
+
+    Args:
+        name: What it is, for the log.
+        run: The process's function; its last argument is the far end of its line. It returns when
+            the near end is closed and its work is done.
+        arguments: Its other arguments.
+
+    Attributes:
+        near: The near end of the line. It may be handed to other children as well: the order to
+            finish is given when all have closed it.
+    """
+
+    def __init__(self, name: str, run: Callable[..., None], *arguments: Any) -> None:
+        self.near, self._far = socket.socketpair()
+        self.pid: int | None = None
+        self._name = name
+        self._run = run
+        self._arguments = arguments
+        self._keeper: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Start the process, from within a running event loop.
+
+        Raises:
+            Exception: An argument cannot be pickled; whatever pickle says of it.
+            OSError: The system has no room for another process.
+        """
+        self._keeper = asyncio.get_running_loop().create_task(self._keep(self._spawn()))
+
+    async def stop(self, timeout_s: float) -> bool:
+        """Order it to finish; kill it where it has not after so long. Return whether it has."""
+        self.near.close()
+        try:
+            if self._keeper:
+                await asyncio.wait_for(self._keeper, timeout_s)
+        except TimeoutError:
+            return False
+        finally:
+            self._far.close()
+        return True
+
+    def _spawn(self) -> "BaseProcess":
+        process = _processes.Process(target=self._run, args=(*self._arguments, self._far))
+        process.start()
+        self.pid = process.pid
+        return process
+
+    async def _keep(self, process: "BaseProcess") -> None:
+        """Wait for the process's end; where that is a failure, start it again, and so on."""
+        loop = asyncio.get_running_loop()
+        delay_s = FIRST_DELAY_S
+        while True:
+            started_s = loop.time()
+            status = await _end_of(process)
+            if status == 0:
+                return
+            if loop.time() - started_s > LAST_DELAY_S:
+                delay_s = FIRST_DELAY_S
+            _log.warning("the %s ended with status %s and is started again", self._name, status)
+            while True:
+                await asyncio.sleep(delay_s)
+                delay_s = min(2 * delay_s, LAST_DELAY_S)
+                try:
+                    process = self._spawn()
+                except OSError as error:  # too many processes or files, for now
+                    _log.warning("the %s cannot be started: %s", self._name, error)
+                else:
+                    break
+
+
+async def _end_of(process: "BaseProcess") -> int | None:
+    """Wait for a process's end, or kill it where nobody wants to wait any longer."""
+    loop = asyncio.get_running_loop()
+    ended: asyncio.Future[list[Any]] = loop.run_in_executor(None, wait, [process.sentinel])
+    try:
+        await asyncio.shield(ended)
+    finally:
+        process.kill()
+        await ended
+        process.join()
+        status = process.exitcode
+        process.close()
+    return status

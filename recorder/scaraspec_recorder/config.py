@@ -1,0 +1,240 @@
+"""The configuration of recorders: what is recorded, where it comes in, what is kept.
+
+Law: texts in, checked values out, and one clear sentence for anything wrong; nothing is opened. The
+keys of a table are the options of ``scaraspec record``, so that both mean the same.
+"""
+
+import difflib
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+from scaraspec_recorder.archive import Archive, archive_sink
+from scaraspec_recorder.capture import capture_sink
+from scaraspec_recorder.inject import load_injection
+from scaraspec_recorder.injection.rules import Injection
+from scaraspec_recorder.leftovers import repairing_sink
+from scaraspec_recorder.quantities import SECOND_NS, parse_duration, parse_size
+from scaraspec_recorder.retention import Keep, parse_keep
+from scaraspec_recorder.rotation import Rotate, parse_rotate
+from scaraspec_recorder.routes import Mode
+from scaraspec_recorder.seams import safe_name
+from scaraspec_recorder.sinks import SinkFactory
+from scaraspec_recorder.triggers import parse_trigger
+
+DEFAULT_LISTEN: Final = "127.0.0.1:8877"
+DEFAULT_OUT: Final = Path("captures")
+MODES: Final = {"port": Mode.EXPLICIT, "redirect": Mode.REDIRECT, "tproxy": Mode.TPROXY}
+
+_AROUND_NS: Final = 60 * SECOND_NS
+_MAX_FILE_BYTES: Final = 1 << 20
+_MOST_ROBOTS: Final = 256
+
+
+class ConfigError(Exception):
+    """A configuration that cannot be; the message is one sentence for the user."""
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """What is recorded of one robot.
+
+    Attributes:
+        name: What its files are called by.
+        url: The controller's link.
+        listen: Where clients connect.
+        out: The folder of the recording.
+        mode: How clients come to it.
+        redact: Whether to hide passwords in the raw layer too.
+        rotate: When a file ends; None for one file.
+        keep: What is kept; None for all.
+        min_free_bytes: How much of the disk is to stay free.
+        ring_ns: How much before and after a trigger is written; None to write everything.
+        triggers: When an incident is written.
+        injection: Faults on purpose; None for none.
+        i_mean_it: Whether they may reach clients on other machines.
+    """
+
+    name: str
+    url: str
+    listen: str = DEFAULT_LISTEN
+    out: Path = DEFAULT_OUT
+    mode: Mode = Mode.EXPLICIT
+    redact: bool = False
+    rotate: Rotate | None = None
+    keep: Keep | None = None
+    min_free_bytes: int = 0
+    ring_ns: int | None = None
+    triggers: tuple[str, ...] = ()
+    injection: Injection | None = None
+    i_mean_it: bool = False
+
+    def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
+        """Return what makes the sink that writes the files.
+
+        One file, capture.mcap, unless anything is said that asks for several; these are named by
+        time and robot and have a table of contents.
+
+        Args:
+            session: What is known beforehand, such as the addresses.
+            draw: Whether to write .rrd files too.
+            needs_login: False for a serial link (L83).
+        """
+        several = self.rotate or self.keep or self.min_free_bytes or self.ring_ns or self.triggers
+        if not several:
+            make = partial(
+                capture_sink,
+                session=session,
+                needs_login=needs_login,
+                draw=draw,
+                redact=self.redact,
+            )
+            return partial(repairing_sink, make=make)
+        around_ns = _AROUND_NS if self.ring_ns is None else self.ring_ns
+        archive = Archive(
+            robot=self.name,
+            session=session,
+            needs_login=needs_login,
+            draw=draw,
+            redact=self.redact,
+            continuous=self.ring_ns is None or self.rotate is not None,
+            rotate=self.rotate or Rotate(),
+            keep=self.keep or Keep(),
+            min_free_bytes=self.min_free_bytes,
+            triggers=self.triggers,
+            before_ns=around_ns,
+            after_ns=around_ns,
+        )
+        return partial(archive_sink, archive=archive)
+
+
+def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> Robot:
+    """Check what is said of one robot.
+
+    Args:
+        name: The robot.
+        table: Values by the names of options, such as ``min-free``.
+        prefix: Stands before such a name where a sentence says what is wrong.
+
+    Raises:
+        ConfigError: A key or a value is wrong, or two do not go together.
+    """
+    values = {}
+    for key, value in table.items():
+        if key not in _KEYS:
+            raise ConfigError(f"{prefix}{key} is no setting{_meant(key, _KEYS)}")
+        kind, field, read = _KEYS[key]
+        if not isinstance(value, kind):
+            raise ConfigError(f"{prefix}{key}: {value!r} is no {_KINDS[kind]}")
+        try:
+            values[field] = read(value)
+        except ValueError as error:
+            raise ConfigError(f"{prefix}{key}: {error}") from None
+    if not values.get("url"):
+        raise ConfigError(f"{prefix}url is missing: name the controller, as tcp://192.168.1.2")
+    robot = Robot(name, **values)
+    if robot.ring_ns is not None and not robot.triggers:
+        raise ConfigError(f"{prefix}ring writes nothing without a trigger: add one")
+    if robot.i_mean_it and not robot.injection:
+        raise ConfigError(f"{prefix}i-mean-it means nothing without inject: leave it out")
+    return robot
+
+
+def read_config(path: Path) -> tuple[Robot, ...]:
+    """Read a TOML file: a table for each robot, and before them what holds for all.
+
+    Each robot's files have a folder of its name in `out`, unless its own table names another.
+
+    Raises:
+        ConfigError: It cannot be read, or what it says cannot be.
+    """
+    for_all = _load(path)
+    tables = for_all.pop("robots", None)
+    if not isinstance(tables, dict) or not 0 < len(tables) <= _MOST_ROBOTS:
+        raise ConfigError(f"{path} must name robots: write tables such as [robots.line-3]")
+    for key in for_all:
+        if key not in _FOR_ALL:
+            raise ConfigError(f"{path}: {key} is no setting for all robots{_meant(key, _FOR_ALL)}")
+    robots = tuple(_from_file(path, name, table, for_all) for name, table in tables.items())
+    for key in ("listen", "out"):
+        taken: dict[object, str] = {}
+        for robot in robots:
+            value = getattr(robot, key)
+            other = taken.setdefault(value, robot.name)
+            if other != robot.name:
+                raise ConfigError(
+                    f"{path}: {robot.name} and {other} have the same {key}, {value}: name another"
+                )
+    return robots
+
+
+def _from_file(path: Path, name: str, table: object, for_all: Mapping[str, Any]) -> Robot:
+    if not isinstance(table, dict):
+        raise ConfigError(f"{path}: robots.{name} is no table: write [robots.{name}]")
+    if name != safe_name(name):
+        raise ConfigError(f"{path}: {name!r} cannot name files: take letters, digits and hyphens")
+    out = for_all.get("out", str(DEFAULT_OUT))
+    own_out = {"out": str(Path(out) / name)} if isinstance(out, str) else {}
+    return read_robot(name, {**for_all, **own_out, **table}, f"{path}: robots.{name}.")
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read: {error.strerror or error}") from None
+    if len(data) > _MAX_FILE_BYTES:
+        raise ConfigError(f"{path} is larger than a configuration can be")
+    try:
+        return tomllib.loads(data.decode())
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{path} is no TOML file: {error}") from None
+
+
+def _mode(text: str) -> Mode:
+    if text not in MODES:
+        raise ValueError(f"{text!r} is no mode: take {', '.join(MODES)}")
+    return MODES[text]
+
+
+def _injection(text: str) -> Injection:
+    return load_injection(Path(text))
+
+
+def _triggers(texts: Iterable[object]) -> tuple[str, ...]:
+    for text in texts:
+        if not isinstance(text, str):
+            raise ValueError(f"{text!r} is no text")  # noqa: TRY004 - wrong in a file, not in code
+        parse_trigger(text)
+    return tuple(dict.fromkeys(str(text) for text in texts))
+
+
+def _meant(key: str, among: Iterable[str]) -> str:
+    near = difflib.get_close_matches(key, among, n=1)
+    return f": did you mean {near[0]}?" if near else f": there are {', '.join(among)}"
+
+
+_Read = Callable[[Any], Any]
+_KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
+    "url": (str, "url", str),
+    "listen": (str, "listen", str),
+    "out": (str, "out", Path),
+    "mode": (str, "mode", _mode),
+    "redact": (bool, "redact", bool),
+    "rotate": (str, "rotate", parse_rotate),
+    "keep": (str, "keep", parse_keep),
+    "min-free": (str, "min_free_bytes", parse_size),
+    "ring": (str, "ring_ns", parse_duration),
+    "trigger": (list, "triggers", _triggers),
+    "inject": (str, "injection", _injection),
+    "i-mean-it": (bool, "i_mean_it", bool),
+}
+"""Of every option: its type in a file, the attribute of `Robot`, and what reads it."""
+
+_OF_ONE: Final = ("url", "listen", "inject", "i-mean-it")
+_FOR_ALL: Final = tuple(key for key in _KEYS if key not in _OF_ONE)
+_KINDS: Final = {str: "text", bool: "true or false", list: "list of texts"}

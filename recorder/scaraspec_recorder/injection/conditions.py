@@ -1,0 +1,75 @@
+"""Conditions: which frames are meant, by what stands in them.
+
+Law: a condition looks at one frame and remembers nothing; counting is the rules' affair.
+"""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple, Self
+
+from scaraspec.protocol import commands
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import Frame
+
+PARTS: Final = ("request", "reply", "result")
+
+
+class Passing(NamedTuple):
+    """A frame that came, and what it is; an undefined opcode has no name."""
+
+    frame: Frame
+    name: str
+    part: str
+
+    @classmethod
+    def of(cls, frame: Frame) -> Self:
+        """Read it against the command table."""
+        if parsed := commands.read(frame):
+            return cls(frame, parsed.command.name, parsed.part)
+        part = "result" if frame.tagged else "request" if frame.direction is A2C else "reply"
+        return cls(frame, "", part)
+
+    def __str__(self) -> str:
+        return f"{self.name or f'0x{self.frame.opcode:02X}'} {self.part}"
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What must hold of a frame; None for anything.
+
+    Attributes:
+        command: A name of the command table, or an opcode.
+        part: Which frame of the command it is, of `PARTS`.
+        direction: ``"A2C"`` or ``"C2A"``.
+    """
+
+    command: int | str | None = None
+    part: str | None = None
+    direction: str | None = None
+
+    def holds(self, passing: Passing) -> bool:
+        """Whether this frame is meant."""
+        frame, name, part = passing
+        command = name if isinstance(self.command, str) else frame.opcode
+        return (
+            self.command in (None, command)
+            and self.part in (None, part)
+            and self.direction in (None, frame.direction.value)
+        )
+
+    def complaint(self) -> str:
+        """Why no frame at all can be meant, in words; empty where one can."""
+        command = BY_NAME.get(self.command) if isinstance(self.command, str) else None
+        if command is None:
+            return ""
+        if self.part == "result" and not command.two_stage:
+            return f"{command.name} has no final result"
+        asker = command.asker if self.part == "request" else command.asker.opposite
+        if self.part and self.direction not in (None, asker.value):
+            return f"the {self.part} of {command.name} goes {asker.value}"
+        return ""
+
+    def __str__(self) -> str:
+        command = f"0x{self.command:02X}" if isinstance(self.command, int) else self.command
+        words = (command or "any", self.part or "frame", self.direction)
+        return " ".join(word for word in words if word)

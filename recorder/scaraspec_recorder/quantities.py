@@ -1,0 +1,92 @@
+"""Quantities: durations and sizes as a user writes them.
+
+Law: text in, whole nanoseconds and bytes out. What is limited by them is the affair of others.
+"""
+
+import re
+import reprlib
+from dataclasses import dataclass
+from typing import Final
+
+SECOND_NS: Final = 1_000_000_000
+
+_DURATIONS_NS: Final = {
+    "ms": SECOND_NS // 1000,
+    "s": SECOND_NS,
+    "min": 60 * SECOND_NS,
+    "h": 3600 * SECOND_NS,
+    "d": 86_400 * SECOND_NS,
+}
+_SIZES_BYTES: Final = {
+    "b": 1,
+    **{f"{prefix}b": 1000**power for power, prefix in enumerate("kmgt", start=1)},
+    **{f"{prefix}ib": 1024**power for power, prefix in enumerate("kmgt", start=1)},
+}
+_QUANTITY: Final = re.compile(r"\s*([0-9]{1,12}(?:\.[0-9]{1,9})?)\s*([A-Za-z]{1,3})\s*")
+
+
+class QuantityError(ValueError):
+    """A text that is no such quantity; the message is one sentence for the user."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How long, how large; None where there is no such limit."""
+
+    duration_ns: int | None = None
+    size_bytes: int | None = None
+
+
+def parse_duration(text: str) -> int:
+    """Return the nanoseconds of, for example, ``500ms``, ``30s``, ``1.5min``, ``1h``, ``30d``.
+
+    Raises:
+        QuantityError: It is no duration, or none at all.
+    """
+    if (duration_ns := _read(text, _DURATIONS_NS)) is None:
+        raise QuantityError(f"{reprlib.repr(text)} is no duration such as 500ms, 30s, 1h or 30d")
+    return duration_ns
+
+
+def parse_size(text: str) -> int:
+    """Return the bytes of, for example, ``512MB`` (of 1000 kB) or ``2GiB`` (of 1024 MiB).
+
+    Raises:
+        QuantityError: It is no size, or none at all.
+    """
+    if (size_bytes := _read(text, _SIZES_BYTES)) is None:
+        raise QuantityError(f"{reprlib.repr(text)} is no size such as 512MB or 2GiB")
+    return size_bytes
+
+
+def parse_limits(text: str) -> Limits:
+    """Return what ``1h``, ``512MB`` or ``1h,512MB`` limits.
+
+    Raises:
+        QuantityError: A part is neither a duration nor a size, or there are two of a kind.
+    """
+    limits = Limits()
+    for part in text.split(","):
+        duration_ns, size_bytes = _read(part, _DURATIONS_NS), _read(part, _SIZES_BYTES)
+        if duration_ns is None and size_bytes is None:
+            rule = "neither a duration such as 1h nor a size such as 512MB"
+            raise QuantityError(f"{reprlib.repr(part)} is {rule}")
+        if (duration_ns and limits.duration_ns) or (size_bytes and limits.size_bytes):
+            raise QuantityError(f"{reprlib.repr(text)} names two limits of one kind: name one")
+        limits = Limits(limits.duration_ns or duration_ns, limits.size_bytes or size_bytes)
+    return limits
+
+
+def show_size(size_bytes: int) -> str:
+    """A size for a reader, such as ``20 GB``."""
+    for unit in ("GB", "MB", "kB"):
+        if (number := size_bytes / _SIZES_BYTES[unit.lower()]) >= 1:
+            return f"{number:.4g} {unit}"
+    return f"{size_bytes} bytes"
+
+
+def _read(text: str, units: dict[str, int]) -> int | None:
+    """The quantity in its smallest unit; None where it is no such quantity, or nothing."""
+    found = _QUANTITY.fullmatch(text)
+    unit = units.get(found[2].lower()) if found else None
+    return round(float(found[1]) * unit) or None if found and unit else None

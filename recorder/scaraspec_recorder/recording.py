@@ -1,0 +1,147 @@
+"""Recording: a link, recorded. Starts the tap and the scribe, keeps them alive, and ends them.
+
+Law: the recorder's own process does none of the work. The tap forwards, the scribe writes, each in
+a process of its own, and only the spool lies between them; here they are watched.
+"""
+
+import hashlib
+import os
+import shutil
+import stat
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from scaraspec_recorder import scribe, tap
+from scaraspec_recorder.children import Child
+from scaraspec_recorder.injection.connection import InjectedConnection
+from scaraspec_recorder.injection.rules import Injection
+from scaraspec_recorder.routes import Route
+from scaraspec_recorder.scribe import Progress
+from scaraspec_recorder.sinks import SinkFactory
+from scaraspec_recorder.spool import LIMIT_BYTES, lock, read_checkpoint
+
+DRAIN_S: Final = 60.0
+"""How long the scribe may take to write what is left when a recording ends."""
+
+_TAP_STOP_S: Final = tap.STOP_S + 3.0
+_MEMORY: Final = Path("/dev/shm")  # noqa: S108 - files there are made in a folder of our own, mode 0700
+
+
+class Recording:
+    """A recording under way, or ended. Made by `record`.
+
+    Attributes:
+        address: Where the tap listens: host and port.
+        spool: The folder of the spool.
+        tap: The process that forwards.
+        scribe: The process that writes.
+        drain_s: How long the scribe may take to write what is left when the recording ends.
+    """
+
+    def __init__(self, address: tuple[str, int], spool: Path, tap: Child, scribe: Child) -> None:
+        self.address = address
+        self.spool = spool
+        self.tap = tap
+        self.scribe = scribe
+        self.drain_s = DRAIN_S
+        self._progress = Progress()
+
+    @property
+    def progress(self) -> Progress:
+        """How far the scribe had come at its last tick; all of it once the recording has ended."""
+        if checkpoint := read_checkpoint(self.spool):
+            self._progress = Progress.read(checkpoint["state"])
+        return self._progress
+
+
+@asynccontextmanager
+async def record(  # noqa: PLR0913 - what may be chosen, each on its own
+    route: Route,
+    listen: tuple[str, int],
+    out_dir: Path,
+    sinks: Sequence[SinkFactory],
+    *,
+    limit_bytes: int = LIMIT_BYTES,
+    injection: Injection | None = None,
+) -> AsyncIterator[Recording]:
+    """Relay connections and record them, for as long as the context lasts.
+
+    What an earlier recorder into the same folder left in its spool when it was killed is written
+    first. At the end, connections that are open are closed, and the scribe writes what is left. If
+    it cannot in time, `Recording.progress` is not finished, and the spool stays for the next
+    recorder.
+
+    Args:
+        route: Where to; `routes.Upstream` for one controller.
+        listen: Host and port to listen on; port 0 takes a free one, see `Recording.address`.
+        out_dir: Where the sinks write; made where it is not there.
+        sinks: Make the sinks.
+        limit_bytes: How far the writing may lag before recording is dropped.
+        injection: Faults on purpose, see `inject`; None to pass everything on unchanged.
+
+    Raises:
+        OSError: The address or the folder cannot be used, or another recorder uses the folder.
+    """
+    with route.listen(*listen) as listener, _claimed_spool(out_dir, limit_bytes) as spool:
+        writing = Child("scribe", scribe.run, spool, out_dir, tuple(sinks))
+        connect = partial(InjectedConnection, injection) if injection else None
+        relaying = Child("tap", tap.run, listener, route, spool, limit_bytes, connect, writing.near)
+        host, port = listener.getsockname()[:2]
+        recording = Recording((host, port), spool, relaying, writing)
+        try:
+            writing.start()
+            relaying.start()
+            yield recording
+        finally:
+            try:
+                await relaying.stop(_TAP_STOP_S)
+            finally:  # whatever comes in between, the scribe gets its order
+                listener.close()
+                await writing.stop(recording.drain_s)
+            if recording.progress.finished:
+                shutil.rmtree(spool)
+
+
+def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES) -> Path:
+    """Return the folder of the spool of recordings into `out_dir`; made where it is not there.
+
+    It lies in memory where the system has files there, for a disk that is slow or full must not
+    reach the tap, and is just what the spool has to bridge; else in `out_dir`.
+
+    Raises:
+        OSError: It cannot be made, or is not ours alone.
+    """
+    beside = out_dir.resolve() / ".spool"
+    name = hashlib.sha256(os.fsencode(beside)).hexdigest()[:16]
+    in_memory = _MEMORY / f"scaraspec-{name}"
+    if not beside.exists() and (in_memory.exists() or _has_room(limit_bytes)):
+        in_memory.mkdir(mode=0o700, exist_ok=True)
+        found = in_memory.lstat()  # it may have been laid there by somebody else
+        private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
+        if not private or found.st_uid != os.geteuid():
+            raise PermissionError(f"{in_memory} is not a folder of this user alone: remove it")
+        return in_memory
+    beside.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return beside
+
+
+def _has_room(size_bytes: int) -> bool:
+    return _MEMORY.is_dir() and shutil.disk_usage(_MEMORY).free > size_bytes
+
+
+@contextmanager
+def _claimed_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
+    """Hold the spool against other recorders."""
+    spool = spool_folder(out_dir, limit_bytes)
+    try:
+        held = lock(spool / "recorder.lock", wait=False)
+    except BlockingIOError:
+        rule = "a folder has one recorder at a time, name another"
+        raise BlockingIOError(f"another recorder writes into {out_dir}: {rule}") from None
+    try:
+        yield spool
+    finally:
+        os.close(held)

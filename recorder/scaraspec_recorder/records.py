@@ -1,0 +1,161 @@
+"""Records: what the forwarding process saw, as bytes in blocks.
+
+Lives here: the layout of records and blocks, both ways. Where blocks lie, and who writes and reads
+them, stands in `spool`.
+
+A block is a header (magic, length, CRC-32) and whole records. It is written by one write, so that a
+writer that is killed leaves at most one torn block, which no reader takes for a whole one.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from enum import Enum
+from typing import Final, NamedTuple
+
+from scaraspec.judgement.wire import Kind
+from scaraspec.protocol.direction import A2C, C2A, Direction
+
+MAX_BLOCK_BYTES: Final = 1 << 20
+
+_HEADER: Final = struct.Struct("<4sII")
+_MAGIC: Final = b"SPL1"
+_RECORD: Final = struct.Struct("<IBQQQ")
+_LENGTH: Final = struct.Struct("<q")
+
+
+class Mark(Enum):
+    """What is told beside what happened on the wire."""
+
+    SEAM = "seam"  # what follows is not joined to what came before: connections begin anew
+    TOTAL = "total"  # `offset_bytes` were received in this direction, by the forwarder's count
+
+    __hash__ = object.__hash__
+
+
+_KINDS: Final[tuple[Kind | Mark, ...]] = (*Kind, *Mark)
+CODES: Final = {kind: code for code, kind in enumerate(_KINDS)}
+"""What stands for a kind in a record's head."""
+
+pack_head: Final = _RECORD.pack
+"""Return a record's head: of the payload's size, code, stream, time_ns and offset_bytes."""
+
+
+class Record(NamedTuple):
+    """One thing that the forwarding process saw.
+
+    Attributes:
+        kind: What happened.
+        stream: Connection and direction, see `stream_number`.
+        time_ns: Nanoseconds since the Unix epoch.
+        offset_bytes: Stream offset where it happened.
+        payload: The bytes; or the note, in UTF-8; of a gap its length and its note.
+    """
+
+    kind: Kind | Mark
+    stream: int
+    time_ns: int
+    offset_bytes: int = 0
+    payload: bytes = b""
+
+    @property
+    def connection(self) -> int:
+        """The connection's number, counted from 1 since the last seam."""
+        return self.stream >> 1
+
+    @property
+    def direction(self) -> Direction:
+        """The direction of the stream."""
+        return C2A if self.stream & 1 else A2C
+
+    @property
+    def length_bytes(self) -> int:
+        """Length of a gap; 0 for every other kind."""
+        return int(_LENGTH.unpack_from(self.payload)[0]) if self.kind is Kind.GAP else 0
+
+    @property
+    def note(self) -> str:
+        """The words of a record that holds no bytes of the wire."""
+        text = self.payload[_LENGTH.size :] if self.kind is Kind.GAP else self.payload
+        return text.decode("utf-8", "replace")
+
+
+def stream_number(connection: int, direction: Direction) -> int:
+    """Return the number by which records name one direction of a connection."""
+    return connection << 1 | (direction is C2A)
+
+
+def gap(stream: int, time_ns: int, offset_bytes: int, length_bytes: int, reason: str) -> Record:
+    """Return the record of bytes that passed unrecorded."""
+    payload = _LENGTH.pack(length_bytes) + reason.encode()
+    return Record(Kind.GAP, stream, time_ns, offset_bytes, payload)
+
+
+class Block:
+    """A block in the making.
+
+    Attributes:
+        data: Room for the header, then the records. It stays the same object.
+    """
+
+    def __init__(self) -> None:
+        self.data = bytearray(_HEADER.size)
+
+    @property
+    def empty(self) -> bool:
+        """Whether it holds no record."""
+        return len(self.data) == _HEADER.size
+
+    def add(self, record: Record) -> None:
+        """Add a record."""
+        kind, stream, time_ns, offset_bytes, payload = record
+        self.data += pack_head(len(payload), CODES[kind], stream, time_ns, offset_bytes)
+        self.data += payload
+
+    def seal(self) -> bytes:
+        """Return the finished block."""
+        with memoryview(self.data)[_HEADER.size :] as body:
+            _HEADER.pack_into(self.data, 0, _MAGIC, len(body), zlib.crc32(body))
+        return bytes(self.data)
+
+    def records(self) -> Iterator[Record]:
+        """Give its records back."""
+        return _records(bytes(self.data[_HEADER.size :]))
+
+    def clear(self) -> None:
+        """Begin anew."""
+        del self.data[_HEADER.size :]
+
+
+def read_blocks(data: bytes) -> tuple[list[Record], int]:
+    """Return the records of the whole and sound blocks that `data` begins with, and their size."""
+    records: list[Record] = []
+    at = 0
+    while len(data) - at >= _HEADER.size:
+        magic, size_bytes, crc = _HEADER.unpack_from(data, at)
+        body = data[at + _HEADER.size : at + _HEADER.size + size_bytes]
+        if magic != _MAGIC or len(body) != size_bytes or zlib.crc32(body) != crc:
+            break
+        records += _records(body)
+        at += _HEADER.size + size_bytes
+    return records, at
+
+
+def is_torn(data: bytes) -> bool:
+    """Whether `data` is the beginning of a block that was never finished, or nothing.
+
+    Anything else that `read_blocks` leaves is damage.
+    """
+    if len(data) < _HEADER.size:
+        return _MAGIC.startswith(data[: len(_MAGIC)])
+    magic, size_bytes, _ = _HEADER.unpack_from(data)
+    return bool(magic == _MAGIC) and _HEADER.size + size_bytes > len(data)
+
+
+def _records(body: bytes) -> Iterator[Record]:
+    at = 0
+    while at < len(body):
+        size_bytes, code, stream, time_ns, offset_bytes = _RECORD.unpack_from(body, at)
+        at += _RECORD.size + size_bytes
+        payload = body[at - size_bytes : at]
+        yield Record(_KINDS[code], stream, time_ns, offset_bytes, payload)

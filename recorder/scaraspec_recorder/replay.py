@@ -1,0 +1,216 @@
+"""Replay: what a recorded client asked is asked again, and the answers are held side by side.
+
+Law: nothing is sent that was not allowed by its hazard, that the table does not know, or whose form
+is wrong. What goes out keeps its order; the next request waits for the answer to the one before.
+No link is opened here.
+"""
+
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from scaraspec.judgement.dialogue import Dialogue
+from scaraspec.judgement.happenings import FrameSeen, Undecodable
+from scaraspec.judgement.scene import Scene
+from scaraspec.judgement.wire import WireEvent
+from scaraspec.protocol.commands import Parsed, read
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.frames import Frame, Framer
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import Acceptance
+from scaraspec.protocol.readings import DEFAULT
+
+_MOST_UNANSWERED: Final = 256
+"""Requests whose answer is looked for further on in the capture."""
+
+
+class Link(Protocol):
+    """What is needed of a link to a controller, see `links.link.Link`."""
+
+    @property
+    def now_s(self) -> float:
+        """The present instant on its monotonic clock."""
+
+    def send(self, data: bytes) -> object:
+        """Send all of `data`."""
+
+    def receive(self, deadline_s: float) -> tuple[int, object] | None:
+        """Return when which bytes came; anything else is the end; None where none came by then."""
+
+
+class LinkEndedError(Exception):
+    """The controller has ended the link."""
+
+
+@dataclass(slots=True)
+class Step:
+    """Something that the recorded client sent.
+
+    Attributes:
+        name: The command, or what else it is.
+        time_ns: When, in the capture.
+        frame: What is to be sent; None where nothing may.
+        reason: Why nothing may.
+        answers: It answers the controller's request, instead of asking.
+        recorded: The form of the first reply in the capture, see `form`.
+        answered: The form of the first reply now.
+    """
+
+    name: str
+    time_ns: int
+    frame: Frame | None = None
+    reason: str = ""
+    answers: bool = False
+    recorded: str = ""
+    answered: str = ""
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing more of the capture belongs to it."""
+        return self.frame is None or self.answers or bool(self.recorded)
+
+    @property
+    def differs(self) -> bool:
+        """Whether the controller answers otherwise than it did; where it did, that is."""
+        return bool(self.recorded) and self.recorded != self.answered
+
+
+def steps(
+    events: Iterable[WireEvent], connection: str, allowed: Collection[Hazard]
+) -> Iterator[Step]:
+    """Give what the client of one connection sent, each with the reply that it got.
+
+    Args:
+        events: A capture.
+        connection: Which of its connections.
+        allowed: What the requests that are sent may do at worst.
+    """
+    dialogue = Dialogue(connection, Scene(), DEFAULT)
+    waiting: deque[Step] = deque()
+    for event in events:
+        if event.connection != connection:
+            continue
+        for item in dialogue.feed(event):
+            if isinstance(item, FrameSeen) and item.frame.direction is C2A:
+                _answer(waiting, item)
+            elif isinstance(item, FrameSeen):
+                waiting.append(_step(item, allowed))
+            elif isinstance(item, Undecodable) and item.place.direction is A2C:
+                waiting.append(Step("bytes", event.time_ns, reason="no frame"))
+        while waiting and (waiting[0].settled or len(waiting) > _MOST_UNANSWERED):
+            yield waiting.popleft()
+    yield from waiting
+
+
+def play(
+    plan: Iterable[Step], link: Link, *, reply_timeout_s: float, speed: float | None = None
+) -> Iterator[Step]:
+    """Send what may be sent; give each step when it is done.
+
+    Args:
+        plan: The steps.
+        link: Open, and logged in where that is needed.
+        reply_timeout_s: How long an answer is waited for.
+        speed: How much faster than in the capture, 1 for as it was; None for at once.
+
+    Raises:
+        LinkEndedError: The controller has ended the link.
+    """
+    ear, asked = _Ear(link), True
+    begun: tuple[float, int] | None = None
+    for step in plan:
+        begun = begun or (link.now_s, step.time_ns)
+        if speed and step.frame:
+            ear.listen_until(begun[0] + (step.time_ns - begun[1]) / 1e9 / speed)
+        if step.frame and step.answers:
+            # Where it did not ask once, as in a download that it refused, it is not waited for.
+            timeout_s = reply_timeout_s if asked else 0
+            asked = bool(ear.hear(step.frame.opcode, timeout_s, part="request"))
+            if asked:
+                link.send(step.frame.encode())
+            else:
+                step.frame, step.reason = None, "the controller did not ask"
+        elif step.frame:
+            asked = True
+            link.send(step.frame.encode())
+            step.answered = ear.hear(step.frame.opcode, reply_timeout_s, part="reply")
+        yield step
+
+
+def form(parsed: Parsed | None) -> str:
+    """What a reply amounts to, whatever values are in it: values change from day to day."""
+    if parsed is None:
+        return "undefined"
+    value = parsed.decoded.value
+    if parsed.decoded.complaints:
+        return "malformed"
+    if isinstance(value, Acceptance):
+        return "accepted" if value.accepted else "refused"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "answered"
+
+
+class _Ear:
+    """Hears what the controller sends, and keeps what nobody has waited for so far."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._framer = Framer(C2A)
+        self._heard: deque[Frame] = deque(maxlen=_MOST_UNANSWERED)
+
+    def hear(self, opcode: int, timeout_s: float, *, part: str) -> str:
+        """Return the form of the next message of this opcode; nothing if none comes in time."""
+        deadline_s = self._link.now_s + timeout_s
+        while True:
+            while self._heard:
+                frame = self._heard.popleft()
+                parsed = read(frame)
+                if frame.opcode == opcode and (parsed is None or parsed.part == part):
+                    return form(parsed)
+            if not self._receive(deadline_s):
+                return ""
+
+    def listen_until(self, deadline_s: float) -> None:
+        """Keep what comes by then."""
+        while self._link.now_s < deadline_s:
+            self._receive(deadline_s)
+
+    def _receive(self, deadline_s: float) -> bool:
+        """Take what comes next; false if nothing comes by then."""
+        arrival = self._link.receive(deadline_s)
+        if arrival is None:
+            return False
+        if not isinstance(arrival[1], bytes):
+            raise LinkEndedError("the controller has ended the link")
+        found = self._framer.feed(arrival[1])
+        self._heard.extend(item for item in found if isinstance(item, Frame))
+        return True
+
+
+def _step(seen: FrameSeen, allowed: Collection[Hazard]) -> Step:
+    """What becomes of a frame of the client."""
+    step = Step(seen.name, seen.place.time_ns)
+    parsed = seen.parsed
+    if not seen.certain:
+        step.reason = "behind a gap"
+    elif parsed is None:
+        step.reason = "undefined opcode"
+    elif parsed.decoded.complaints:
+        step.reason = "malformed"
+    elif parsed.command.hazard not in allowed:
+        step.reason = parsed.command.hazard.value
+    else:
+        step.frame = seen.frame
+        step.answers = parsed.part == "reply"
+    return step
+
+
+def _answer(waiting: Iterable[Step], seen: FrameSeen) -> None:
+    """Give a first reply to the oldest step that waits for one of its opcode."""
+    for step in waiting:
+        if not step.settled and step.frame and step.frame.opcode == seen.frame.opcode:
+            if not seen.frame.tagged:
+                step.recorded = form(seen.parsed)
+            return

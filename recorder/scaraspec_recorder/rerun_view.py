@@ -1,0 +1,298 @@
+"""capture.rrd, or a viewer: the recording as a picture.
+
+Law: drawn from the derived layer alone, and never the truth: what is lost here is drawn again from
+capture.mcap. How it looks stands in `blueprint`, how it is sent in `rerun_rows`.
+"""
+
+import shutil
+import subprocess
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+from uuid import uuid4
+
+from scaraspec.judgement.happenings import Exchange, FrameSeen, Transfer
+from scaraspec.judgement.wire import Kind, WireEvent
+from scaraspec.protocol.commands import JointValues, PortValue, Pose, RunningProgram
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.programs import ProgramError, listing, parse
+from scaraspec.protocol.transfer import State
+from scaraspec_recorder import arm_model, wording
+from scaraspec_recorder.arm_model import Box
+from scaraspec_recorder.deriver import Item
+from scaraspec_recorder.wording import Line
+
+try:
+    import rerun as rr
+except ImportError:
+    raise ImportError("drawing recordings needs rerun: pip install 'scaraspec[view]'") from None
+
+from scaraspec_recorder import blueprint, rerun_rows
+
+APPLICATION: Final = "scaraspec"
+FILE_DELAY_NS: Final = 5_000_000_000
+LIVE_DELAY_NS: Final = 100_000_000
+_OPTIMIZE_TIMEOUT_S: Final = 600
+_PAGE_CHARACTERS: Final = 200_000
+_PORTS: Final = range(1, 41)  # L655, L667
+
+
+class RerunSink:
+    """Draws one recording.
+
+    Args:
+        stream: Where to; connected and with its layout, see `to_file` and `to_viewer`.
+        session: What is known beforehand, such as the addresses.
+        delay_ns: How old a row may become before it is sent.
+    """
+
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        session: Mapping[str, str] | None = None,
+        delay_ns: int = FILE_DELAY_NS,
+    ) -> None:
+        self._stream = stream
+        self._session = dict(session or {})
+        self._delay_ns = delay_ns
+        self._path: Path | None = None
+        self._batches: rerun_rows.Batches | None = None
+        self._sent_ns = 0
+        self._now_ns = 0
+        self._number = 0
+        self._lanes: dict[str, str] = {}
+        self._flying: dict[
+            int, str
+        ] = {}  # two-stage commands in flight, by identity of the request
+        self._connected: set[str] = set()
+        self._tool: arm_model.Vector | None = None
+        self._links: dict[str, str] = {}  # the entity of each link of the arm, once it is drawn
+        self._drawers: dict[str, Callable[[Exchange], None]] = {
+            "get_status": self._status,
+            "get_running_program": self._program,
+            "get_motor_temperatures": self._temperatures,
+            "get_joint_angles": self._joints,
+            "get_tool_coordinates": self._tool_pose,
+            "get_digital_inputs": self._inputs,
+            "get_digital_outputs": self._outputs,
+            "set_digital_output": self._output,
+            "get_analog_input": self._analog,
+        }
+        for entity, style in blueprint.styles():
+            stream.log(entity, style, static=True)
+        known: dict[str, Any] = {"tool": f"scaraspec {version('scaraspec')}", **self._session}
+        stream.send_property("session", rr.AnyValues(**known))
+        self._session_page({})
+
+    @classmethod
+    def to_file(cls, path: Path, session: Mapping[str, str] | None = None) -> "RerunSink":
+        """Draw into a new file; one that is there is replaced."""
+        stream = rr.RecordingStream(APPLICATION, recording_id=uuid4())
+        stream.save(path, default_blueprint=blueprint.layout())
+        sink = cls(stream, session)
+        sink._path = path
+        return sink
+
+    @classmethod
+    def to_viewer(cls, url: str, session: Mapping[str, str] | None = None) -> "RerunSink":
+        """Draw in a viewer, for example at ``rerun+http://127.0.0.1:9876/proxy``."""
+        stream = rr.RecordingStream(APPLICATION, recording_id=uuid4())
+        stream.connect_grpc(url, default_blueprint=blueprint.layout())
+        return cls(stream, session, LIVE_DELAY_NS)
+
+    def write(self, event: WireEvent) -> None:
+        """Take the time of a raw event, and whether its link is up; its bytes are not drawn."""
+        self._now_ns = event.time_ns
+        if self._batches is None:
+            self._batches = rerun_rows.Batches(self._stream, event.time_ns)
+            self._stream.send_recording_start_time_nanos(event.time_ns)
+        ended = event.kind in (Kind.CLOSED, Kind.RESET)
+        if ended is (event.connection in self._connected):
+            self._link(event)
+
+    def take(self, item: Item, number: int, line: Line | None) -> None:
+        """Draw what a raw event brought about."""
+        self._number = number
+        match item:
+            case FrameSeen():
+                self._frame(item)
+            case Exchange():
+                self._exchange(item)
+            case Transfer():
+                self._transfer(item)
+        if line:
+            log = blueprint.EXCHANGES if isinstance(item, Exchange) else blueprint.EVENTS
+            self._put(log, rerun_rows.lines, line)
+
+    def tick(self, now_ns: int) -> None:
+        """Send what has waited long enough."""
+        if self._batches and not 0 <= now_ns - self._sent_ns < self._delay_ns:
+            self._sent_ns = now_ns
+            self._batches.flush()
+
+    def close(self, summary: Mapping[str, str]) -> None:
+        """Send all, write the summary, and make a file small and quick to open."""
+        if self._batches:
+            self._batches.flush()
+        self._session_page(summary)
+        self._stream.flush()
+        self._stream.disconnect()
+        if self._path:
+            optimize(self._path)
+
+    def _put(
+        self, entity: str, columns: rerun_rows.Columns, value: Any, time_ns: int | None = None
+    ) -> None:
+        assert self._batches, "an item came before its raw event"
+        time_ns = self._now_ns if time_ns is None else time_ns
+        self._batches.put(entity, columns, time_ns, self._number, value)
+
+    def _state(self, lane: str, value: str, time_ns: int | None = None) -> None:
+        """Draw a state where it changes."""
+        if self._lanes.get(lane, "") != value:
+            self._lanes[lane] = value
+            self._put(lane, rerun_rows.states, value, time_ns)
+
+    def _session_page(self, summary: Mapping[str, str]) -> None:
+        facts = [f"- **{key}**: {value}" for key, value in {**self._session, **summary}.items()]
+        page = "\n".join(("# Session", *facts, "", blueprint.LEGEND))
+        document = rr.TextDocument(page, media_type="text/markdown")
+        self._stream.log(blueprint.SESSION_PAGE, document, static=True)
+
+    def _link(self, event: WireEvent) -> None:
+        """A connection came up, or went down."""
+        self._connected ^= {event.connection}
+        count = len(self._connected)
+        if count > 1:
+            state = f"{count} connections"
+        elif count:
+            state = "connected"
+        else:
+            state = "reset" if event.kind is Kind.RESET else ""
+        self._state(blueprint.LINK, state)
+
+    def _frame(self, seen: FrameSeen) -> None:
+        parsed = seen.parsed
+        if parsed and parsed.part == "request" and parsed.command.two_stage:
+            self._flying[id(seen)] = parsed.command.name
+            self._state(blueprint.COMMAND, parsed.command.name)
+
+    def _exchange(self, exchange: Exchange) -> None:
+        if self._flying.pop(id(exchange.request), None):
+            self._state(blueprint.COMMAND, next(reversed(self._flying.values()), ""))
+        command = exchange.command
+        if exchange.latency_ns is not None:
+            query = command and command.hazard is Hazard.READ_ONLY
+            series = "chunks" if exchange.chunk else "queries" if query else "commands"
+            self._put(f"latency/{series}", rerun_rows.scalars, exchange.latency_ns / 1e6)
+        if exchange.duration_ns is not None:
+            self._put(blueprint.DURATION, rerun_rows.scalars, exchange.duration_ns / 1e9)
+        if exchange.name in ("upload_name", "download_name") and exchange.transfer:
+            what = "upload" if exchange.transfer.upload else "download"
+            self._state(blueprint.TRANSFER, f"{what} {show(exchange.transfer.name)}")
+        drawer = self._drawers.get(exchange.name)
+        if drawer and exchange.reply and not wording.complaints(exchange.reply):
+            drawer(exchange)
+
+    def _transfer(self, transfer: Transfer) -> None:
+        self._state(blueprint.TRANSFER, "")
+        if transfer.state is State.DONE and transfer.whole_content:
+            with suppress(ProgramError):
+                text = listing(parse(bytes(transfer.content)))[:_PAGE_CHARACTERS]
+                page = f"# {show(transfer.name)}\n\n```\n{text}```\n"
+                self._put(blueprint.PROGRAM_PAGE, rerun_rows.pages, page)
+
+    def _status(self, exchange: Exchange) -> None:
+        self._state(blueprint.ROBOT_STATUS, str(exchange.answer).upper())
+
+    def _program(self, exchange: Exchange) -> None:
+        answer = exchange.answer
+        name = show(answer.name) if isinstance(answer, RunningProgram) else ""
+        self._state(blueprint.PROGRAM, name)
+
+    def _temperatures(self, exchange: Exchange) -> None:
+        self._series("temperature", exchange.answer)
+
+    def _series(self, group: str, values: Any) -> None:
+        """Draw the fields of a named tuple that have a line in a plot."""
+        for name, value in zip(values._fields, values, strict=True):
+            if f"{group}/{name}" in blueprint.SERIES:
+                self._put(f"{group}/{name}", rerun_rows.scalars, value)
+
+    def _joints(self, exchange: Exchange) -> None:
+        joints = exchange.answer
+        assert isinstance(joints, JointValues)
+        self._series("joint", joints)
+        if not self._links:
+            self._build_arm()
+        for placement in arm_model.place(joints):
+            self._put(self._links[placement.link], rerun_rows.placements, placement)
+
+    def _build_arm(self) -> None:
+        """Draw the links, now that it is known how they stand."""
+        self._links[arm_model.BASE] = f"{blueprint.ARM}/{arm_model.BASE}"
+        for segment in arm_model.SEGMENTS:
+            self._links[segment.link] = f"{self._links[segment.parent]}/{segment.link}"
+        shapes = {arm_model.BASE: arm_model.BASE_SHAPES}
+        shapes |= {segment.link: segment.shapes for segment in arm_model.SEGMENTS}
+        for link, entity in self._links.items():
+            for number, shape in enumerate(shapes[link]):
+                columns = rerun_rows.boxes if isinstance(shape, Box) else rerun_rows.cylinders
+                self._put(f"{entity}/shape_{number}", columns, shape)
+
+    def _tool_pose(self, exchange: Exchange) -> None:
+        pose = exchange.answer
+        assert isinstance(pose, Pose)
+        self._series("tool", pose)
+        here = (pose.x, pose.y, pose.z)
+        self._put(blueprint.TOOL_NOW, rerun_rows.points, here)
+        if self._tool and self._tool != here:
+            self._put(blueprint.TOOL_PATH, rerun_rows.strips, (self._tool, here))
+        self._tool = here
+
+    def _inputs(self, exchange: Exchange) -> None:
+        for port, bit in enumerate(reversed(exchange.answer), start=1):  # leftmost: 8 (L651)
+            self._state(blueprint.input_lane(port), bit)
+
+    def _outputs(self, exchange: Exchange) -> None:
+        for port, bit in enumerate(reversed(exchange.answer), start=1):  # leftmost: 16 (L684)
+            self._state(blueprint.output_lane(port), bit)
+
+    def _output(self, exchange: Exchange) -> None:
+        asked = exchange.asked
+        if exchange.accepted and isinstance(asked, PortValue) and asked.port in _PORTS:
+            self._state(blueprint.output_lane(asked.port), str(asked.value))
+
+    def _analog(self, exchange: Exchange) -> None:
+        if exchange.asked in _PORTS:
+            self._put(blueprint.analog_series(exchange.asked), rerun_rows.scalars, exchange.answer)
+
+
+def optimize(path: Path) -> bool:
+    """Compact a recording in place, as far as the tool for it is there and willing.
+
+    Returns:
+        Whether it was done; otherwise the file stays as it is, which is larger and slower to open.
+    """
+    package = find_spec("rerun_cli")  # one on the PATH may be of another version
+    folder = Path(package.origin).parent if package and package.origin else None
+    tool = shutil.which("rerun", path=folder) if folder else None
+    if not tool:
+        return False
+    compact = path.with_name(f".{path.name}.optimized")
+    try:
+        subprocess.run(  # noqa: S603 - the tool that the rerun package brings, and two paths
+            [tool, "rrd", "optimize", str(path), "-o", str(compact)],
+            check=True,
+            capture_output=True,
+            timeout=_OPTIMIZE_TIMEOUT_S,
+        )
+        compact.replace(path)
+    except (OSError, subprocess.SubprocessError):
+        compact.unlink(missing_ok=True)
+        return False
+    return True

@@ -1,0 +1,224 @@
+"""The messages of a recording (protobuf package ``scara.v1``), as one typed table.
+
+Law: a message is a NamedTuple; its descriptor and its bytes are made from the annotations and from
+nothing else. A field's number is its position: fields are only appended, never moved, so that old
+files can be read for ever.
+"""
+
+from types import NoneType
+from typing import Any, Final, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+
+from google.protobuf import (  # type: ignore[import-untyped]  # the package ships no types
+    descriptor_pb2,
+    descriptor_pool,
+    message_factory,
+)
+from google.protobuf.message import (  # type: ignore[import-untyped]  # as above
+    DecodeError,
+)
+
+PACKAGE: Final = "scara.v1"
+
+
+class RawChunk(NamedTuple):
+    """Bytes of one direction, as they passed: the truth from which all else can be made again."""
+
+    connection: str
+    direction: str
+    offset_bytes: int
+    data: bytes
+    note: str
+
+
+class ConnectionEvent(NamedTuple):
+    """A connection was opened, half-closed, closed or reset, or a fault was injected into it."""
+
+    connection: str
+    direction: str
+    offset_bytes: int
+    kind: str
+    note: str
+
+
+class Gap(NamedTuple):
+    """Bytes that passed unrecorded; a length of -1 means that it is not known."""
+
+    connection: str
+    direction: str
+    offset_bytes: int
+    length_bytes: int
+    note: str
+
+
+class Frame(NamedTuple):
+    """One frame, read against the command table; passwords are masked."""
+
+    connection: str
+    direction: str
+    offset_bytes: int
+    size_bytes: int
+    opcode: int
+    tagged: bool
+    command: str
+    part: str
+    text: str
+    complaints: tuple[str, ...]
+
+
+class Undecodable(NamedTuple):
+    """A run of bytes that is no frame; `data` is at most its first 4096, passwords masked."""
+
+    connection: str
+    direction: str
+    offset_bytes: int
+    size_bytes: int
+    why: str
+    data: bytes
+
+
+class Exchange(NamedTuple):
+    """A request and what answered it. Its number is the same in every output of a recording."""
+
+    number: int
+    connection: str
+    command: str
+    opcode: int
+    request: str
+    reply: str
+    result: str
+    ending: str
+    accepted: bool | None
+    code: str
+    latency_ms: float | None
+    duration_s: float | None
+    request_time_ns: int
+    request_offset_bytes: int
+    reply_offset_bytes: int | None
+    result_offset_bytes: int | None
+
+
+class Transfer(NamedTuple):
+    """One file on its way; its content is an attachment of the same name where it arrived whole."""
+
+    connection: str
+    upload: bool
+    name: str
+    size_bytes: int
+    received_bytes: int
+    chunks: int
+    order: str
+    state: str
+    reason: str
+    begun_ns: int
+    duration_s: float
+    sha256: str
+
+
+class Finding(NamedTuple):
+    """A requirement judged on evidence."""
+
+    requirement: str
+    verdict: str
+    cause: str
+    message: str
+    expected: str
+    observed: str
+    reading: str
+    places: tuple[str, ...]
+
+
+Message = RawChunk | ConnectionEvent | Gap | Frame | Undecodable | Exchange | Transfer | Finding
+MESSAGES: Final[tuple[type[Message], ...]] = get_args(Message)
+
+_M = TypeVar("_M", bound=Message)
+_PROTO = descriptor_pb2.FieldDescriptorProto
+_TYPES: Final = {
+    str: _PROTO.TYPE_STRING,
+    bytes: _PROTO.TYPE_BYTES,
+    int: _PROTO.TYPE_INT64,
+    bool: _PROTO.TYPE_BOOL,
+    float: _PROTO.TYPE_DOUBLE,
+}
+
+
+def _describe(kind: type[Message], proto: Any) -> None:
+    """Fill a DescriptorProto from a message's annotations."""
+    proto.name = kind.__name__
+    for number, (name, hint) in enumerate(get_type_hints(kind).items(), start=1):
+        field = proto.field.add(name=name, number=number, label=_PROTO.LABEL_OPTIONAL)
+        if get_origin(hint) is tuple:
+            field.label = _PROTO.LABEL_REPEATED
+            hint = get_args(hint)[0]  # noqa: PLW2901 - unwrapped: what is repeated
+        elif NoneType in get_args(hint):
+            hint = get_args(hint)[0]  # noqa: PLW2901 - unwrapped: what may be absent
+            field.proto3_optional = True
+            field.oneof_index = len(proto.oneof_decl)
+            proto.oneof_decl.add(name=f"_{name}")
+        field.type = _TYPES[hint]
+
+
+def _file(kind: type[Message]) -> Any:
+    """The .proto file of one message: no message needs another."""
+    file = descriptor_pb2.FileDescriptorProto(
+        name=f"scara/v1/{kind.__name__}.proto", package=PACKAGE, syntax="proto3"
+    )
+    _describe(kind, file.message_type.add())
+    return file
+
+
+_FILES: Final = {kind: _file(kind) for kind in MESSAGES}
+
+
+def _make_classes() -> dict[type[Message], Any]:
+    pool = descriptor_pool.DescriptorPool()
+    for file in _FILES.values():
+        pool.Add(file)
+    return {
+        kind: message_factory.GetMessageClass(pool.FindMessageTypeByName(full_name(kind)))
+        for kind in MESSAGES
+    }
+
+
+class SchemaError(ValueError):
+    """Bytes are no message of the kind that they are said to be."""
+
+
+def full_name(kind: type[Message]) -> str:
+    """The protobuf name of a message, for example ``scara.v1.Frame``."""
+    return f"{PACKAGE}.{kind.__name__}"
+
+
+def descriptor_set(kind: type[Message]) -> bytes:
+    """The FileDescriptorSet with which any reader understands messages of this kind."""
+    data: bytes = descriptor_pb2.FileDescriptorSet(file=[_FILES[kind]]).SerializeToString()
+    return data
+
+
+_CLASSES: Final[dict[Any, Any]] = _make_classes()
+
+
+def encode(message: Message) -> bytes:
+    """The protobuf bytes of a message."""
+    fields = dict(zip(message._fields, message, strict=True))
+    data: bytes = _CLASSES[type(message)](**fields).SerializeToString()
+    return data
+
+
+def decode(kind: type[_M], data: bytes) -> _M:
+    """The message that these bytes are; fields they do not hold have their zero value or None.
+
+    Raises:
+        SchemaError: They are none of that kind.
+    """
+    try:
+        proto = _CLASSES[kind].FromString(data)
+    except DecodeError:
+        raise SchemaError(f"{len(data)} bytes are no {PACKAGE}.{kind.__name__}") from None
+    return kind(*(_value(proto, field) for field in proto.DESCRIPTOR.fields))
+
+
+def _value(proto: Any, field: Any) -> Any:
+    if field.containing_oneof and not proto.HasField(field.name):
+        return None
+    value = getattr(proto, field.name)
+    return tuple(value) if field.is_repeated else value

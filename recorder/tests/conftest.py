@@ -1,0 +1,152 @@
+"""What every test of the recorder shares: how hypothesis behaves, and a conversation to record."""
+
+import math
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import settings
+from mcap.reader import make_reader
+
+from scaraspec.judgement.wire import Kind, WireEvent
+from scaraspec.protocol.commands import BY_NAME, JointValues, PortValue, Pose, RunningProgram
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Acceptance, Outcome
+from scaraspec.protocol.transfer import Chunk
+
+# A failure prints the blob that replays it; examples are drawn the same way on every machine.
+settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
+settings.load_profile("scaraspec")
+
+START_NS = 1_795_215_517_000_000_000
+PASSWORD = b"open sesame"
+_SILENT = object()
+
+
+class Talk:
+    """A conversation written down as wire events, each frame in an event of its own."""
+
+    def __init__(self, connection: str = "1") -> None:
+        self.connection = connection
+        self.time_ns = START_NS
+        self.events: list[WireEvent] = []
+        self._offsets = {A2C: 0, C2A: 0}
+
+    def send(self, direction: Direction, data: bytes, after_s: float = 0.001) -> None:
+        self.time_ns += int(after_s * 1e9)
+        offset = self._offsets[direction]
+        self._offsets[direction] += len(data)
+        self.events.append(
+            WireEvent(self.time_ns, self.connection, direction, Kind.BYTES, data, offset)
+        )
+
+    def mark(self, direction: Direction, kind: Kind, note: str = "", length: int = 0) -> None:
+        offset = self._offsets[direction]
+        self._offsets[direction] += max(length, 0)
+        self.events.append(
+            WireEvent(self.time_ns, self.connection, direction, kind, b"", offset, length, note)
+        )
+
+    def ask(self, name: str, value: Any = None, reply: Any = _SILENT) -> None:
+        command = BY_NAME[name]
+        asker, other = command.asker, command.asker.opposite
+        request = Frame(asker, command.opcode, command.request.encode(value))
+        self.send(asker, request.encode())
+        if reply is not _SILENT:
+            answer = Frame(other, command.opcode, command.reply.encode(reply))
+            self.send(other, answer.encode(), after_s=0.002)
+
+    def result(self, name: str, outcome: Outcome) -> None:
+        command = BY_NAME[name]
+        assert command.result
+        frame = Frame(C2A, command.opcode, command.result.encode(outcome), tagged=True)
+        self.send(C2A, frame.encode())
+
+    def poll(self, joints: JointValues, status: str) -> None:
+        """Ask for all that is drawn."""
+        inner = math.radians(joints.inner_arm)
+        outer = inner + math.radians(joints.outer_arm)
+        x = 200 * (math.cos(inner) + math.cos(outer))
+        y = 200 * (math.sin(inner) + math.sin(outer))
+        turn = joints.inner_arm + joints.outer_arm + joints.rotation
+        running = RunningProgram(b"pick.rob", 3) if status == "01" else None
+        self.ask("get_status", None, status)
+        self.ask("get_joint_angles", None, joints)
+        self.ask("get_tool_coordinates", None, Pose(x, y, joints.wrist, turn, 0.0, 0.0))
+        self.ask("get_motor_temperatures", None, JointValues(31.0, 32.0, 28.0, 27.5))
+        self.ask("get_running_program", None, running)
+        self.ask("get_digital_inputs", None, "10000001")
+        self.ask("get_digital_outputs", None, "1000000000000100")
+        self.ask("get_analog_input", 1, 42.5)
+        self.time_ns += 50_000_000
+
+    def upload(self, name: bytes, content: bytes) -> None:
+        self.ask("upload_name", name, reply=True)
+        for position in range(0, len(content), 200):
+            piece = content[position : position + 200]
+            self.ask("upload_chunk", Chunk(len(content), position, len(piece), piece), reply=True)
+
+
+@pytest.fixture
+def talk() -> Talk:
+    """A conversation to write."""
+    return Talk()
+
+
+@pytest.fixture(scope="session")
+def new_talk() -> Callable[[], Talk]:
+    """Conversations for tests that hypothesis calls again and again."""
+    return Talk
+
+
+@pytest.fixture(scope="session")
+def program_file() -> bytes:
+    """A user program of the repository."""
+    folder = Path(__file__).parents[2] / "fixtures" / "programs"
+    return (folder / "pick-and-place.rob").read_bytes()
+
+
+@pytest.fixture(scope="session")
+def shift(program_file: bytes) -> list[WireEvent]:
+    """A short shift with everything in it: transfer, program run, refusal, e-stop, noise, a gap."""
+    talk = Talk()
+    talk.mark(A2C, Kind.OPENED, "192.168.1.20:51234 to 192.168.1.2:8877")
+    talk.ask("login", PASSWORD, reply=True)
+    talk.ask("set_time", datetime(2026, 11, 20, 22, 58, 37), reply=True)  # noqa: DTZ001 - the robot's clock knows no zone
+    talk.upload(b"pick.rob", program_file)
+    talk.ask("run_program", b"pick.rob", Acceptance(accepted=True))
+    for step in range(20):
+        talk.poll(JointValues(3.0 * step, 60.0 - step, 250.0 - step, 2.0 * step), "01")
+    talk.ask("run_program", b"pick.rob", Acceptance(accepted=False, code="01"))
+    talk.ask("set_digital_output", PortValue(5, 1), reply=True)
+    talk.ask("emergency_stop", None, Acceptance(accepted=True))
+    talk.result("emergency_stop", Outcome(done=True))
+    talk.result("run_program", Outcome(done=False, code="00"))
+    talk.send(C2A, b"\x00noise")
+    talk.poll(JointValues(60.0, 40.0, 230.0, 40.0), "12")
+    talk.mark(C2A, Kind.GAP, "the recorder's queue overflowed", length=37)
+    talk.time_ns += 6_000_000_000
+    talk.poll(JointValues(60.0, 40.0, 230.0, 40.0), "00")
+    talk.mark(A2C, Kind.HALF_CLOSED)
+    talk.mark(C2A, Kind.HALF_CLOSED)
+    talk.mark(A2C, Kind.CLOSED)
+    return talk.events
+
+
+def _damage_chunk(path: Path, number: int) -> None:
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary
+    chunk = summary.chunk_indexes[number]
+    data = bytearray(path.read_bytes())
+    data[chunk.chunk_start_offset + chunk.chunk_length - 20] ^= 0x55
+    path.write_bytes(data)
+
+
+@pytest.fixture(scope="session")
+def damage_chunk() -> Callable[[Path, int], None]:
+    """Flips bits in the chunk of that number in a finished MCAP file."""
+    return _damage_chunk

@@ -1,0 +1,63 @@
+"""A sink for tests that start processes: it must be importable there, as no fixture is.
+
+Writes events as JSON lines. `Trouble` is a sink that has it.
+"""
+
+import errno
+import json
+import os
+from pathlib import Path
+
+from scaraspec.judgement.wire import WireEvent
+from scaraspec_recorder.sinks import Folder
+
+
+class Journal:
+    def __init__(self, folder: Folder) -> None:
+        self._file = folder.new("journal.jsonl").open("w")
+
+    def write(self, event: WireEvent) -> None:
+        line = [
+            event.connection,
+            event.direction.value,
+            event.kind.value,
+            event.data.hex(),
+            event.offset_bytes,
+            event.length_bytes,
+            event.note,
+        ]
+        self._file.write(json.dumps(line) + "\n")
+
+    def tick(self, now_ns: int) -> None:  # noqa: ARG002 - it flushes always
+        self._file.flush()
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class Trouble(Journal):
+    """A journal on a disk that refuses as long as a file named `full` is there."""
+
+    def __init__(self, folder: Folder) -> None:
+        super().__init__(folder)
+        self._full = folder.path / "full"
+
+    def tick(self, now_ns: int) -> None:
+        self._refuse()
+        super().tick(now_ns)
+
+    def close(self) -> None:
+        self._refuse()
+        super().close()
+
+    def _refuse(self) -> None:
+        if self._full.exists():
+            self._full.with_name("refused").touch()
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def lines(out_dir: Path) -> list[list]:
+    """All whole lines of all journals, in the order in which the journals were begun."""
+    journals = sorted(out_dir.glob("journal*.jsonl"), key=lambda path: (len(path.name), path.name))
+    text = "".join(path.read_text() for path in journals)
+    return [json.loads(line) for line in text.splitlines() if line.endswith("]")]

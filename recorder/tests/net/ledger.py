@@ -1,0 +1,26 @@
+"""A sink that keeps the accounts and no bytes, for streams that are too long to keep.
+
+Importable in the processes of a recorder, as no fixture is.
+"""
+
+import json
+
+from scaraspec.judgement.wire import WireEvent
+from scaraspec_recorder.accounts import Accounts
+from scaraspec_recorder.sinks import Folder
+
+
+class Ledger:
+    def __init__(self, folder: Folder) -> None:
+        self._path = folder.new("ledger.json")
+        self._accounts = Accounts()
+        self._closed: dict[str, dict[str, str]] = {}
+
+    def write(self, event: WireEvent) -> None:
+        self._closed |= self._accounts.add(event)
+
+    def tick(self, now_ns: int) -> None:
+        pass
+
+    def close(self) -> None:
+        self._path.write_text(json.dumps(self._closed | self._accounts.close()))

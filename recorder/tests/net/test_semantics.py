@@ -1,0 +1,115 @@
+"""TCP between machines, in every mode: what one side does, the other side sees."""
+
+import random
+import socket
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from scaraspec.judgement.wire import Kind
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec_recorder.routes import Mode
+
+pytestmark = [pytest.mark.network, pytest.mark.parametrize("mode", Mode)]
+
+Receive = Callable[[socket.socket, int], bytes]
+Cut = Callable[[socket.socket], None]
+FROM = pytest.mark.parametrize("direction", Direction, ids=str)
+
+SLOW_BYTES = 65_536
+"""What the system holds for a side that reads late; the rest of the data waits in the tap."""
+
+
+class Link:
+    """A connection through a tap."""
+
+    def __init__(self, lab: Any, mode: Mode, receive_bytes: int = 0) -> None:
+        server = lab.serve()
+        if receive_bytes:
+            server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)
+        self.tap = lab.tap(mode)
+        lab.install(mode)
+        client = lab.connect(lab.address(mode), receive_bytes=receive_bytes)
+        self._ends = {A2C: client, C2A: lab.accept(server)}
+
+    def ends(self, direction: Direction) -> tuple[socket.socket, socket.socket]:
+        """Who sends in this direction, and who receives."""
+        return self._ends[direction], self._ends[direction.opposite]
+
+
+@FROM
+def test_half_close(lab: Any, receive: Receive, mode: Mode, direction: Direction) -> None:
+    """Who has finished still receives, for as long as the other side likes to send."""
+    link = Link(lab, mode)
+    one, other = link.ends(direction)
+    one.sendall(b"last")
+    one.shutdown(socket.SHUT_WR)
+    assert receive(other, 4) == b"last"
+    assert other.recv(1) == b""
+    for _ in range(3):
+        other.sendall(b"answer" * 1000)
+        assert receive(one, 6000) == b"answer" * 1000
+    other.shutdown(socket.SHUT_WR)
+    assert one.recv(1) == b""
+    assert link.tap.until(Kind.CLOSED).direction is direction.opposite
+    link.tap.until_received(direction, b"last")
+    link.tap.until_received(direction.opposite, b"answer" * 3000)
+
+
+@FROM
+def test_a_reset_comes_as_a_reset_behind_the_data(
+    lab: Any, receive: Receive, cut: Cut, mode: Mode, direction: Direction
+) -> None:
+    """A side that reads late gets all that was queued, then ECONNRESET, never an orderly end."""
+    link = Link(lab, mode, SLOW_BYTES)
+    one, other = link.ends(direction)
+    data = random.Random(1).randbytes(6 * SLOW_BYTES)
+    one.sendall(data)
+    link.tap.until_received(direction, data)
+    cut(one)
+    assert link.tap.until(Kind.RESET).direction is direction
+    assert receive(other, len(data)) == data
+    with pytest.raises(ConnectionResetError):
+        other.recv(1)
+
+
+@FROM
+def test_a_reset_after_a_half_close_comes_through(
+    lab: Any, cut: Cut, mode: Mode, direction: Direction
+) -> None:
+    """A side that finished and then died frees the other, though nobody writes to it."""
+    link = Link(lab, mode)
+    one, other = link.ends(direction)
+    one.shutdown(socket.SHUT_WR)
+    assert other.recv(1) == b""
+    cut(one)
+    assert link.tap.until(Kind.RESET).direction is direction
+    with pytest.raises((ConnectionResetError, BrokenPipeError)):
+        send_for_ever(other)
+
+
+@FROM
+def test_a_side_that_takes_nothing_blocks_the_other(
+    lab: Any, receive: Receive, mode: Mode, direction: Direction
+) -> None:
+    """Back-pressure goes through the tap, and nothing is lost to it."""
+    link = Link(lab, mode, SLOW_BYTES)
+    one, other = link.ends(direction)
+    one.settimeout(0.3)  # silence that long means blocked
+    block, sent = random.Random(2).randbytes(SLOW_BYTES), bytearray()
+
+    def send_much() -> None:
+        while len(sent) < 64 << 20:
+            sent.extend(block[: one.send(block)])
+
+    with pytest.raises(TimeoutError):
+        send_much()
+    one.shutdown(socket.SHUT_WR)
+    assert receive(other, len(sent)) == sent
+    assert other.recv(1) == b""
+
+
+def send_for_ever(sock: socket.socket) -> None:
+    while True:
+        sock.sendall(b"more")

@@ -1,0 +1,205 @@
+"""An independent witness on both sides of the recorder: tcpdump, whose captures are compared.
+
+The traffic is small enough for every day; with SCARASPEC_FULL=1 it is a gigabyte each way, and
+10,000 connections.
+"""
+
+import asyncio
+import json
+import os
+import random
+import re
+import signal
+import socket
+import subprocess
+import threading
+from collections import Counter
+from contextlib import closing
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.judgement.wire import Kind
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec_recorder.pcap import read_capture
+from scaraspec_recorder.recording import record
+from scaraspec_recorder.routes import Mode
+
+pytestmark = [pytest.mark.network, pytest.mark.parametrize("mode", Mode)]
+
+FULL = os.environ.get("SCARASPEC_FULL") == "1"
+BULK_BYTES = 1 << 30 if FULL else 64 << 20
+CONNECTIONS = 10_000 if FULL else 300
+AT_ONCE = 100
+TIMEOUT_S = 900.0 if FULL else 60.0
+PIECES = (1, 3, 4, 212, 1460, 65_536, 300_000)
+
+
+class Stream:
+    """Size and hash of what passed one way."""
+
+    def __init__(self) -> None:
+        self._size_bytes = 0
+        self._hash = sha256()
+
+    def add(self, data: bytes) -> None:
+        self._size_bytes += len(data)
+        self._hash.update(data)
+
+    def __str__(self) -> str:
+        return f"{self._size_bytes} {self._hash.hexdigest()}"
+
+
+class Witness:
+    """tcpdump on a machine's cable."""
+
+    def __init__(self, machine: Any, path: Path) -> None:
+        self._machine = machine
+        self._path = path
+        self._marker = random.Random(path.name).randbytes(32)
+        self._complete = threading.Event()
+        with machine.inside():
+            self._process = subprocess.Popen(
+                ["tcpdump", "-i", "eth0", "-n", "-U", "-B", "131072", "-w", "-", "tcp or udp"],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+            )
+        while b"listening on eth0" not in (line := self._process.stderr.readline()):
+            assert line, "tcpdump has not started"
+        self._copying = threading.Thread(target=self._copy)
+        self._copying.start()
+
+    def close(self) -> None:
+        """Stop once all that has passed is in the file; nothing may be missing there."""
+        with self._machine.inside(), socket.socket(type=socket.SOCK_DGRAM) as sock:
+            sock.sendto(self._marker, (self._machine.gateway, 9))
+        complete = self._complete.wait(TIMEOUT_S)
+        self._process.send_signal(signal.SIGINT)
+        self._copying.join()
+        _, said = self._process.communicate()
+        assert complete
+        assert re.search(rb"^0 packets dropped by kernel", said, re.MULTILINE), said
+
+    def connections(self) -> Counter[tuple[str, str]]:
+        """What passed on each connection, both ways."""
+        seen: dict[str, dict[Direction, Stream]] = {}
+        for event in read_capture(self._path, port=None):
+            assert event.kind is not Kind.GAP
+            ways = seen.setdefault(event.connection, {A2C: Stream(), C2A: Stream()})
+            ways[event.direction].add(event.data)
+        return Counter((str(ways[A2C]), str(ways[C2A])) for ways in seen.values())
+
+    def _copy(self) -> None:
+        end = b""
+        with self._path.open("wb") as file:
+            while data := os.read(self._process.stdout.fileno(), 1 << 20):
+                file.write(data)
+                end = end[-len(self._marker) :] + data
+                if self._marker in end:
+                    self._complete.set()
+
+
+def ledger(folder: Path) -> Counter[tuple[str, str]]:
+    """What the recording holds of each connection, both ways; nothing is missing there."""
+    accounts = json.loads((folder / "ledger.json").read_text())
+    ways: dict[str, dict[str, str]] = {}
+    for name, account in accounts.items():
+        _, connection, way = name.split("/")
+        assert account["received_bytes"] == account["recorded_bytes"], account
+        stream = f"{account['recorded_bytes']} {account['sha256_recorded']}"
+        ways.setdefault(connection, {})[way] = stream
+    return Counter((streams[A2C.value], streams[C2A.value]) for streams in ways.values())
+
+
+async def send(sock: socket.socket, seed: int, size_bytes: int) -> str:
+    """Send random bytes in random pieces, then the end."""
+    dice, sent = random.Random(seed), Stream()
+    while size_bytes:
+        piece = dice.randbytes(min(dice.choice(PIECES), size_bytes))
+        size_bytes -= len(piece)
+        sent.add(piece)
+        await asyncio.get_running_loop().sock_sendall(sock, piece)
+    sock.shutdown(socket.SHUT_WR)
+    return str(sent)
+
+
+async def receive(sock: socket.socket) -> str:
+    """Receive to the end."""
+    received = Stream()
+    while data := await asyncio.get_running_loop().sock_recv(sock, 1 << 20):
+        received.add(data)
+    return str(received)
+
+
+async def talk(sock: socket.socket, seed: int, size_bytes: int) -> tuple[str, str]:
+    """Send and receive at the same time."""
+    with sock:
+        sock.settimeout(0)
+        return await asyncio.gather(send(sock, seed, size_bytes), receive(sock))
+
+
+def conversation(
+    lab: Any, mode: Mode, folder: Path, connections: int, size_bytes: int
+) -> tuple[Counter[tuple[str, str]], Counter[tuple[str, str]]]:
+    """Hold conversations through a recorder, all its processes; return what each side knows."""
+    from ledger import Ledger  # noqa: PLC0415 - the fixture has made it importable
+
+    places = asyncio.Semaphore(AT_ONCE)
+
+    async def clients_part(seed: int) -> tuple[str, str]:
+        async with places:
+            sock = lab.client.new_socket()
+            sock.settimeout(0)
+            await asyncio.get_running_loop().sock_connect(sock, lab.address(mode))
+            up, down = await talk(sock, seed, size_bytes)
+            return up, down
+
+    async def controllers_part(server: socket.socket) -> list[tuple[str, str]]:
+        talks = []
+        for number in range(connections):
+            sock, _ = await asyncio.get_running_loop().sock_accept(server)
+            talks.append(asyncio.create_task(talk(sock, connections + number, size_bytes)))
+        return [(up, down) for down, up in await asyncio.gather(*talks)]
+
+    async def hold() -> tuple[Counter[tuple[str, str]], Counter[tuple[str, str]]]:
+        limit_bytes = 4 * BULK_BYTES  # that the writing may lag is not what is tested here
+        with lab.serve() as server:
+            server.settimeout(0)
+            async with record(
+                lab.route(mode), lab.listen(mode), folder, [Ledger], limit_bytes=limit_bytes
+            ):
+                parts = [clients_part(number) for number in range(connections)]
+                *clients, controllers = await asyncio.gather(*parts, controllers_part(server))
+        return Counter(clients), Counter(controllers)
+
+    with lab.middle.inside():
+        return asyncio.run(asyncio.wait_for(hold(), TIMEOUT_S))
+
+
+@pytest.mark.parametrize(
+    ("connections", "size_bytes"), [(1, BULK_BYTES), (CONNECTIONS, 2000)], ids=["bulk", "many"]
+)
+def test_bytes_pass_unchanged_and_are_all_recorded(  # noqa: PLR0913, PLR0917 - fixtures
+    lab: Any,
+    mode: Mode,
+    connections: int,
+    size_bytes: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Sent = seen on one cable = seen on the other = received = recorded, for every connection."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    lab.install(mode)
+    with (
+        closing(Witness(lab.client, tmp_path / "client.pcap")) as near,
+        closing(Witness(lab.controller, tmp_path / "controller.pcap")) as far,
+    ):
+        clients, controllers = conversation(lab, mode, tmp_path, connections, size_bytes)
+    assert clients.total() == connections
+    assert clients == controllers
+    assert clients == near.connections() == far.connections()
+    assert clients == ledger(tmp_path)
+    for capture in tmp_path.glob("*.pcap"):
+        capture.unlink()  # gigabytes, and nobody looks at what was right

@@ -1,0 +1,132 @@
+"""A configuration says what is recorded, or one sentence says what is wrong with it."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec_recorder.archive import archive_sink
+from scaraspec_recorder.config import ConfigError, Robot, read_config, read_robot
+from scaraspec_recorder.leftovers import repairing_sink
+from scaraspec_recorder.quantities import SECOND_NS
+from scaraspec_recorder.routes import Mode
+
+SAMPLE = Path(__file__).parents[2] / "fixtures" / "recorder" / "two-lines.toml"
+URL = "tcp://192.0.2.7"
+
+
+def test_the_sample() -> None:
+    """The documented sample says what its comments say."""
+    third, fourth = read_config(SAMPLE)
+    assert (third.name, third.listen, third.out) == (
+        "line-3",
+        "0.0.0.0:8877",
+        Path("captures/line-3"),
+    )
+    assert third.rotate
+    assert third.rotate.limits.duration_ns == 3600 * SECOND_NS
+    assert (third.redact, third.min_free_bytes, third.triggers) == (True, 2 * 10**9, ())
+    assert fourth.rotate
+    assert fourth.rotate.each_connection
+    assert fourth.triggers == ("refusal", "finding:fail", "late:500ms")
+    assert fourth.keep == third.keep
+
+
+def test_little_is_enough() -> None:
+    """A URL is all that must be said; then everything goes into one file."""
+    robot = read_robot("r", {"url": URL}, "--")
+    assert robot == Robot("r", URL)
+    assert robot.mode is Mode.EXPLICIT
+    make: Any = robot.sink({}, draw=False, needs_login=True)
+    assert make.func is repairing_sink
+
+
+@pytest.mark.parametrize(
+    ("table", "continuous"),
+    [
+        ({"rotate": "1h"}, True),
+        ({"keep": "30d"}, True),
+        ({"min-free": "2GB"}, True),
+        ({"trigger": ["refusal"]}, True),
+        ({"trigger": ["refusal"], "ring": "5s"}, False),
+        ({"trigger": ["refusal"], "ring": "5s", "rotate": "1h"}, True),
+    ],
+)
+def test_what_needs_several_files_makes_an_archive(
+    table: dict[str, Any], *, continuous: bool
+) -> None:
+    """A ring alone writes incidents alone; with rotation everything is written too."""
+    make: Any = read_robot("r", {"url": URL, **table}, "--").sink({}, draw=False, needs_login=True)
+    assert make.func is archive_sink
+    archive = make.keywords["archive"]
+    assert archive.continuous is continuous
+    assert archive.before_ns == archive.after_ns == (5 if "ring" in table else 60) * SECOND_NS
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ({}, "--url is missing"),
+        ({"url": 5}, "--url: 5 is no text"),
+        ({"url": URL, "rotat": "1h"}, "--rotat is no setting: did you mean rotate?"),
+        ({"url": URL, "rotate": "soon"}, "--rotate: 'soon' is neither"),
+        ({"url": URL, "keep": "1h,2h"}, "--keep: '1h,2h' names two limits"),
+        ({"url": URL, "min-free": "1h"}, "--min-free: '1h' is no size"),
+        ({"url": URL, "ring": "60s"}, "--ring writes nothing without a trigger"),
+        ({"url": URL, "trigger": ["bang"]}, "--trigger: 'bang' is no trigger"),
+        ({"url": URL, "trigger": [1]}, "--trigger: 1 is no text"),
+        ({"url": URL, "trigger": "refusal"}, "--trigger: 'refusal' is no list of texts"),
+        ({"url": URL, "mode": "magic"}, "--mode: 'magic' is no mode: take port, redirect, tproxy"),
+        ({"url": URL, "redact": "yes"}, "--redact: 'yes' is no true or false"),
+        ({"url": URL, "inject": "/nowhere.toml"}, "--inject: /nowhere.toml"),
+        ({"url": URL, "i-mean-it": True}, "--i-mean-it means nothing without inject"),
+    ],
+)
+def test_a_wrong_setting_is_one_sentence(table: dict[str, Any], says: str) -> None:
+    """It names the setting, says what is wrong, and most say what would be right."""
+    with pytest.raises(ConfigError) as error:
+        read_robot("r", table, "--")
+    assert str(error.value).startswith(says)
+    assert "\n" not in str(error.value)
+
+
+ONE = '[robots.a]\nurl="tcp://192.0.2.7"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "must name robots"),
+        ("robots = 1", "must name robots"),
+        ("[robots]\na = 1", "robots.a is no table"),
+        ("out = [", "is no TOML file"),
+        ("\ud800", "is no TOML file"),
+        ('url = "x"\n' + ONE, "url is no setting for all robots"),
+        (ONE + "kep = 1", "robots.a.kep is no setting: did you mean keep?"),
+        ("out = 5\n" + ONE, "robots.a.out: 5 is no text"),
+        ('[robots."a/b"]\nurl="x"', "'a/b' cannot name files"),
+        (ONE + ONE.replace("a]", "b]"), "b and a have the same listen, 127.0.0.1:8877"),
+        (
+            f'{ONE}out="x"\n{ONE}listen="h:1"\nout="x"'.replace("a]", "b]", 1),
+            "a and b have the same out, x",
+        ),
+    ],
+)
+def test_a_wrong_file_is_one_sentence(tmp_path: Path, text: str, says: str) -> None:
+    """It names the file and the place in it."""
+    path = tmp_path / "recorders.toml"
+    path.write_bytes(text.encode(errors="surrogatepass"))
+    with pytest.raises(ConfigError) as error:
+        read_config(path)
+    assert str(error.value).startswith(str(path))
+    assert says in str(error.value)
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    """So is one that cannot be read, or is too large to be one."""
+    with pytest.raises(ConfigError, match="cannot be read: No such file"):
+        read_config(tmp_path / "none.toml")
+    large = tmp_path / "large.toml"
+    large.write_bytes(b"#" * ((1 << 20) + 1))
+    with pytest.raises(ConfigError, match="larger than a configuration"):
+        read_config(large)

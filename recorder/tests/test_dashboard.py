@@ -1,0 +1,107 @@
+"""What is shown of recordings: little in plain lines, everything on a terminal."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from scaraspec_recorder.dashboard import QUIET_S, Dashboard, Lines
+from scaraspec_recorder.scribe import Progress
+from scaraspec_recorder.status import LATE_S, Status
+from scaraspec_recorder.unspool import Count
+
+CALM = Status(
+    name="line-3",
+    listen=("127.0.0.1", 8877),
+    out_dir=Path("captures"),
+    time_s=1000,
+    progress=Progress(3, Count(7000), Count(500_000), ["capture.mcap"]),
+    waiting_bytes=0,
+    silent_s=0.2,
+    free_bytes=2 * 10**12,
+)
+
+
+def at(time_s: float, progress: Progress | None = None, silent_s: float = 0.2) -> Status:
+    """The recording at a later time."""
+    return replace(
+        CALM,
+        time_s=CALM.time_s + time_s,
+        progress=progress or CALM.progress,
+        silent_s=silent_s,
+        waiting_bytes=1_500_000,
+    )
+
+
+def gaps(count: int) -> Progress:
+    """A progress with so many gaps."""
+    return replace(CALM.progress, a2c=Count(7000, 100 * count, count))
+
+
+def test_as_long_as_all_is_well_nothing_is_said() -> None:
+    """An hour of it."""
+    said: list[str] = []
+    with Lines(said.append) as lines:
+        for second in range(3600):
+            lines.update([at(second)], ending=False)
+    assert said == []
+
+
+def test_gaps_are_not_told_every_second() -> None:
+    """A gap each second for a minute: told at once, and then every `QUIET_S`."""
+    said: list[str] = []
+    with Lines(said.append) as lines:
+        for second in range(60):
+            lines.update([at(second, gaps(second + 1))], ending=False)
+    assert said[0] == "line-3: 1 gaps so far, 100 B not recorded"
+    assert said[1] == "line-3: 11 gaps so far, 1.1 kB not recorded"
+    assert len(said) == 60 / QUIET_S
+
+
+def test_problems_and_silence_are_told_with_their_end() -> None:
+    """Each problem once; that the writing waits, and that it goes on."""
+    said: list[str] = []
+    trouble = replace(CALM.progress, problems=["McapSink is given up"])
+    with Lines(said.append) as lines:
+        lines.update([at(0, trouble)], ending=False)
+        lines.update([at(20, trouble)], ending=False)
+        lines.update([at(40, trouble, LATE_S + 1)], ending=False)
+        lines.update([at(60, trouble)], ending=False)
+    assert said == [
+        "line-3: McapSink is given up",
+        "line-3: nothing is written, 1.5 MB wait",
+        "line-3: the writing goes on",
+    ]
+
+
+def test_ending_says_that_it_takes_its_time() -> None:
+    """At once, then every `QUIET_S`, and no more when all is finished."""
+    said: list[str] = []
+    with Lines(said.append) as lines:
+        for second in range(25):
+            lines.update([at(second)], ending=True)
+        for second in range(25, 60):
+            lines.update([at(second, replace(CALM.progress, finished=True))], ending=True)
+    assert said[0].startswith("ending: ")
+    assert said[1:] == ["line-3: still at it, 1.5 MB to be written"] * 2
+
+
+def test_the_dashboard_shows_everything() -> None:
+    """Connections, rates, bytes, gaps, what waits, free space, the file, and what is wrong."""
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=140, color_system=None)
+    busy = replace(gaps(2), a2c=Count(9000, 200, 2), problems=["out of luck"])
+    with Dashboard(console) as dashboard:
+        dashboard.update([CALM], ending=False)
+        dashboard.update([at(2, busy, LATE_S + 7)], ending=True)
+    last = screen.getvalue().rpartition("robot  ")[2]
+    row = "line-3 127.0.0.1:8877 3 1.1 kB 0 B 509 kB 2 1.5 MB 2 TB capture.mcap"
+    assert row in " ".join(last.split())
+    for shown in (
+        "line-3: out of luck",
+        "line-3: 200 B not recorded in 2 gaps",
+        "line-3: nothing was written for 12 s",
+        "ending: ",
+    ):
+        assert shown in last, last

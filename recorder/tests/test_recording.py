@@ -1,0 +1,453 @@
+"""A recording: three processes, any of which may be killed; the link and the record survive it."""
+
+import asyncio
+import os
+import pickle
+import random
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any, Self
+
+import pytest
+
+from scaraspec_recorder import recording as recording_module
+from scaraspec_recorder.children import Child
+from scaraspec_recorder.recording import Recording, record, spool_folder
+from scaraspec_recorder.routes import Upstream
+from scaraspec_recorder.sinks import SinkFactory
+
+TIMEOUT_S = 30
+pytestmark = pytest.mark.skipif(
+    not hasattr(os, "pidfd_open"), reason="waits for processes by pidfd"
+)
+
+
+@pytest.fixture(autouse=True)
+def journal(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The sink of these tests, importable here and in the processes that are started."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    import journal as module  # noqa: PLC0415 - only now it can be found
+
+    return module
+
+
+@pytest.fixture(autouse=True)
+def spools_beside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spools lie in the test's own folder."""
+    monkeypatch.setattr(recording_module, "_has_room", lambda _size_bytes: False)
+
+
+def run(test: Callable[[], Awaitable[None]]) -> None:
+    asyncio.run(asyncio.wait_for(test(), TIMEOUT_S))
+
+
+@asynccontextmanager
+async def echo() -> AsyncIterator[Upstream]:
+    """A server that sends everything back, and ends when the client has."""
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with suppress(ConnectionError):  # a test has killed the tap
+            while data := await reader.read(1 << 16):
+                writer.write(data)
+                await writer.drain()
+        writer.close()
+
+    server = await asyncio.start_server(serve, "127.0.0.1")
+    async with server:
+        yield Upstream(*server.sockets[0].getsockname())
+
+
+@asynccontextmanager
+async def session(out_dir: Path, sink: SinkFactory) -> AsyncIterator[Recording]:
+    """A recording of the way to an echo."""
+    async with echo() as route, record(route, ("127.0.0.1", 0), out_dir, [sink]) as recording:
+        yield recording
+
+
+class Client:
+    """Sends random bytes and sees that they come back."""
+
+    def __init__(self, address: tuple[str, int], seed: int = 1) -> None:
+        self.sent = b""
+        self._address = address
+        self._dice = random.Random(seed)
+
+    async def __aenter__(self) -> Self:
+        self._reader, self._writer = await asyncio.open_connection(*self._address)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._writer.close()
+        with suppress(ConnectionError):  # the tap was killed
+            await self._writer.wait_closed()
+
+    async def exchange(self, count: int, size_bytes: int = 50) -> None:
+        for _ in range(count):
+            data = self._dice.randbytes(size_bytes)
+            self._writer.write(data)
+            self.sent += data
+            assert await self._reader.readexactly(size_bytes) == data
+
+    async def finish(self) -> None:
+        self._writer.write_eof()
+        assert await self._reader.read() == b""
+
+    async def lost(self) -> None:
+        """Wait until the link is cut."""
+        with suppress(ConnectionError):
+            assert await self._reader.read() == b""
+
+
+def streams(lines: list[list]) -> dict[tuple[str, str], bytes]:
+    """Put together what journals hold of each stream; what came twice is the same twice."""
+    whole: dict[tuple[str, str], bytearray] = {}
+    for name, way, kind, data, offset, *_ in lines:
+        stream = whole.setdefault((name, way), bytearray())
+        if kind == "bytes":
+            piece = bytes.fromhex(data)
+            assert offset <= len(stream), "a hole that no gap accounts for"
+            assert stream[offset : offset + len(piece)] == piece[: len(stream) - offset]
+            stream[offset : offset + len(piece)] = piece
+    return {key: bytes(stream) for key, stream in whole.items()}
+
+
+async def until(condition: Callable[[], Any]) -> None:
+    """Wait for what another process does; the test's time-out bounds it."""
+    while not condition():
+        await asyncio.get_running_loop().run_in_executor(None, select.select, [], [], [], 0.01)
+
+
+async def kill(child: Child) -> None:
+    """Kill a process, and wait until the recorder has started it again."""
+    old = child.pid
+    assert old
+    os.kill(old, signal.SIGKILL)
+    await until(lambda: child.pid != old)
+
+
+def test_a_session_is_recorded_and_nothing_is_left_behind(tmp_path: Path, journal: Any) -> None:
+    """Both directions, byte for byte; the spool is gone, and the progress says all."""
+
+    async def test() -> None:
+        async with (
+            session(tmp_path, journal.Journal) as recording,
+            Client(recording.address) as client,
+        ):
+            await client.exchange(300)
+            await client.exchange(3, 300_000)
+            await client.finish()
+        sent = client.sent
+        assert streams(journal.lines(tmp_path)) == {("1", "A2C"): sent, ("1", "C2A"): sent}
+        progress = recording.progress
+        assert progress.finished
+        assert progress.connections == 1
+        assert progress.a2c.recorded_bytes == progress.c2a.received_bytes == len(sent)
+        assert (progress.a2c.gaps, progress.problems) == (0, [])
+        assert progress.files == ["journal.jsonl"]
+
+    run(test)
+    assert [path.name for path in tmp_path.iterdir()] == ["journal.jsonl"]
+
+
+def test_open_connections_end_with_the_recording(tmp_path: Path, journal: Any) -> None:
+    """Stopping is told as such, not as the doing of either side."""
+
+    async def test() -> None:
+        async with session(tmp_path, journal.Journal) as recording:
+            client = await Client(recording.address).__aenter__()
+            await client.exchange(1)
+        await client.lost()
+        await client.__aexit__()
+        name, _, kind, *_, note = journal.lines(tmp_path)[-1]
+        assert (name, kind, note) == ("1", "closed", "the recorder stopped")
+
+    run(test)
+
+
+def test_an_interrupted_recording_is_ended_in_order(tmp_path: Path, journal: Any) -> None:
+    """What breaks off the caller's work, Ctrl-C for one, leaves a finished recording too."""
+    made: list[Recording] = []
+
+    async def break_off() -> None:
+        async with session(tmp_path, journal.Journal) as recording:
+            made.append(recording)
+            async with Client(recording.address) as client:
+                await client.exchange(10)
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        run(break_off)
+    assert made[0].progress.finished
+    assert len(streams(journal.lines(tmp_path))["1", "A2C"]) == 500
+    assert [path.name for path in tmp_path.iterdir()] == ["journal.jsonl"]
+
+
+def test_a_killed_scribe_costs_nothing(tmp_path: Path, journal: Any) -> None:
+    """SIGKILL, again and again, under traffic: the link notices nothing, every byte is recorded."""
+
+    async def test() -> None:
+        async with (
+            session(tmp_path, journal.Journal) as recording,
+            Client(recording.address) as client,
+        ):
+            for _ in range(3):
+                await client.exchange(200)
+                await until(lambda: recording.progress.a2c.recorded_bytes)
+                killed = asyncio.create_task(kill(recording.scribe))
+                while not killed.done():
+                    await client.exchange(20)
+            await client.finish()
+        sent = client.sent
+        assert streams(journal.lines(tmp_path)) == {("1", "A2C"): sent, ("1", "C2A"): sent}
+        progress = recording.progress
+        assert (progress.a2c.recorded_bytes, progress.a2c.gaps) == (len(sent), 0)
+        assert len(progress.files) >= 2
+
+    run(test)
+
+
+def test_a_killed_tap_costs_its_connections_only(tmp_path: Path, journal: Any) -> None:
+    """SIGKILL under traffic: what it had spooled is whole, what is unknown is told, and the next
+    connection to the same address is recorded."""
+
+    async def talk(client: Client) -> None:
+        with suppress(ConnectionError, asyncio.IncompleteReadError):
+            while True:
+                await client.exchange(1)
+
+    async def test() -> None:
+        async with session(tmp_path, journal.Journal) as recording:
+            async with Client(recording.address) as first:
+                talking = asyncio.create_task(talk(first))
+                await until(lambda: recording.progress.a2c.recorded_bytes)
+                known = recording.progress.a2c.recorded_bytes
+                await kill(recording.tap)
+                await talking
+            async with Client(recording.address, seed=2) as second:
+                await second.exchange(10)
+                await second.finish()
+        lines = journal.lines(tmp_path)
+        whole = streams(lines)
+        for way in ("A2C", "C2A"):
+            assert first.sent.startswith(whole["1", way])
+            assert whole["2", way] == second.sent
+        assert len(whole["1", "A2C"]) >= known > 0
+        gaps = [(name, way, length) for name, way, kind, _, _, length, _ in lines if kind == "gap"]
+        assert gaps == [("1", "A2C", -1), ("1", "C2A", -1)]
+
+    run(test)
+
+
+def test_a_disk_that_is_full_for_a_while_costs_nothing(tmp_path: Path, journal: Any) -> None:
+    """Sinks fail and are made anew until they can write; the spool bridges the time."""
+    (tmp_path / "full").touch()
+
+    async def test() -> None:
+        async with (
+            session(tmp_path, journal.Trouble) as recording,
+            Client(recording.address) as client,
+        ):
+            await client.exchange(300)
+            await until((tmp_path / "refused").exists)
+            await client.exchange(300)
+            assert recording.progress.a2c.recorded_bytes == 0
+            (tmp_path / "full").unlink()
+            await until(lambda: recording.progress.a2c.recorded_bytes)
+            await client.finish()
+        assert recording.progress.a2c.recorded_bytes == len(client.sent)
+        assert recording.progress.a2c.gaps == 0
+
+    run(test)
+
+
+def test_a_scribe_that_cannot_finish_leaves_the_spool_to_the_next(
+    tmp_path: Path, journal: Any
+) -> None:
+    """The end of a recording is bounded in time; the next recorder writes what was left."""
+    (tmp_path / "full").touch()
+
+    async def test() -> None:
+        async with echo() as upstream:
+            listen = ("127.0.0.1", 0)
+            async with record(upstream, listen, tmp_path, [journal.Trouble]) as recording:
+                recording.drain_s = 0.5
+                async with Client(recording.address) as client:
+                    await client.exchange(100)
+                    await client.finish()
+            assert not recording.progress.finished
+            (tmp_path / "full").unlink()
+            async with record(upstream, listen, tmp_path, [journal.Trouble]) as recording:
+                pass
+        assert recording.progress.finished
+        assert recording.progress.a2c.recorded_bytes == len(client.sent)
+
+    run(test)
+
+
+def test_a_folder_has_one_recorder(tmp_path: Path, journal: Any) -> None:
+    """A second one is told so, in a sentence."""
+
+    async def test() -> None:
+        route, listen = Upstream("127.0.0.1", 1), ("127.0.0.1", 0)
+        async with record(route, listen, tmp_path, [journal.Journal]):
+            with pytest.raises(BlockingIOError, match="another recorder writes into"):
+                async with record(route, listen, tmp_path, [journal.Journal]):
+                    pytest.fail("two recorders share a folder")
+
+    run(test)
+
+
+def test_an_address_in_use_is_an_error_and_starts_nothing(tmp_path: Path, journal: Any) -> None:
+    """The caller learns it at once, before any process is there."""
+
+    async def start(address: tuple[str, int]) -> None:
+        async with record(Upstream("127.0.0.1", 1), address, tmp_path, [journal.Journal]):
+            pytest.fail("two listen on one address")
+
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(OSError, match="in use"):
+        asyncio.run(start(taken.getsockname()))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_sink_that_cannot_be_sent_to_the_scribe_is_an_error_at_once(tmp_path: Path) -> None:
+    """Not one that shows when the recording is missed."""
+
+    async def start() -> None:
+        sinks = [lambda _folder: None]
+        async with record(Upstream("127.0.0.1", 1), ("127.0.0.1", 0), tmp_path, sinks):
+            pytest.fail("a local function cannot be pickled")
+
+    with pytest.raises((AttributeError, pickle.PicklingError)):
+        asyncio.run(start())
+
+
+def test_signals_to_all_are_for_the_recorder_alone(tmp_path: Path, journal: Any) -> None:
+    """Ctrl-C in a terminal reaches every process; only the recorder decides what ends when."""
+
+    async def test() -> None:
+        async with session(tmp_path, journal.Journal) as recording:
+            async with Client(recording.address) as client:
+                await client.exchange(10)
+                await until(lambda: recording.progress.a2c.recorded_bytes)
+                pids = (recording.tap.pid, recording.scribe.pid)
+                for pid in pids:
+                    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                        os.kill(pid, number)
+                await client.exchange(10)
+                await client.finish()
+            assert (recording.tap.pid, recording.scribe.pid) == pids
+        assert recording.progress.a2c.recorded_bytes == len(client.sent)
+        assert recording.progress.files == ["journal.jsonl"]
+
+    run(test)
+
+
+RECORDER = """
+import asyncio, pathlib, sys
+sys.path.insert(0, sys.argv[1])
+import journal
+from scaraspec_recorder import recording
+from scaraspec_recorder.routes import Upstream
+from scaraspec_recorder.sinks import SinkFactory
+
+async def main():
+    recording._has_room = lambda _: False
+    route = Upstream("127.0.0.1", int(sys.argv[2]))
+    out_dir = pathlib.Path(sys.argv[3])
+    async with recording.record(route, ("127.0.0.1", 0), out_dir, [journal.Journal]) as made:
+        while not (made.tap.pid and made.scribe.pid):
+            await asyncio.sleep(0)
+        print(made.address[1], made.tap.pid, made.scribe.pid, flush=True)
+        await asyncio.Event().wait()
+
+if __name__ == "__main__":
+    asyncio.run(main())
+"""
+
+
+def test_a_killed_recorder_leaves_a_finished_recording(tmp_path: Path, journal: Any) -> None:
+    """Its processes notice, end the connections, write what is left, and are gone."""
+    program = tmp_path / "program.py"
+    program.write_text(RECORDER)
+    out_dir = tmp_path / "out"
+
+    async def test() -> None:
+        async with echo() as upstream:
+            arguments = (str(Path(__file__).parent), str(upstream.port), str(out_dir))
+            recorder = await asyncio.create_subprocess_exec(
+                sys.executable, program, *arguments, stdout=subprocess.PIPE
+            )
+            assert recorder.stdout
+            port, *pids = map(int, (await recorder.stdout.readline()).split())
+            watches = [os.pidfd_open(pid) for pid in pids]
+            async with Client(("127.0.0.1", port)) as client:
+                await client.exchange(200)
+                os.kill(pids[0], signal.SIGSTOP)
+                recorder.kill()
+                assert not select.select([watches[1]], [], [], 0.5)[0], (
+                    "the scribe outlives the tap"
+                )
+                os.kill(pids[0], signal.SIGCONT)
+                await client.lost()
+            for watch in watches:
+                await until(lambda watch=watch: select.select([watch], [], [], 0)[0])
+                os.close(watch)
+            await recorder.communicate()
+        lines = journal.lines(out_dir)
+        assert streams(lines)["1", "A2C"] == client.sent
+        assert (lines[-1][2], lines[-1][-1]) == ("closed", "the recorder stopped")
+        assert "gap" not in [kind for _, _, kind, *_ in lines]
+
+    run(test)
+
+
+def test_processes_share_no_interpreter_with_the_caller(tmp_path: Path, journal: Any) -> None:
+    """The tap is alone: neither its caller nor the scribe can slow it down."""
+
+    async def test() -> None:
+        async with record(
+            Upstream("127.0.0.1", 1), ("127.0.0.1", 0), tmp_path, [journal.Journal]
+        ) as recording:
+            await until(lambda: recording.tap.pid and recording.scribe.pid)
+            assert len({os.getpid(), recording.tap.pid, recording.scribe.pid}) == 3
+
+    run(test)
+
+
+def test_the_spool_lies_in_memory_and_is_private(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the system has files in memory with room enough; one folder for one output folder."""
+    memory = tmp_path / "memory"
+    memory.mkdir()
+    monkeypatch.undo()
+    monkeypatch.setattr(recording_module, "_MEMORY", memory)
+    one, other = spool_folder(tmp_path / "a", 1), spool_folder(tmp_path / "b", 1)
+    assert one.parent == other.parent == memory
+    assert one != other
+    assert one == spool_folder(tmp_path / "a", 1 << 60), "what was left there is found again"
+    assert one.stat().st_mode & 0o777 == 0o700
+    assert spool_folder(tmp_path / "c", 1 << 60) == tmp_path / "c" / ".spool"
+    one.chmod(0o755)
+    with pytest.raises(PermissionError, match="not a folder of this user alone"):
+        spool_folder(tmp_path / "a", 1)
+
+
+def test_a_recording_is_seen_to_grow(tmp_path: Path, journal: Any) -> None:
+    """Its progress can be asked for while it lasts."""
+
+    async def test() -> None:
+        async with session(tmp_path, journal.Journal) as recording:
+            assert isinstance(recording, Recording)
+            async with Client(recording.address) as client:
+                for count in (1, 2, 3):
+                    await client.exchange(1)
+                    await until(lambda n=count: recording.progress.a2c.recorded_bytes == 50 * n)
+
+    run(test)

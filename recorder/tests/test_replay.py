@@ -1,0 +1,149 @@
+"""What is sent again, what never is, and how the answers are held side by side."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from typing import Any
+
+import pytest
+
+from scaraspec.judgement.wire import Kind, WireEvent
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.frames import Frame, Framer
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import Acceptance
+from scaraspec.protocol.transfer import Chunk
+from scaraspec_recorder.replay import LinkEndedError, Step, play, steps
+
+READ_ONLY = {Hazard.READ_ONLY}
+ALL = set(Hazard)
+
+
+class Robot:
+    """A link whose far end answers by a function; its clock moves only while one waits."""
+
+    def __init__(self, answer: Callable[[Frame], list[bytes]]) -> None:
+        self.now_s = 100.0
+        self.sent: list[tuple[float, bytes]] = []
+        self._answer = answer
+        self._framer = Framer(A2C)
+        self._coming: deque[bytes] = deque()
+
+    def send(self, data: bytes) -> None:
+        self.sent.append((self.now_s, data))
+        for frame in self._framer.feed(data):
+            assert isinstance(frame, Frame)
+            self._coming += self._answer(frame)
+
+    def receive(self, deadline_s: float) -> tuple[int, object] | None:
+        if self._coming:
+            return 0, self._coming.popleft() or "closed"
+        self.now_s = max(self.now_s, deadline_s)
+        return None
+
+
+def reply(name: str, value: Any) -> bytes:
+    command = BY_NAME[name]
+    return Frame(C2A, command.opcode, command.reply.encode(value)).encode()
+
+
+def names(plan: Iterator[Step]) -> list[tuple[str, str]]:
+    return [(step.name, step.reason) for step in plan]
+
+
+def test_only_what_is_allowed_is_sent(talk: Any) -> None:
+    """By the hazard of each command; what the table does not know or no frame is never is."""
+    talk.ask("login", b"secret", reply=True)
+    talk.ask("get_status", None, "00")
+    talk.ask("set_time", datetime(2026, 1, 1), reply=True)  # noqa: DTZ001 - the robot's clock knows no zone
+    talk.ask("run_program", b"p.rob", Acceptance(accepted=True))
+    talk.send(A2C, Frame(A2C, 0x3E).encode())
+    talk.send(A2C, b"\x00\x01")
+    talk.send(A2C, Frame(A2C, BY_NAME["get_analog_input"].opcode, b"xyz").encode())
+    talk.ask("get_status", None, "00")
+    found = names(steps(talk.events, "1", READ_ONLY))
+    assert found == [
+        ("login", "state"),
+        ("get_status", ""),
+        ("set_time", "state"),
+        ("run_program", "motion"),
+        ("0x3E", "undefined opcode"),
+        ("bytes", "no frame"),
+        ("get_analog_input", "malformed"),
+        ("get_status", ""),
+    ]
+    everything = names(steps(talk.events, "1", ALL))
+    assert [reason for _, reason in everything if reason] == [
+        "undefined opcode",
+        "no frame",
+        "malformed",
+    ]
+
+
+def test_order_and_bytes_are_kept(shift: list[WireEvent]) -> None:
+    """All that a client sent goes out again, byte for byte, each after the answer before it."""
+    robot = Robot(lambda _: [])
+    done = [*play(steps(shift, "1", ALL), robot, reply_timeout_s=1)]
+    recorded = b"".join(e.data for e in shift if e.direction is A2C and e.kind is Kind.BYTES)
+    assert b"".join(data for _, data in robot.sent) == recorded
+    moments = [moment_s for moment_s, _ in robot.sent]
+    assert moments == [100.0 + number for number in range(len(moments))]
+    assert all(step.frame for step in done)
+
+
+def test_answers_are_compared_by_kind(talk: Any) -> None:
+    """Other values are alike; a refusal instead of an acceptance is not, nor is silence."""
+    talk.ask("get_status", None, "00")
+    talk.ask("run_program", b"p.rob", Acceptance(accepted=True))
+    talk.ask("get_default_program", None, b"p.rob")
+    talk.ask("get_analog_input", 3)
+    answers = {
+        "get_status": [reply("get_status", "12")],
+        "run_program": [reply("run_program", Acceptance(accepted=False, code="01"))],
+    }
+    by_opcode = {BY_NAME[name].opcode: parts for name, parts in answers.items()}
+    robot = Robot(lambda frame: by_opcode.get(frame.opcode, []))
+    done = [*play(steps(talk.events, "1", ALL), robot, reply_timeout_s=1)]
+    assert [(s.name, s.recorded, s.answered, s.differs) for s in done] == [
+        ("get_status", "answered", "answered", False),
+        ("run_program", "accepted", "refused", True),
+        ("get_default_program", "answered", "", True),
+        ("get_analog_input", "", "", False),
+    ]
+
+
+def test_speed_keeps_the_times_of_the_capture(talk: Any) -> None:
+    """Twice as fast is half the time between requests."""
+    for _ in range(3):
+        talk.time_ns += 4_000_000_000
+        talk.ask("get_status", None, "00")
+    robot = Robot(lambda _: [reply("get_status", "00")])
+    list(play(steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1, speed=2))
+    moments = [round(moment_s, 2) for moment_s, _ in robot.sent]
+    assert moments == [100, 102, 104]
+
+
+@pytest.mark.parametrize("asks", [True, False])
+def test_an_answer_is_sent_only_where_it_is_asked_for(talk: Any, *, asks: bool) -> None:
+    """In a download the controller asks: what the client said to it waits for that."""
+    chunk = Chunk(4, 0, 4, b"abcd")
+    talk.ask("download_name", b"p.rob", reply=True)
+    talk.ask("download_chunk", chunk, reply=True)
+    command = BY_NAME["download_chunk"]
+    asked = Frame(C2A, command.opcode, command.request.encode(chunk)).encode()
+    name = reply("download_name", asks)
+    by_opcode = {BY_NAME["download_name"].opcode: [name, asked] if asks else [name]}
+    robot = Robot(lambda frame: by_opcode.get(frame.opcode, []))
+    done = [*play(steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1)]
+    assert [step.name for step in done] == ["download_name", "download_chunk"]
+    assert len(robot.sent) == 1 + asks
+    assert done[1].reason == ("" if asks else "the controller did not ask")
+
+
+def test_the_end_of_the_link_is_told(talk: Any) -> None:
+    """A controller that hangs up ends the replay."""
+    talk.ask("get_status", None, "00")
+    robot = Robot(lambda _: [b""])
+    with pytest.raises(LinkEndedError):
+        list(play(steps(talk.events, "1", READ_ONLY), robot, reply_timeout_s=1))
