@@ -1,0 +1,73 @@
+"""`scaraspec audit`: what happened in a capture, and whether it was right."""
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from scaraspec.cli.auditing import audit
+from scaraspec.cli.problems import Problem
+from scaraspec.protocol.readings import Dialect, ReadingError
+from scaraspec.report import html, terminal
+from scaraspec.report.words import Language
+from scaraspec_recorder.source import CaptureError
+
+EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument("file", type=_PATH)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8877,
+    show_default=True,
+    help="The controller's TCP port in a pcap; 0 for any.",
+)
+@click.option("--serial", is_flag=True, help="The link was serial: no login is needed (clause 2).")
+@click.option(
+    "--reading",
+    "readings",
+    multiple=True,
+    metavar="KEY=OPTION",
+    help="What the controller claims, such as xfer_timeout=60; repeatable.",
+)
+@click.option("--json", "json_file", type=_PATH, help="Write results.json here.")
+@click.option("--html", "html_file", type=_PATH, help="Write the report here.")
+@click.option(
+    "--language",
+    type=click.Choice([each.value for each in Language]),
+    default=Language.ENGLISH.value,
+    help="The language that the report opens in.",
+)
+def command(  # noqa: PLR0913 - one for each option
+    file: Path,
+    port: int,
+    *,
+    serial: bool,
+    readings: tuple[str, ...],
+    json_file: Path | None,
+    html_file: Path | None,
+    language: str,
+) -> None:
+    """Judge FILE: an MCAP recording, or a pcap or pcapng of any client and controller.
+
+    Exit status 0 conformant, 1 nonconformant, 3 inconclusive, 4 nothing to judge.
+    """
+    try:
+        dialect = Dialect.parse(readings)
+        results, notes = audit(file, dialect=dialect, port=port or None, needs_login=not serial)
+        if json_file:
+            results.write(json_file)
+        if html_file:
+            html.write(results, html_file, Language(language))
+    except (CaptureError, ReadingError) as error:
+        raise Problem(f"{error}") from None
+    except OSError as error:
+        raise Problem(f"{error.filename} cannot be written: {error.strerror}") from None
+    for note in notes:
+        click.echo(f"{file}: {note}", err=True)
+    terminal.show(results, Console())
+    raise SystemExit(results.verdict.exit_status)

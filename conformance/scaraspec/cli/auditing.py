@@ -1,0 +1,58 @@
+"""Judging a capture file to its end: shared by `scaraspec audit` and `scaraspec demo`."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress, TextColumn, TimeElapsedColumn
+
+from scaraspec.judgement.judge import Judge
+from scaraspec.judgement.verdicts import Conclusion
+from scaraspec.protocol.readings import Dialect
+from scaraspec.report.audit import from_audit
+from scaraspec.report.model import Results, Role, Subject
+from scaraspec.report.session import SessionStats
+from scaraspec_recorder.source import McapCapture, open_capture
+
+_EVENTS_A_STEP = 1000
+
+
+def audit(
+    file: Path, *, dialect: Dialect, port: int | None, needs_login: bool = True
+) -> tuple[Results, tuple[str, ...]]:
+    """Judge a capture.
+
+    Returns:
+        The results, inconclusive at best where the file holds other bytes than its accounts say;
+        and a sentence for each thing that the file lacks.
+
+    Raises:
+        CaptureError: The file cannot be read.
+    """
+    capture = open_capture(file, port=port)
+    judge, stats = Judge(dialect, needs_login=needs_login), SessionStats()
+    columns = (TextColumn("judging {task.completed} events"), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("judging", total=None)
+        for number, event in enumerate(capture):
+            for item in judge.feed(event):
+                stats.add(item)
+            if number % _EVENTS_A_STEP == 0:
+                bar.update(task, completed=number)
+    for item in judge.close():
+        stats.add(item)
+    claims = dialect.differences()
+    results = from_audit(
+        judge,
+        stats,
+        subject=Subject(Role.CAPTURE, file=str(file)),
+        claims=claims,
+        replay=f"scaraspec audit {file}",
+    )
+    accounted = not (isinstance(capture, McapCapture) and capture.summary.wrong_accounts)
+    if not accounted and results.verdict is not Conclusion.NONCONFORMANT:
+        results = replace(results, verdict=Conclusion.INCONCLUSIVE)
+    return results, tuple(capture.summary.notes)

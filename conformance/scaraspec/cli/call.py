@@ -1,0 +1,143 @@
+"""`scaraspec call`: one command to one controller.
+
+Arguments in; one operation of a client; its result or its problem out. Which commands there are,
+what they take and how results read is made from the table (`client.words`).
+"""
+
+import difflib
+import json
+import textwrap
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import Progress
+
+from scaraspec.cli.problems import Exit, Problem
+from scaraspec.client import Client, ClientError, LinkLost, ReplyTimeout
+from scaraspec.client.words import OPERATIONS, TRANSFERS, arguments, json_of, json_of_error, lines
+from scaraspec.links.connect import CONNECT_TIMEOUT_S
+from scaraspec.links.link import LinkError
+from scaraspec.links.url import Tcp, parse
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.fields import PayloadError
+from scaraspec.protocol.readings import DEFAULT
+
+EXAMPLE = "Example: scaraspec call tcp://127.0.0.1:8877 set_digital_output 8 1"
+
+_DEFAULT_PASSWORD = "password"  # noqa: S105 - the document's own (L109)
+_SILENT = (ReplyTimeout, LinkLost)
+_USAGE = (PayloadError, LinkError, OSError)
+
+
+def _catalogue() -> str:
+    """Every command with what it takes, none broken over two lines."""
+    items = ["\xa0".join((name, *map(str.upper, takes))) for name, takes in OPERATIONS.items()]
+    return textwrap.fill(", ".join(items), 78).replace("\xa0", " ")
+
+
+@click.command(
+    epilog=f"\b\nCommands:\n{_catalogue()}\n\n{EXAMPLE}",
+    context_settings={"ignore_unknown_options": True},  # so that -1 and -y are arguments
+)
+@click.argument("url")
+@click.argument("name", metavar="COMMAND")
+@click.argument("texts", metavar="[ARGS]...", nargs=-1)
+@click.option(
+    "--password",
+    envvar="SCARASPEC_PASSWORD",
+    help="What to log in with; else SCARASPEC_PASSWORD, else 'password' (none but over TCP).",
+)
+@click.option(
+    "--timeout",
+    "timeout_s",
+    metavar="S",
+    type=click.FloatRange(0.001, 1e6),
+    help="How long to wait for a reply (5 s) and for a final result (no limit).",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def command(  # noqa: PLR0913, PLR0917 - a command line's options are its arguments
+    url: str,
+    name: str,
+    texts: tuple[str, ...],
+    password: str | None,
+    timeout_s: float | None,
+    as_json: bool,  # noqa: FBT001 - a flag of the command line
+) -> None:
+    """Send COMMAND with ARGS to the controller at URL, and print what comes of it.
+
+    Exit status: 0 done, 1 refused or failed, 2 wrong usage, 3 no answer or link lost.
+    """
+    name = name.replace("-", "_")
+    if name not in OPERATIONS:
+        near = difflib.get_close_matches(name, OPERATIONS, n=1)
+        hint = f"did you mean {near[0]}?" if near else "scaraspec call --help lists them"
+        raise Problem(f"there is no command {name!r}: {hint}")
+    try:
+        result = _carry_out(url, name, texts, password, timeout_s)
+    except (ClientError, *_USAGE) as error:
+        status = _status(error)
+        if not as_json:
+            raise Problem(_sentence(error), status) from None
+        told = {"ok": False, "command": name, "error": json_of_error(error)}
+        click.echo(json.dumps(told))
+        raise SystemExit(status) from None
+    if as_json:
+        click.echo(json.dumps({"ok": True, "command": name, "result": json_of(result)}))
+    else:
+        click.echo("\n".join(lines(name, result)))
+
+
+def _carry_out(
+    url: str, name: str, texts: tuple[str, ...], password: str | None, timeout_s: float | None
+) -> Any:
+    values = arguments(name, texts)
+    if name == "login":
+        password = None  # it logs in itself
+    elif password is None and isinstance(parse(url), Tcp):
+        password = _DEFAULT_PASSWORD
+    dialect = DEFAULT
+    if timeout_s is not None:
+        dialect = dialect.replace(reply_timeout=f"{timeout_s:.3f}")
+    with Client(
+        url,
+        password=password,
+        dialect=dialect,
+        connect_timeout_s=timeout_s or CONNECT_TIMEOUT_S,
+    ) as client:
+        if name in TRANSFERS:
+            return _transfer(client, name, values)
+        if not BY_NAME[name].two_stage:
+            return getattr(client, name)(*values)
+        pending = getattr(client, f"start_{name}")(*values)
+        try:
+            return pending.wait(timeout_s)
+        except KeyboardInterrupt:
+            raise Problem(
+                f"{name} goes on: only the waiting for it has ended; emergency_stop stops it",
+                Exit.INCONCLUSIVE,
+            ) from None
+
+
+def _transfer(client: Client, name: str, values: list[str]) -> Any:
+    """Carry out an upload or a download, with a bar where somebody looks on."""
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(name, total=None)
+
+        def progress(moved_bytes: int, total_bytes: int | None) -> None:
+            bar.update(task, completed=moved_bytes, total=total_bytes)
+
+        return getattr(client, name)(*values, progress=progress)
+
+
+def _status(error: Exception) -> Exit:
+    if isinstance(error, _SILENT):
+        return Exit.INCONCLUSIVE
+    return Exit.NONCONFORMANT if isinstance(error, ClientError) else Exit.USAGE
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return f"{error.filename}: {error.strerror}"
+    return str(error)

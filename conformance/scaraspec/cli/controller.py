@@ -1,0 +1,205 @@
+"""``scaraspec controller``: the virtual controller on a TCP port and, if asked, a serial device."""
+
+import asyncio
+import contextlib
+import logging
+import os
+import signal
+import socket
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+
+from scaraspec.cli.problems import Problem
+from scaraspec.controller.behaviour.settings import PASSWORD_MAX_BYTES
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.console import Console
+from scaraspec.controller.journal import line
+from scaraspec.controller.plant import Plant
+from scaraspec.controller.serial_port import SerialPort, SerialPortError
+from scaraspec.controller.server import Server
+from scaraspec.controller.store import DirectoryStore, Store, StoreError, seed
+from scaraspec.links.link import LinkError
+from scaraspec.links.url import Serial, join_host_port, parse, split_host_port
+from scaraspec.protocol.frames import Found
+from scaraspec.protocol.readings import Dialect, ReadingError
+
+_logger = logging.getLogger("scaraspec.controller")
+_PATH = click.Path(path_type=Path)
+_SCALE = click.FloatRange(0.001, 1000)
+
+_EPILOG = """\b
+Example: a controller of another dialect on any free port
+  scaraspec controller --listen 127.0.0.1:0 --data robot --reading endian=big
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Options:
+    """Where the controller serves and what it tells."""
+
+    host: str
+    port: int
+    time_scale: float
+    serial: Serial | None
+    control: bool
+    ready_file: Path | None
+
+
+@click.command(epilog=_EPILOG)
+@click.option(
+    "--listen",
+    default="127.0.0.1:8877",
+    metavar="HOST:PORT",
+    help="Where to serve [127.0.0.1:8877]; port 0 is any.",
+)
+@click.option("--password", metavar="PASSWORD", help="What clients log in with [password].")
+@click.option("--data", type=_PATH, metavar="DIR", help="Keep programs and settings here.")
+@click.option(
+    "--time-scale", type=_SCALE, default=1.0, metavar="X", help="Time passes X times as fast."
+)
+@click.option("--programs", type=_PATH, metavar="DIR", help="Store the files in here first.")
+@click.option("--serial", metavar="DEV", help="Serve a serial device too, such as /dev/rfcomm0.")
+@click.option(
+    "--reading",
+    "readings",
+    multiple=True,
+    metavar="KEY=OPTION",
+    help="Read an open point of the document so; repeatable.",
+)
+@click.option("--control", is_flag=True, help="Break and drive the robot from stdin: say help.")
+@click.option("--ready-file", type=_PATH, metavar="FILE", help="Write host:port here when ready.")
+@click.option("-v", "--verbose", is_flag=True, help="Log every exchange, passwords masked.")
+def command(  # noqa: PLR0913 - one for each option
+    *,
+    listen: str,
+    password: str | None,
+    data: Path | None,
+    programs: Path | None,
+    serial: str | None,
+    readings: tuple[str, ...],
+    time_scale: float,
+    control: bool,
+    ready_file: Path | None,
+    verbose: bool,
+) -> None:
+    """Run the virtual controller until it is stopped or shut down."""
+    logging.basicConfig(
+        level=logging.INFO if verbose else logging.WARNING, format="%(asctime)s %(message)s"
+    )
+    try:
+        options = _Options(
+            *split_host_port(listen, lowest_port=0),
+            time_scale=time_scale,
+            serial=_serial(serial),
+            control=control,
+            ready_file=ready_file,
+        )
+        dialect = Dialect.parse(readings)
+        store = _store(password, data, programs)
+    except (LinkError, ReadingError, StoreError) as error:
+        raise Problem(f"{error}") from None
+    now = datetime.now(UTC).replace(tzinfo=None)  # the robot's zone (A-4.5-1)
+    brain = Brain(Plant(now, now_s=0.0), store, dialect, _log if verbose else _pass)
+    asyncio.run(_serve(brain, options))
+
+
+def _serial(text: str | None) -> Serial | None:
+    """A device by its path or its link URL."""
+    if text is None:
+        return None
+    if "://" not in text:
+        return Serial(text)
+    address = parse(text)
+    if not isinstance(address, Serial):
+        raise Problem(f"--serial takes a serial device, not {text!r}")
+    return address
+
+
+def _store(password: str | None, data: Path | None, programs: Path | None) -> Store:
+    store = Store() if data is None else DirectoryStore(data)
+    if programs is not None:
+        seed(store, programs)
+    if password is not None:
+        secret = os.fsencode(password)
+        if not 1 <= len(secret) <= PASSWORD_MAX_BYTES or b"|" in secret:
+            raise Problem(f"--password takes 1 to {PASSWORD_MAX_BYTES} bytes without '|'")
+        store.save(replace(store.settings, password=secret))
+    return store
+
+
+def _log(connection: int, seen: Found) -> None:
+    _logger.info(line(connection, seen))
+
+
+def _pass(connection: int, seen: Found) -> None:
+    """Log nothing."""
+
+
+async def _serve(brain: Brain, options: _Options) -> None:
+    server = Server(brain, options.time_scale)
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, server.stop)
+    try:
+        await _begin(server, options)
+        await server.stopped.wait()
+    finally:
+        await server.close()
+
+
+async def _begin(server: Server, options: _Options) -> None:
+    if options.ready_file is not None:
+        with _writing(options.ready_file):
+            options.ready_file.unlink(missing_ok=True)  # one from before is not true any more
+    try:
+        host, port = await server.listen(options.host, options.port)
+    except (OSError, UnicodeError) as error:
+        where = join_host_port(options.host, options.port)
+        raise Problem(
+            f"cannot listen on {where}: {_reason(error)}; choose another --listen, port 0 for any"
+        ) from None
+    if options.serial is not None:
+        try:
+            SerialPort(server, *options.serial)
+        except SerialPortError as error:
+            raise Problem(f"{error}") from None
+    if options.control:
+        Console(server, sys.stdin.fileno(), _answer)
+    where = join_host_port(host, port)
+    if options.ready_file is not None:
+        _announce(options.ready_file, where)
+    _answer(f"listening on tcp://{where}")
+
+
+def _answer(text: str) -> None:
+    """Print a line; that nobody reads it any more is no reason to stop serving."""
+    with contextlib.suppress(BrokenPipeError):
+        click.echo(text)
+
+
+def _reason(error: OSError | UnicodeError) -> str:
+    """Why, without the address that asyncio repeats."""
+    if isinstance(error, socket.gaierror) or not isinstance(error, OSError):
+        return "the host name is unknown"
+    return os.strerror(error.errno or 0)
+
+
+def _announce(ready_file: Path, where: str) -> None:
+    """Write a file that is there whole or not at all."""
+    with _writing(ready_file):
+        beside = ready_file.with_name(f".{ready_file.name}.{os.getpid()}")
+        beside.write_text(f"{where}\n")
+        beside.replace(ready_file)
+
+
+@contextlib.contextmanager
+def _writing(ready_file: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise Problem(f"--ready-file {ready_file} cannot be written: {error.strerror}") from None

@@ -1,0 +1,89 @@
+"""`scaraspec convert`: a capture, written again in another format."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import click
+
+from scaraspec.cli.problems import Exit, Problem
+from scaraspec.judgement.judge import Judge
+from scaraspec.judgement.wire import WireEvent
+from scaraspec_recorder.capture import draw_capture
+from scaraspec_recorder.deriver import Deriver
+from scaraspec_recorder.mcap_file import McapSink
+from scaraspec_recorder.pcap_writing import PcapngWriter
+from scaraspec_recorder.source import CaptureError, open_capture
+
+EXAMPLE = "Example: scaraspec convert field.pcapng field.mcap"
+
+_PATH = click.Path(path_type=Path)
+
+
+def _write_mcap(events: Iterable[WireEvent], target: Path) -> None:
+    deriver = Deriver([McapSink(target.open("wb"))], Judge())
+    for event in events:
+        deriver.write(event)
+    deriver.close()
+
+
+def _write_pcapng(events: Iterable[WireEvent], target: Path) -> None:
+    with target.open("wb") as file:
+        writer = PcapngWriter(file)
+        for event in events:
+            writer.write(event)
+    if writer.short_holes:
+        told = f"{writer.short_holes} gaps of unknown length are holes of one byte"
+        click.echo(f"{target}: {told}", err=True)
+
+
+_WRITERS: dict[str, Callable[[Iterable[WireEvent], Path], None]] = {
+    ".mcap": _write_mcap,
+    ".pcapng": _write_pcapng,
+    ".rrd": draw_capture,
+}
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument("source", metavar="IN", type=_PATH)
+@click.argument("target", metavar="OUT", type=_PATH)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=8877,
+    show_default=True,
+    help="The controller's TCP port where IN is a pcap; 0 for any.",
+)
+def command(source: Path, target: Path, port: int) -> None:
+    """Write the capture IN again as OUT, whose ending says how: .mcap, .pcapng or .rrd.
+
+    IN is MCAP, pcap or pcapng; OUT must not exist. MCAP is decoded anew. In .pcapng the packets
+    around the bytes are made up, and bytes that were not recorded are missing segments. Exit
+    status 3 if IN is not whole; OUT then holds what could be read.
+    """
+    write = _WRITERS.get(target.suffix.lower())
+    if not write:
+        raise Problem(f"{target} says no format: end it in {', '.join(_WRITERS)}")
+    try:
+        capture = open_capture(source, port=port or None)
+        target.touch(exist_ok=False)
+    except CaptureError as error:
+        raise Problem(f"{error}") from None
+    except FileExistsError:
+        raise Problem(f"{target} exists: name a file that does not") from None
+    except OSError as error:
+        raise Problem(f"{target} cannot be written: {error.strerror}") from None
+    try:
+        write(capture, target)
+    except (CaptureError, ImportError) as error:
+        target.unlink()
+        raise Problem(f"{error}") from None
+    except OSError as error:
+        target.unlink()
+        raise Problem(f"{target} cannot be written: {error.strerror}") from None
+    except BaseException:  # interrupted: half a file is none
+        target.unlink()
+        raise
+    for note in capture.summary.notes:
+        click.echo(f"{source}: {note}", err=True)
+    if capture.summary.notes:
+        raise SystemExit(Exit.INCONCLUSIVE)

@@ -1,0 +1,127 @@
+"""`scaraspec demo`: the virtual controller, the recording proxy and a client, judged at the end."""
+
+import asyncio
+import subprocess
+import sys
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import click
+from rich.console import Console
+
+from scaraspec.cli import demo_session
+from scaraspec.cli.auditing import audit
+from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.viewer import NO_VIEWER, has_viewer, open_viewer
+from scaraspec.client import Client, ClientError
+from scaraspec.links.url import join_host_port, split_host_port
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.report import html, terminal
+from scaraspec_recorder.capture import capture_sink
+from scaraspec_recorder.live import live_sink
+from scaraspec_recorder.recording import record
+from scaraspec_recorder.routes import Upstream
+from scaraspec_recorder.source import CaptureError
+
+EXAMPLE: Final = "Example: scaraspec demo --out demo"
+
+_FILES: Final = ("capture.mcap", "capture.rrd", "results.json", "report.html", demo_session.PROGRAM)
+_READY_S: Final = 30.0
+_POLL_S: Final = 0.05
+
+
+@click.command(epilog=EXAMPLE)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("scaraspec-demo"),
+    show_default=True,
+    help="Folder of the four files.",
+)
+@click.option("--live", is_flag=True, help="Watch it in the Rerun viewer.")
+def command(out: Path, *, live: bool) -> None:
+    """Record and judge a whole session between a client and the virtual controller.
+
+    The client logs in, sets up, uploads a program, runs it, stops a second run, resets, moves and
+    downloads, through the recording proxy. Takes about ten seconds. Writes capture.mcap,
+    capture.rrd, results.json and report.html.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    if there := [name for name in _FILES if (out / name).exists()]:
+        raise Problem(f"{out} holds {there[0]} of an earlier run: name another folder with --out")
+    viewer = open_viewer() if live else None
+    try:
+        asyncio.run(_play(out, viewer))
+        results, notes = audit(out / "capture.mcap", dialect=DEFAULT, port=None)
+        results.write(out / "results.json")
+        html.write(results, out / "report.html")
+    except (ClientError, CaptureError, ValueError) as error:
+        raise Problem(f"the demo did not succeed: {error}", Exit.INCONCLUSIVE) from None
+    except OSError as error:
+        raise Problem(f"the demo did not succeed: {error}", Exit.INCONCLUSIVE) from None
+    for note in notes:
+        click.echo(note, err=True)
+    terminal.show(results, Console())
+    _next_steps(out)
+    raise SystemExit(results.verdict.exit_status)
+
+
+async def _play(out: Path, viewer: str | None) -> None:
+    """Start everything, let the client work in a thread, and end everything in order."""
+    sinks = (
+        partial(capture_sink, draw=has_viewer()),
+        *((partial(live_sink, url=viewer),) if viewer else ()),
+    )
+    async with (
+        _controller() as (host, port),
+        record(Upstream(host, port), ("127.0.0.1", 0), out, sinks) as recording,
+    ):
+        url = f"tcp://{join_host_port(*recording.address)}"
+        click.echo(f"client → recording proxy {url} → virtual controller tcp://{host}:{port}")
+        await asyncio.to_thread(_work, url, out)
+    if not recording.progress.finished or recording.progress.problems:
+        problems = "; ".join(recording.progress.problems) or "not everything was written in time"
+        raise Problem(f"the recording is not whole: {problems}", Exit.INCONCLUSIVE)
+
+
+def _work(url: str, out: Path) -> None:
+    now = datetime.now(UTC).replace(tzinfo=None)
+    with Client(url, password="password") as robot:  # noqa: S106 - the virtual controller's own
+        demo_session.run(robot, out, now, lambda step: click.echo(f"  {step}"))
+
+
+@asynccontextmanager
+async def _controller() -> AsyncIterator[tuple[str, int]]:
+    """The virtual controller in a process of its own, and where it listens."""
+    with tempfile.TemporaryDirectory() as folder:
+        ready = Path(folder) / "ready"
+        arguments = ("controller", "--listen", "127.0.0.1:0", "--ready-file", str(ready))
+        process = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", "scaraspec", *arguments, stdout=subprocess.DEVNULL
+        )
+        try:
+            async with asyncio.timeout(_READY_S):
+                while not ready.exists():
+                    if process.returncode is not None:
+                        raise Problem("the virtual controller does not start", Exit.INCONCLUSIVE)
+                    await asyncio.sleep(_POLL_S)
+            yield split_host_port(ready.read_text().strip())
+        finally:
+            if process.returncode is None:
+                process.terminate()
+            await process.wait()
+
+
+def _next_steps(out: Path) -> None:
+    """Say what to do with what was written."""
+    click.echo(f"\n{out / 'report.html'}  the report, for a browser")
+    if (out / "capture.rrd").exists():
+        click.echo(f"rerun {out / 'capture.rrd'}  the session in the viewer")
+    else:
+        click.echo(f"capture.rrd was not drawn: {NO_VIEWER}")
+    click.echo(f"scaraspec audit {out / 'capture.mcap'}  judge it again")

@@ -1,0 +1,32 @@
+"""A command with so many options that its help needs headings."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import click
+
+
+class GroupedCommand(click.Command):
+    """A command whose help shows options under headings.
+
+    Args:
+        groups: Names of parameters by heading, in the order of the help.
+        arguments: What `click.Command` takes.
+    """
+
+    def __init__(self, *, groups: Mapping[str, Sequence[str]], **arguments: Any) -> None:
+        super().__init__(**arguments)
+        self._groups = groups
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, each under its heading, and what is left at the end."""
+        records = {
+            parameter.name: record
+            for parameter in self.get_params(ctx)
+            if isinstance(parameter, click.Option) and (record := parameter.get_help_record(ctx))
+        }
+        for heading, names in self._groups.items():
+            with formatter.section(heading):
+                formatter.write_dl([records.pop(name) for name in names])
+        formatter.write_paragraph()
+        formatter.write_dl(list(records.values()))

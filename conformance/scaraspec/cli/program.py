@@ -1,0 +1,96 @@
+"""`scaraspec program`: user program files (clause 6), listed, checked and converted."""
+
+from pathlib import Path
+
+import click
+
+from scaraspec.cli.problems import Exit, Problem
+from scaraspec.protocol.programs import (
+    LAYOUTS,
+    MAX_FILE_BYTES,
+    PointMeaning,
+    Program,
+    ProgramError,
+    Severity,
+    build,
+    detect,
+    lint,
+    listing,
+    parse,
+)
+
+EXAMPLE = "Example: scaraspec program check pick-and-place.rob"
+
+_FILE = click.Path(path_type=Path)
+
+
+def _read(file: Path) -> bytes:
+    try:
+        with file.open("rb") as stream:
+            return stream.read(MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise Problem(f"{file} cannot be read: {error.strerror}") from None
+
+
+def _parse(file: Path) -> tuple[bytes, Program]:
+    data = _read(file)
+    try:
+        return data, parse(data)
+    except ProgramError as error:
+        raise Problem(f"{file} is no user program: {error}", Exit.NONCONFORMANT) from None
+
+
+@click.group(epilog=EXAMPLE)
+def command() -> None:
+    """List, check or convert user program files."""
+
+
+@command.command(epilog="Example: scaraspec program show pick-and-place.rob")
+@click.argument("file", type=_FILE)
+@click.option(
+    "--points",
+    type=click.Choice([m.value for m in PointMeaning]),
+    default=PointMeaning.JOINTS.value,
+    show_default=True,
+    help="What the four numbers of a coordinate node are (reading point_meaning).",
+)
+def show(file: Path, points: str) -> None:
+    """Print a readable listing of FILE."""
+    _, program = _parse(file)
+    click.echo(listing(program, PointMeaning(points)), nl=False)
+
+
+@command.command(epilog="Example: scaraspec program check pick-and-place.rob")
+@click.argument("file", type=_FILE)
+def check(file: Path) -> None:
+    """Hold FILE against every rule of clause 6; exit 1 if it breaks one."""
+    data = _read(file)
+    findings = lint(data)
+    for finding in findings:
+        click.echo(f"{file}: {finding}")
+    layouts = detect(data)
+    if layouts:
+        click.echo(f"{file}: layout {layouts[0].name}")
+    if any(finding.severity is Severity.ERROR for finding in findings):
+        raise SystemExit(Exit.NONCONFORMANT)
+
+
+@command.command(epilog="Example: scaraspec program convert old.rob new.rob --layout packed")
+@click.argument("file", type=_FILE)
+@click.argument("target", type=_FILE)
+@click.option(
+    "--layout", type=click.Choice(list(LAYOUTS)), required=True, help="The target's layout."
+)
+def convert(file: Path, target: Path, layout: str) -> None:
+    """Write FILE again as TARGET, in another layout or byte order."""
+    _, program = _parse(file)
+    try:
+        with target.open("xb") as stream:
+            stream.write(build(program, LAYOUTS[layout]))
+    except FileExistsError:
+        raise Problem(f"{target} exists; name a file that does not") from None
+    except ProgramError as error:
+        target.unlink()
+        raise Problem(f"{file} does not fit the layout {layout}: {error}") from None
+    except OSError as error:
+        raise Problem(f"{target} cannot be written: {error.strerror}") from None

@@ -1,0 +1,69 @@
+"""`scaraspec recover`: recordings whose recorder was killed, made whole again."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+
+from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.viewer import NO_VIEWER, has_viewer
+from scaraspec_recorder.leftovers import hold, is_drawn, redraw
+from scaraspec_recorder.recover import Report, recover
+from scaraspec_recorder.source import CaptureError
+
+EXAMPLE = "Example: scaraspec recover captures/*.mcap"
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument(
+    "files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
+def command(files: tuple[Path, ...]) -> None:
+    """Repair recordings (.mcap) in place, and draw the .rrd of each that has no whole one.
+
+    Says of each FILE what was kept and what is lost. A file that is whole is left as it is.
+    Exit status 0 if all were whole, 3 if anything was lost.
+    """
+    whole = True
+    for file in files:
+        if not file.is_file():
+            raise Problem(f"{file} is no file: name the .mcap files to repair")
+        try:
+            with hold(file.resolve().parent) as unwritten_bytes:
+                report = recover(file)
+                _tell(report)
+                whole = whole and not (report.repaired or unwritten_bytes)
+                if unwritten_bytes:
+                    click.echo(
+                        f"  a killed recorder left up to {unwritten_bytes} bytes unwritten: "
+                        f"scaraspec record --out {file.parent} writes them"
+                    )
+                _draw(report)
+        except CaptureError as error:
+            whole = False
+            click.echo(f"scaraspec: {error}", err=True)
+        except OSError as error:
+            raise Problem(f"{file} cannot be repaired: {error.strerror or error}") from None
+    if not whole:
+        raise SystemExit(Exit.INCONCLUSIVE)
+
+
+def _tell(report: Report) -> None:
+    found = "repaired" if report.repaired else "whole"
+    last = ""
+    if report.last_ns:
+        last = f", the last of {datetime.fromtimestamp(report.last_ns / 1e9, UTC):%F %T.%f} UTC"
+    click.echo(f"{report.path}: {found}, {report.events} events{last}")
+    for note in report.notes:
+        click.echo(f"  {note}")
+
+
+def _draw(report: Report) -> None:
+    """Draw the picture again, where the file or the picture was not whole."""
+    drawn = report.path.with_suffix(".rrd")
+    if is_drawn(drawn) and not report.repaired:
+        return
+    if has_viewer():
+        click.echo(f"  {redraw(report.path)} drawn anew")
+    else:
+        click.echo(f"  {drawn} is not drawn: {NO_VIEWER}")

@@ -1,0 +1,46 @@
+"""The Rerun viewer, opened for a recording that is under way."""
+
+import importlib.util
+import socket
+import subprocess
+import sys
+import time
+from typing import Final
+
+from scaraspec.cli.problems import Problem
+
+NO_VIEWER: Final = "the viewer needs the extra view: pip install 'scaraspec[view]'"
+
+_HOST: Final = "127.0.0.1"
+_START_S: Final = 20.0
+_TRY_S: Final = 0.1
+
+
+def has_viewer() -> bool:
+    """Whether the extra that draws is installed."""
+    return importlib.util.find_spec("rerun") is not None
+
+
+def open_viewer() -> str:
+    """Open a viewer that stays open; return the URL at which it takes a recording.
+
+    Raises:
+        Problem: It is not installed, or does not start.
+    """
+    if not has_viewer():
+        raise Problem(NO_VIEWER)
+    with socket.create_server((_HOST, 0)) as free:
+        port = free.getsockname()[1]
+    arguments = ("--bind", _HOST, "--port", str(port), "--hide-welcome-screen")
+    viewer = subprocess.Popen(  # noqa: S603 - our own interpreter and arguments
+        [sys.executable, "-m", "rerun", *arguments], stderr=subprocess.DEVNULL
+    )
+    until_s = time.monotonic() + _START_S
+    while time.monotonic() < until_s and viewer.poll() in (None, 0):
+        try:
+            socket.create_connection((_HOST, port), _TRY_S).close()
+        except OSError:
+            time.sleep(_TRY_S)
+        else:
+            return f"rerun+http://{_HOST}:{port}/proxy"
+    raise Problem("the Rerun viewer does not open: is there a screen?")

@@ -1,0 +1,110 @@
+"""Processes as a user starts them, and an independent witness of what passes between sockets."""
+
+import re
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, closing
+
+import pytest
+
+TIMEOUT_S = 60
+
+
+class Witness:
+    """A relay of its own that keeps every byte: no code in common with the recorder."""
+
+    def __init__(self, upstream: tuple[str, int]) -> None:
+        self._upstream = upstream
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.address: tuple[str, int] = self._listener.getsockname()
+        self.seen: list[tuple[bytearray, bytearray]] = []
+        """Per connection: what came from the client, what came from the controller."""
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        """Accept no more."""
+        self._listener.close()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                client, _ = self._listener.accept()
+            except OSError:
+                return
+            server = socket.create_connection(self._upstream, TIMEOUT_S)
+            kept = bytearray(), bytearray()
+            self.seen.append(kept)
+            threading.Thread(target=_pump, args=(client, server, kept[0]), daemon=True).start()
+            threading.Thread(target=_pump, args=(server, client, kept[1]), daemon=True).start()
+
+
+def _pump(source: socket.socket, target: socket.socket, kept: bytearray) -> None:
+    while data := source.recv(65536):
+        kept += data
+        target.sendall(data)
+    target.shutdown(socket.SHUT_WR)
+
+
+class Processes:
+    """Starts `scaraspec` and sees to it that nothing outlives the test."""
+
+    def __init__(self) -> None:
+        self._running: list[subprocess.Popen[str]] = []
+
+    def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """Run to the end."""
+        return subprocess.run(
+            [sys.executable, "-m", "scaraspec", *arguments],
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT_S,
+            check=False,
+        )
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        """Start, with its output at hand."""
+        process = subprocess.Popen(
+            [sys.executable, "-m", "scaraspec", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._running.append(process)
+        return process
+
+    def controller(self, *arguments: str) -> tuple[str, int]:
+        """Start the virtual controller and return where it listens."""
+        process = self.start("controller", "--listen", "127.0.0.1:0", *arguments)
+        return address_in(process)
+
+    def end(self) -> None:
+        """Kill what is left."""
+        for process in self._running:
+            process.kill()
+            process.communicate()
+
+
+def address_in(process: subprocess.Popen[str]) -> tuple[str, int]:
+    """The first address that a process names in its first line."""
+    assert process.stdout
+    line = process.stdout.readline()
+    found = re.search(r"(127\.0\.0\.1):(\d+)", line)
+    assert found, line
+    return found[1], int(found[2])
+
+
+@pytest.fixture
+def processes() -> Iterator[Processes]:
+    """A starter of processes."""
+    processes = Processes()
+    yield processes
+    processes.end()
+
+
+@pytest.fixture
+def witness() -> Callable[[tuple[str, int]], AbstractContextManager[Witness]]:
+    """Makes witnesses: ``with witness(upstream) as one``."""
+    return lambda upstream: closing(Witness(upstream))

@@ -1,0 +1,81 @@
+"""`scaraspec convert`: the same capture in another format, and back."""
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.judgement.wire import Kind
+from scaraspec_recorder.source import open_capture
+
+SHIFT = "plant-a-morning-shift"
+
+
+@pytest.fixture
+def field(fixtures_dir: Path) -> Path:
+    """Captures from the field."""
+    return fixtures_dir / "captures" / "field"
+
+
+def streams(file: Path) -> dict[tuple[str, Any], bytes]:
+    """The bytes of each connection and direction, with the times at which they came."""
+    found: dict[tuple[str, Any], bytes] = defaultdict(bytes)
+    for event in open_capture(file, port=None):
+        if event.kind is Kind.BYTES:
+            found[event.connection, event.direction] += event.data
+    return found
+
+
+def test_packets_become_a_recording_and_packets_again(
+    processes: Any, field: Path, tmp_path: Path
+) -> None:
+    """pcapng to MCAP to pcapng: every byte in its stream, and the same judgement."""
+    source, recording = field / f"{SHIFT}.pcapng", tmp_path / "a.mcap"
+    packets = tmp_path / "b.pcapng"
+    for arguments in ((source, recording), (recording, packets)):
+        done = processes.run("convert", *map(str, arguments))
+        assert (done.returncode, done.stderr) == (0, "")
+    assert streams(source) == streams(recording) == streams(packets)
+    assert processes.run("audit", str(packets)).returncode == 0
+
+
+def test_a_picture(processes: Any, field: Path, tmp_path: Path) -> None:
+    """pcapng to rrd: a finished file of the viewer."""
+    drawn = tmp_path / "a.rrd"
+    assert processes.run("convert", str(field / f"{SHIFT}.pcapng"), str(drawn)).returncode == 0
+    assert b"RRF2FOOT" in drawn.read_bytes()[-12:]
+
+
+def test_what_is_torn_is_converted_as_far_as_it_goes(
+    processes: Any, field: Path, tmp_path: Path
+) -> None:
+    """With a sentence, and exit status 3."""
+    whole, torn = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
+    processes.run("convert", str(field / f"{SHIFT}.pcapng"), str(whole))
+    torn.write_bytes(whole.read_bytes()[:-100])
+    done = processes.run("convert", str(torn), str(tmp_path / "c.pcapng"))
+    assert done.returncode == 3
+    assert "was not closed" in done.stderr
+    assert (tmp_path / "c.pcapng").exists()
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "says"),
+    [
+        (f"{SHIFT}.pcapng", "there.mcap", "exists"),
+        (f"{SHIFT}.pcapng", "out.pcap", "says no format"),
+        (f"{SHIFT}.pcapng", "none/out.mcap", "cannot be written"),
+        ("none.pcapng", "out.mcap", "No such file"),
+    ],
+)
+def test_usage(  # noqa: PLR0913, PLR0917 - three fixtures and three parameters
+    processes: Any, field: Path, tmp_path: Path, source: str, target: str, says: str
+) -> None:
+    """What a user gets wrong is one sentence; nothing is overwritten, nothing left behind."""
+    (tmp_path / "there.mcap").write_text("mine")
+    done = processes.run("convert", str(field / source), str(tmp_path / target))
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]

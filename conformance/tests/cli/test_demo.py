@@ -1,0 +1,156 @@
+"""`scaraspec demo`, run once as a user runs it; and `scaraspec audit` of what it wrote."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.protocol.commands import COMMANDS
+
+RERUN = str(Path(sys.executable).with_name("rerun"))
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder that a demo wrote, and what it said."""
+    out = tmp_path_factory.mktemp("demo") / "out"
+    done = subprocess.run(
+        [sys.executable, "-m", "scaraspec", "demo", "--out", str(out)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return out, done.stdout
+
+
+def rerun(*arguments: str | Path) -> str:
+    """What the viewer's own command says; it must succeed."""
+    done = subprocess.run(
+        [RERUN, *map(str, arguments)], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_it_says_what_it_did(demo: tuple[Path, str]) -> None:
+    """The summary names the verdict, and the next commands."""
+    out, told = demo
+    assert told.startswith("client → recording proxy tcp://127.0.0.1:")
+    assert "conformant" in told
+    assert f"scaraspec audit {out}/capture.mcap" in told
+
+
+def test_results(demo: tuple[Path, str]) -> None:
+    """results.json: conformant, no failure, and the session with its runs and transfers."""
+    results = json.loads((demo[0] / "results.json").read_text(encoding="utf-8"))
+    assert results["schema"] == "scaraspec.results/1"
+    assert results["verdict"] == "conformant"
+    assert results["counts"]["fail"] == results["counts"]["inconclusive"] == 0
+    assert len(results["session"]["transfers"]) == 3
+    assert (
+        {"get_status", "run_program", "emergency_stop", "upload_chunk", "download_chunk"}
+        <= {command["name"] for command in results["session"]["exchanges"]}
+        <= {command.name for command in COMMANDS}
+    )
+
+
+def test_report(demo: tuple[Path, str]) -> None:
+    """report.html is one whole page about this capture, without the password."""
+    page = (demo[0] / "report.html").read_text(encoding="utf-8")
+    assert page.rstrip().endswith("</html>")
+    assert "capture.mcap" in page
+    assert "70 61 73 73 77 6F 72 64" not in page
+
+
+def test_the_viewer_accepts_the_captures(demo: tuple[Path, str]) -> None:
+    """`rerun mcap info` and `rerun rrd verify` accept the two captures."""
+    assert "/exchanges" in rerun("mcap", "info", demo[0] / "capture.mcap")
+    rerun("rrd", "verify", demo[0] / "capture.rrd")
+
+
+def test_audit_agrees(demo: tuple[Path, str], processes: Any, tmp_path: Path) -> None:
+    """The capture, judged again from its raw bytes, has the same cases."""
+    again = tmp_path / "again.json"
+    capture = demo[0] / "capture.mcap"
+    done = processes.run("audit", str(capture), "--json", str(again))
+    assert done.returncode == 0, done.stderr
+    assert json.loads(again.read_text()) == json.loads((demo[0] / "results.json").read_text())
+
+
+def test_nothing_is_overwritten(demo: tuple[Path, str], processes: Any) -> None:
+    """A second demo into the same folder is refused in one sentence."""
+    done = processes.run("demo", "--out", str(demo[0]))
+    assert done.returncode == 2
+    assert "holds capture.mcap of an earlier run" in done.stderr
+
+
+def test_a_torn_capture_is_still_judged(
+    demo: tuple[Path, str], processes: Any, tmp_path: Path
+) -> None:
+    """Half a file gives what it has, says what is missing, and fails nobody."""
+    torn = tmp_path / "torn.mcap"
+    whole = (demo[0] / "capture.mcap").read_bytes()
+    torn.write_bytes(whole[: len(whole) // 2])
+    done = processes.run("audit", str(torn))
+    assert done.returncode in (0, 3), done.stdout
+    assert "was not closed" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "status"),
+    [
+        ("plant-a-morning-shift", 0),
+        ("plant-b-other-dialect", 0),
+        ("plant-c-serial-bridge-bytewise", 0),
+        ("plant-a-torn", 3),
+        ("complaint-1", 1),
+        ("complaint-2", 1),
+        ("complaint-3", 1),
+        ("complaint-4", 1),
+    ],
+)
+def test_audit_of_field_captures(
+    processes: Any, fixtures_dir: Path, tmp_path: Path, name: str, status: int
+) -> None:
+    """Conforming plants are conformant, complaints are explained, nothing is guessed over."""
+    capture = fixtures_dir / "captures" / "field" / f"{name}.pcapng"
+    report = tmp_path / "report.html"
+    done = processes.run("audit", str(capture), "--html", str(report))
+    assert done.returncode == status, done.stdout
+    assert report.exists()
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda _: None, "No such file"),
+        (lambda path: path.write_bytes(b""), "empty"),
+        (lambda path: path.write_bytes(b"no capture"), "neither"),
+        (lambda path: path.mkdir(), "directory"),
+    ],
+)
+def test_audit_of_no_capture(processes: Any, tmp_path: Path, make: Any, says: str) -> None:
+    """What is no capture is one sentence and exit status 2."""
+    path = tmp_path / "file"
+    make(path)
+    done = processes.run("audit", str(path))
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_an_empty_capture_is_no_green(processes: Any, tmp_path: Path) -> None:
+    """A recording in which nothing passed has exit status 4."""
+    out = tmp_path / "idle"
+    recorder = processes.start(
+        "record", "tcp://127.0.0.1:9", "--listen", "127.0.0.1:0", "--out", str(out)
+    )
+    recorder.stdout.readline()
+    recorder.terminate()
+    recorder.communicate(timeout=60)
+    assert processes.run("audit", str(out / "capture.mcap")).returncode == 4

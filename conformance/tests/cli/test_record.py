@@ -1,0 +1,81 @@
+"""`scaraspec record` between a real client and the virtual controller, witnessed on each side."""
+
+import signal
+from collections import defaultdict
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.cli import demo_session
+from scaraspec.client import Client
+from scaraspec.judgement.wire import Kind
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec_recorder.source import open_capture
+
+PASSWORD = "a-secret-of-this-test"
+
+
+def address_in(line: str) -> tuple[str, int]:
+    """The address that a line like ``recording 127.0.0.1:40001 to …`` begins with."""
+    host, _, port = line.split()[1].rpartition(":")
+    return host, int(port)
+
+
+def streams(file: Path) -> dict[str, dict[Any, bytes]]:
+    """What a capture holds of each connection and direction; no gap may be in it."""
+    found: dict[str, dict[Any, bytes]] = defaultdict(lambda: {A2C: b"", C2A: b""})
+    for event in open_capture(file, port=None):
+        assert event.kind is not Kind.GAP
+        if event.kind is Kind.BYTES:
+            assert event.offset_bytes == len(found[event.connection][event.direction])
+            found[event.connection][event.direction] += event.data
+    return found
+
+
+@pytest.mark.parametrize("redact", [False, True])
+def test_every_byte_is_recorded(
+    processes: Any, witness: Callable[..., Any], tmp_path: Path, *, redact: bool
+) -> None:
+    """The raw bytes in the MCAP are those that client and controller sent."""
+    out = tmp_path / "out"
+    controller = processes.controller("--password", PASSWORD)
+    options = ["--redact"] if redact else []
+    with witness(controller) as far:
+        upstream = f"tcp://{far.address[0]}:{far.address[1]}"
+        recorder = processes.start(
+            "record", upstream, "--listen", "127.0.0.1:0", "--out", str(out), *options
+        )
+        with witness(address_in(recorder.stdout.readline())) as near:
+            with Client("tcp://{}:{}".format(*near.address), password=PASSWORD) as robot:
+                now = datetime(2026, 1, 1)  # noqa: DTZ001 - the document names no zone
+                demo_session.run(robot, tmp_path, now, lambda _: None)
+            recorder.send_signal(signal.SIGINT)
+            told, _ = recorder.communicate(timeout=60)
+    assert recorder.returncode == 0, told
+    assert near.seen == far.seen
+    ((sent, got),) = near.seen
+    (recorded,) = streams(out / "capture.mcap").values()
+    secret = PASSWORD.encode()
+    expected = bytes(sent).replace(secret, b"*" * len(secret)) if redact else bytes(sent)
+    assert recorded == {A2C: expected, C2A: bytes(got)}
+    assert f"from the client: {len(sent)} bytes received and forwarded = {len(sent)} rec" in told
+    assert secret not in (out / "capture.rrd").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("http://127.0.0.1",), "http"),
+        (("tcp://127.0.0.1", "--listen", "nowhere"), "nowhere"),
+        (("tcp://127.0.0.1", "--listen", "192.0.2.1:8877"), "cannot record"),
+    ],
+)
+def test_usage(processes: Any, tmp_path: Path, arguments: tuple[str, ...], says: str) -> None:
+    """What a user gets wrong is one sentence and exit status 2."""
+    done = processes.run("record", *arguments, "--out", str(tmp_path))
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr

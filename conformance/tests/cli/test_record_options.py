@@ -1,0 +1,295 @@
+"""The options of `scaraspec record`, as a user gives them."""
+
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.client import Client
+from scaraspec.judgement.wire import Kind
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec_recorder.source import open_capture
+
+LOCAL = ("--listen", "127.0.0.1:0")
+DEADLINE_S = 60
+
+
+def url_in(line: str) -> str:
+    """Where clients connect, of a line like ``recording 127.0.0.1:40001 to …``."""
+    assert line.startswith("recording 127.0.0.1:"), line
+    return f"tcp://{line.split()[1]}"
+
+
+def ask(url: str) -> None:
+    """A session: a login and a question, however slow the machine is."""
+    dialect = DEFAULT.replace(reply_timeout=f"{DEADLINE_S}")
+    with Client(url, password="password", dialect=dialect) as robot:
+        robot.get_status()
+
+
+def end(recorder: Any, number: int = signal.SIGTERM) -> str:
+    """End a recorder; return what it still said."""
+    recorder.send_signal(number)
+    return recorder.communicate(timeout=DEADLINE_S)[0]
+
+
+@pytest.fixture
+def controller(processes: Any) -> str:
+    """A virtual controller's URL."""
+    return "tcp://{}:{}".format(*processes.controller())
+
+
+def test_help_fits_a_screen(processes: Any) -> None:
+    """All options, under headings, with an example at the end."""
+    lines = processes.run("record", "--help").stdout.splitlines()
+    assert 24 <= len(lines) <= 40
+    assert max(map(len, lines)) <= 80
+    assert lines[-1].startswith("  Example: scaraspec record tcp://")
+
+
+def test_a_file_for_each_connection(processes: Any, controller: str, tmp_path: Path) -> None:
+    """Named by time and robot, each whole, listed in the table of contents."""
+    recorder = processes.start(
+        "record", controller, *LOCAL, "--out", str(tmp_path), "--rotate", "connection"
+    )
+    url = url_in(recorder.stdout.readline())
+    ask(url)
+    ask(url)
+    told = end(recorder)
+    assert recorder.returncode == 0, told
+    files = sorted(tmp_path.glob("*_127.0.0.1*.mcap"))
+    assert 1 <= len(files) <= 2  # two sessions within one tick share a file
+    entries = [json.loads(line) for line in (tmp_path / "contents.jsonl").read_text().splitlines()]
+    assert {entry["name"] for entry in entries} == {file.name for file in files}
+    assert sum(entry["connections"] for entry in entries) == 2
+    for file in files:
+        assert file.with_suffix(".rrd").exists()
+        assert processes.run("audit", str(file)).returncode == 0
+
+
+def test_a_ring_writes_incidents_alone(processes: Any, controller: str, tmp_path: Path) -> None:
+    """What came before the trigger is in the file, though nothing was written then."""
+    recorder = processes.start(
+        *("record", controller, *LOCAL, "--out", str(tmp_path)),
+        *("--ring", "60s", "--trigger", "disconnect"),
+    )
+    ask(url_in(recorder.stdout.readline()))
+    told = end(recorder)
+    (incident,) = tmp_path.glob("*_disconnect.mcap")
+    assert incident.name in told
+    events = list(open_capture(incident, port=None))
+    assert events[0].kind is Kind.OPENED
+    assert sum(len(event.data) for event in events) > 20
+    assert len(list(tmp_path.glob("*.mcap"))) == 1
+
+
+def test_several_robots_and_their_metrics(processes: Any, controller: str, tmp_path: Path) -> None:
+    """Each robot has a listener, a folder and metrics of its own."""
+    config = tmp_path / "lines.toml"
+    config.write_text(
+        f'out = "{tmp_path}"\n'
+        f'[robots.left]\nurl = "{controller}"\nlisten = "127.0.0.1:0"\n'
+        f'[robots.right]\nurl = "{controller}"\nlisten = "localhost:0"\n'
+    )
+    recorder = processes.start("record", "--config", str(config), "--metrics", "127.0.0.1:0")
+    metrics = recorder.stdout.readline().split()[-1]
+    begun = sorted(recorder.stdout.readline() for _ in "ab")
+    urls = {line.split(" in ")[1].split(";")[0].rpartition("/")[2]: line for line in begun}
+    ask(url_in(urls["left"]))
+    wanted = 'scaraspec_connections_total{robot="left"} 1.0'
+    until_s = time.monotonic() + DEADLINE_S
+    while wanted not in (seen := urllib.request.urlopen(metrics, timeout=30).read().decode()):
+        assert time.monotonic() < until_s, seen
+    assert 'scaraspec_connections_total{robot="right"} 0.0' in seen
+    told = end(recorder)
+    assert recorder.returncode == 0, told
+    assert "left:\nfrom the client: " in told
+    assert list(open_capture(tmp_path / "left" / "capture.mcap", port=None))
+    assert not list(open_capture(tmp_path / "right" / "capture.mcap", port=None))
+
+
+def test_what_a_killed_recorder_left_is_repaired(
+    processes: Any, controller: str, tmp_path: Path
+) -> None:
+    """At the next start, and that is said; the new recording has a file of its own."""
+    arguments = ("record", controller, *LOCAL, "--out", str(tmp_path))
+    recorder = processes.start(*arguments)
+    ask(url_in(recorder.stdout.readline()))
+    end(recorder)
+    torn = tmp_path / "capture.mcap"
+    torn.write_bytes(torn.read_bytes()[:-100])
+    recorder = processes.start(*arguments)
+    told = recorder.stdout.readline() + recorder.stdout.readline() + end(recorder)
+    assert f"repaired {torn}: the file was not closed" in told
+    assert "files: capture-2.mcap" in told
+    assert processes.run("recover", str(torn)).returncode == 0
+
+
+def test_a_second_signal_ends_the_waiting(processes: Any, controller: str, tmp_path: Path) -> None:
+    """A writer that hangs does not hold the user; what is left is told, and written next time."""
+    arguments = ("record", controller, *LOCAL, "--out", str(tmp_path))
+    recorder = processes.start(*arguments)
+    url = url_in(recorder.stdout.readline())
+    ask(url)
+    for child in children(recorder.pid):
+        if "scribe" in name_of(child):
+            os.kill(child, signal.SIGSTOP)
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.stdout.readline().startswith("ending: ")
+    told = end(recorder, signal.SIGINT)
+    assert recorder.returncode == 3
+    assert "is not finished" in told
+    assert "Traceback" not in told
+    recorder = processes.start(*arguments)
+    recorder.stdout.readline()
+    told = end(recorder)
+    assert "files: capture" in told
+    recorded = [e for file in tmp_path.glob("*.mcap") for e in open_capture(file, port=None)]
+    assert sum(len(event.data) for event in recorded) > 20
+
+
+def children(pid: int) -> list[int]:
+    """The processes that a process has started."""
+    found = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    return [int(child) for child in found.split()]
+
+
+def name_of(pid: int) -> str:
+    """What a process was started as."""
+    return Path(f"/proc/{pid}/cmdline").read_text()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo terminal")
+def test_a_terminal_gets_a_dashboard(
+    controller: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Connections, bytes and the file, drawn anew as they change."""
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "160")
+    near, far = os.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "scaraspec", "record", controller, *LOCAL, "--out", str(tmp_path)],
+        stdout=far,
+    ) as recorder:
+        os.close(far)
+        try:
+            screen = read_until(near, "Ctrl-C ends it")
+            ask(url_in(screen[screen.index("recording") :].splitlines()[0]))
+            read_until(near, " 1 ")
+            recorder.terminate()
+            last = read_until(near, "files: capture.mcap")
+            assert recorder.wait(DEADLINE_S) == 0
+        finally:
+            recorder.kill()
+            os.close(near)
+    assert "client/s" in last
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo terminal")
+def test_a_serial_line(processes: Any, tmp_path: Path) -> None:
+    """A controller on a serial line is recorded as any other, and needs no login (L83)."""
+    pytest.importorskip("serial")
+    robot, line = os.openpty()
+    recorder = processes.start(
+        "record", f"serial://{os.ttyname(line)}", *LOCAL, "--out", str(tmp_path)
+    )
+    where = recorder.stdout.readline().split()[1].rpartition(":")
+    question, answer = b"\xaa\x09\x00\xcc", b"\xcc\x09\x0200\xaa"
+    with socket.create_connection((where[0], int(where[2])), DEADLINE_S) as client:
+        client.sendall(question)
+        assert read_bytes(robot, len(question)) == question
+        os.write(robot, answer)
+        assert client.recv(len(answer), socket.MSG_WAITALL) == answer
+    end(recorder)
+    for descriptor in (robot, line):
+        os.close(descriptor)
+    events = list(open_capture(tmp_path / "capture.mcap", port=None))
+    found = {way: b"".join(e.data for e in events if e.direction is way) for way in (A2C, C2A)}
+    assert found == {A2C: question, C2A: answer}
+    assert processes.run("audit", "--serial", str(tmp_path / "capture.mcap")).returncode == 0
+
+
+def read_bytes(descriptor: int, size_bytes: int) -> bytes:
+    """So many bytes of a terminal."""
+    found = b""
+    while len(found) < size_bytes:
+        assert select.select([descriptor], [], [], DEADLINE_S)[0], found
+        found += os.read(descriptor, size_bytes - len(found))
+    return found
+
+
+def read_until(descriptor: int, text: str) -> str:
+    """What a terminal shows, up to a text."""
+    shown = ""
+    while text not in shown:
+        assert select.select([descriptor], [], [], DEADLINE_S)[0], shown
+        shown += os.read(descriptor, 65536).decode()
+    return shown
+
+
+def test_rules(processes: Any) -> None:
+    """They are printed and nothing is recorded."""
+    done = processes.run(
+        *("record", "tcp://192.168.1.2", "--listen", "127.0.0.1:8877"),
+        *("--mode", "tproxy", "--print-rules"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert "tproxy to 127.0.0.1:8877" in done.stdout
+    assert "While no recorder runs" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((), "no controller"),
+        (("tcp://127.0.0.1", "--config", "x.toml"), "do not go together"),
+        (("--config", "x.toml", "--out", "x"), "--out and --config do not go together"),
+        (("--config", "/nowhere.toml"), "/nowhere.toml cannot be read"),
+        (("tcp://127.0.0.1", "--rotate", "soon"), "--rotate: 'soon'"),
+        (("tcp://127.0.0.1", "--ring", "9s"), "--ring writes nothing without a trigger"),
+        (("tcp://127.0.0.1", "--metrics", "192.0.2.7:9100"), "for this machine alone"),
+        (("tcp://127.0.0.1", "--mode", "redirect", "--listen", "[::1]:1", "--print-rules"), "IPv4"),
+        (("serial:///dev/ttyX", "--mode", "tproxy"), "no serial lines"),
+        (("serial:///dev/ttyX", "--print-rules"), "no rules"),
+        (("tcp://127.0.0.1", "--listen", "tcp://127.0.0.1"), "no place to listen"),
+        (("tcp://127.0.0.1", "--inject", "/nowhere.toml"), "--inject: /nowhere.toml"),
+        (("tcp://127.0.0.1", "--listen", "0.0.0.0:0", "--inject", "FAULTS"), "add --i-mean-it"),
+    ],
+)
+def test_usage(processes: Any, tmp_path: Path, arguments: tuple[str, ...], says: str) -> None:
+    """What a user gets wrong is one sentence and exit status 2, and nothing is made."""
+    faults = tmp_path / "faults.toml"
+    faults.write_text('[[rule]]\nfault = "drop"\n')
+    given = [str(faults) if each == "FAULTS" else each for each in arguments]
+    out = () if "--out" in given or "--config" in given else ("--out", str(tmp_path / "out"))
+    done = processes.run("record", *given, *out)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_taken_address_ends_all(processes: Any, tmp_path: Path) -> None:
+    """Of several recorders, one that cannot begin is told, and the others do not stay."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        config = tmp_path / "lines.toml"
+        config.write_text(
+            f'out = "{tmp_path}"\n'
+            '[robots.left]\nurl = "tcp://127.0.0.1:9"\nlisten = "127.0.0.1:0"\n'
+            f'[robots.right]\nurl = "tcp://127.0.0.1:9"\nlisten = "127.0.0.1:{port}"\n'
+        )
+        done = processes.run("record", "--config", str(config))
+    assert done.returncode == 2
+    assert f"cannot record what comes to 127.0.0.1:{port}" in done.stderr
+    assert "Traceback" not in done.stderr

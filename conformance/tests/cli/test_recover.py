@@ -1,0 +1,89 @@
+"""`scaraspec recover`: what a killed recorder left is made whole, and what was lost is told."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture
+def recording(processes: Any, fixtures_dir: Path, tmp_path: Path) -> Path:
+    """A recording, without its picture."""
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    path = tmp_path / "capture.mcap"
+    assert processes.run("convert", str(source), str(path)).returncode == 0
+    return path
+
+
+def test_a_torn_recording(processes: Any, recording: Path) -> None:
+    """It says what was kept and what is lost, and draws it; the second time all is whole."""
+    recording.write_bytes(recording.read_bytes()[:-100])
+    done = processes.run("recover", str(recording))
+    assert done.returncode == 3, done.stderr
+    first, *notes = done.stdout.splitlines()
+    assert first.startswith(f"{recording}: repaired, ")
+    assert "events, the last of 20" in first
+    assert "was not closed" in notes[0]
+    assert notes[-1] == f"  {recording.with_suffix('.rrd')} drawn anew"
+    again = processes.run("recover", str(recording))
+    assert again.returncode == 0
+    assert again.stdout.splitlines() == [first.replace("repaired", "whole")]
+
+
+@pytest.mark.parametrize("cut", [0, -40])
+def test_a_torn_picture(processes: Any, recording: Path, cut: int) -> None:
+    """A picture that is missing or torn is drawn again, and that is no loss."""
+    drawn = recording.with_suffix(".rrd")
+    assert processes.run("recover", str(recording)).returncode == 0
+    drawn.write_bytes(drawn.read_bytes()[:cut])
+    done = processes.run("recover", str(recording))
+    assert done.returncode == 0
+    assert "drawn anew" in done.stdout
+    assert b"RRF2FOOT" in drawn.read_bytes()[-12:]
+    assert sorted(path.name for path in recording.parent.iterdir()) == ["capture.mcap", drawn.name]
+
+
+def test_one_that_is_beyond_repair_hinders_no_other(processes: Any, recording: Path) -> None:
+    """It is told in one sentence, the others are repaired, and the exit status is 3."""
+    empty = recording.with_name("empty.mcap")
+    empty.touch()
+    done = processes.run("recover", str(empty), str(recording))
+    assert done.returncode == 3
+    assert done.stderr == f"scaraspec: {empty} is empty: nothing was recorded\n"
+    assert done.stdout.startswith(f"{recording}: whole")
+
+
+def test_what_is_being_recorded_is_left_alone(processes: Any, recording: Path) -> None:
+    """A repair would take the file away from under its recorder."""
+    recorder = processes.start(
+        *("record", "tcp://127.0.0.1:9", "--listen", "127.0.0.1:0"),
+        *("--out", str(recording.parent)),
+    )
+    recorder.stdout.readline()
+    done = processes.run("recover", str(recording))
+    assert done.returncode == 2
+    assert "a recorder writes into" in done.stderr
+    recorder.terminate()
+    recorder.communicate(timeout=60)
+
+
+def test_what_is_not_there(processes: Any, tmp_path: Path) -> None:
+    """A name that is no file is a usage error."""
+    done = processes.run("recover", str(tmp_path / "none.mcap"))
+    assert done.returncode == 2
+    assert "is no file" in done.stderr
+
+
+def test_audit_checks_the_accounts(processes: Any, recording: Path, fixtures_dir: Path) -> None:
+    """A file that holds other bytes than its accounts say is inconclusive, whatever is in it."""
+    source = fixtures_dir / "captures" / "field" / "plant-a-morning-shift.pcapng"
+    shift = recording.with_name("shift.mcap")
+    processes.run("convert", str(source), str(shift))
+    data = shift.read_bytes()
+    found = data.index(b"sha256_recorded") + len(b"sha256_recorded") + 4
+    other = b"f" if data[found : found + 1] == b"0" else b"0"
+    shift.write_bytes(data[:found] + other + data[found + 1 :])
+    done = processes.run("audit", str(shift))
+    assert done.returncode == 3
+    assert "1 streams are not what the file's own accounts say" in done.stderr
+    assert done.stdout.startswith("inconclusive")

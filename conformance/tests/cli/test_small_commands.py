@@ -1,0 +1,91 @@
+"""`scaraspec requirements`, `program` and `frame`, called as a user calls them."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from scaraspec.cli.main import COMMANDS, group, main
+
+
+def run(*arguments: str) -> Result:
+    """The command line with these arguments."""
+    return CliRunner().invoke(group, list(arguments))
+
+
+def test_help_lists_every_command() -> None:
+    """`--help` names every command, and every command has a help with an example."""
+    listed = run("--help").output
+    for name in COMMANDS:
+        assert name in listed
+        shown = run(name, "--help")
+        assert shown.exit_code == 0, shown.output
+        assert "scaraspec" in shown.output.partition("Example:")[2], name
+
+
+def test_requirements_of_a_clause() -> None:
+    """A clause or an id chooses, whole numbers only."""
+    shown = run("requirements", "--clause", "4.1,3/31")
+    assert "4.1/1" in shown.output
+    assert "4.15/1" not in shown.output
+    assert shown.output.endswith("9 of 401 requirements\n")
+
+
+def test_requirements_as_json() -> None:
+    """JSON holds the document's words beside ours."""
+    (entry,) = json.loads(run("requirements", "--clause", "4.8/3", "--json").output)
+    assert entry["strength"] == "firm"
+    assert "空闲" in entry["original"]
+    assert entry["passive_rule"] is True
+
+
+def test_unknown_clause(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An unknown clause is one sentence and exit status 2."""
+    monkeypatch.setattr("sys.argv", ["scaraspec", "requirements", "--clause", "4.99"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    assert told.startswith("scaraspec: --clause: ")
+    assert told.count("\n") == 1
+
+
+def test_program_show(fixtures_dir: Path) -> None:
+    """The listing is the one beside the sample."""
+    sample = fixtures_dir / "programs" / "pick-and-place.rob"
+    shown = run("program", "show", str(sample))
+    assert shown.output == sample.with_suffix(".lst").read_text(encoding="utf-8")
+
+
+def test_program_check(fixtures_dir: Path) -> None:
+    """A sound program has status 0, a damaged one 1 and coded messages."""
+    programs = fixtures_dir / "programs"
+    assert run("program", "check", str(programs / "pick-and-place.rob")).exit_code == 0
+    for damaged in (programs / "damaged").glob("*.rob"):
+        checked = run("program", "check", str(damaged))
+        only_warned = damaged.stem == "surplus"  # bytes behind the footer (6.6b/2)
+        assert checked.exit_code == (0 if only_warned else 1), damaged
+        assert ("warning P-" if only_warned else "error P-") in checked.output
+
+
+def test_program_convert(fixtures_dir: Path, tmp_path: Path) -> None:
+    """A file converted to another layout lists the same; an existing target is kept."""
+    source, target = fixtures_dir / "programs" / "pick-and-place.rob", tmp_path / "new.rob"
+    arguments = ("program", "convert", str(source), str(target), "--layout", "packed-big")
+    assert run(*arguments).exit_code == 0
+    assert run("program", "show", str(target)).output == run("program", "show", str(source)).output
+    before = target.read_bytes()
+    assert "exists" in str(run(*arguments).exception)
+    assert target.read_bytes() == before
+
+
+def test_frame() -> None:
+    """Frames are explained; what is wrong or no frame gives status 1."""
+    assert run("frame", "AA0900CC", "CC09023030AA").exit_code == 0
+    wrong = run("frame", "CC0424" + b"1 2 3".hex())
+    assert wrong.exit_code == 1
+    assert "truncated" in wrong.output
+    assert "not hexadecimal" in str(run("frame", "xyz").exception)

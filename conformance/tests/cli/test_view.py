@@ -1,0 +1,99 @@
+"""`scaraspec view`: what the viewer is given to show."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a script stands in as the viewer")
+
+
+@pytest.fixture
+def shown(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Stands in for the viewer: keeps what it was called with, and a copy of what it was given."""
+    folder = tmp_path_factory.mktemp("viewer")
+    viewer = folder / "viewer"
+    viewer.write_text(f'#!/bin/sh\necho "$@" > {folder}/called\nfor last; do :; done\n'
+                      f'cp "$last" {folder}/drawn\n')  # fmt: skip
+    viewer.chmod(0o755)
+    monkeypatch.setenv("RERUN_CLI_PATH", str(viewer))
+    return folder
+
+
+def given(shown: Path) -> str:
+    """The file that the viewer was called with; it was a whole drawing."""
+    called = (shown / "called").read_text().split()
+    assert called[:-1] == ["--new", "--bind", "127.0.0.1"]
+    assert b"RRF2FOOT" in (shown / "drawn").read_bytes()[-12:]
+    return called[-1]
+
+
+def test_packets_are_drawn_for_this_once(
+    processes: Any, fixtures_dir: Path, shown: Path, tmp_path: Path
+) -> None:
+    """Nothing is left beside the capture, nor elsewhere."""
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    done = processes.run("view", str(source))
+    assert done.returncode == 0, done.stderr
+    assert not Path(given(shown)).exists()
+    assert not source.with_suffix(".rrd").exists()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_torn_recording_is_repaired_and_drawn_beside(
+    processes: Any, fixtures_dir: Path, shown: Path, tmp_path: Path
+) -> None:
+    """What is missing is told; the second time, the drawing is there."""
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    recording = tmp_path / "a.mcap"
+    processes.run("convert", str(source), str(recording))
+    recording.write_bytes(recording.read_bytes()[:-100])
+    done = processes.run("view", str(recording))
+    assert "was not closed" in done.stderr
+    drawn = recording.with_suffix(".rrd")
+    assert given(shown) == str(drawn)
+    stamp = drawn.stat().st_mtime_ns
+    again = processes.run("view", str(recording))
+    assert (again.returncode, again.stderr) == (0, "")
+    assert processes.run("view", str(drawn)).returncode == 0
+    assert (given(shown), drawn.stat().st_mtime_ns) == (str(drawn), stamp)
+
+
+def test_a_recording_that_is_being_made(
+    processes: Any, fixtures_dir: Path, shown: Path, tmp_path: Path
+) -> None:
+    """It is drawn elsewhere, as far as it has come, and not touched."""
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    recording = tmp_path / "a.mcap"
+    processes.run("convert", str(source), str(recording))
+    recorder = processes.start(
+        *("record", "tcp://127.0.0.1:9", "--listen", "127.0.0.1:0", "--out", str(tmp_path))
+    )
+    recorder.stdout.readline()
+    before = recording.read_bytes()
+    done = processes.run("view", str(recording))
+    assert done.returncode == 0
+    assert "a recorder writes into" in done.stderr
+    assert given(shown) != str(recording.with_suffix(".rrd"))
+    assert recording.read_bytes() == before
+    recorder.terminate()
+    recorder.communicate(timeout=60)
+
+
+def test_a_viewer_that_does_not_open(
+    processes: Any, fixtures_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a screen it ends at once: one sentence, exit status 3."""
+    monkeypatch.setenv("RERUN_CLI_PATH", "/bin/false")
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    done = processes.run("view", str(source))
+    assert done.returncode == 3
+    assert done.stderr == "scaraspec: the Rerun viewer does not open: is there a screen?\n"
+
+
+def test_what_is_no_capture(processes: Any, tmp_path: Path) -> None:
+    """It is one sentence and exit status 2."""
+    done = processes.run("view", str(tmp_path / "none.mcap"))
+    assert done.returncode == 2
+    assert "No such file" in done.stderr
