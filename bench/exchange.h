@@ -1,0 +1,18 @@
+/* The two exchanges of the forwarding benchmark: a login, and the status that clients poll. */
+#ifndef EXCHANGE_H
+#define EXCHANGE_H
+
+#include <stddef.h>
+
+struct exchange {
+    const char *request, *reply;
+    size_t request_bytes, reply_bytes;
+};
+
+#define EXCHANGE(request, reply) {request, reply, sizeof request - 1, sizeof reply - 1}
+
+static const struct exchange
+    LOGIN = EXCHANGE("\xAA\x01\x08" "password" "\xCC", "\xCC\x01\x01" "1" "\xAA"),
+    STATUS = EXCHANGE("\xAA\x09\x00\xCC", "\xCC\x09\x02" "00" "\xAA");
+
+#endif

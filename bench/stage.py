@@ -1,0 +1,133 @@
+"""Stage: how one turn of a forwarder is measured.
+
+Lives here: the load, what it saw, and what a recording holds of it. Who is measured, how often and
+what is made of it stands in `forwarding`.
+"""
+
+import json
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from bench import peers
+from bench.peers import Peer
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
+from scaraspec_recorder.recording import spool_folder
+
+_EXCHANGES: Final = "/exchanges"
+
+
+class Load(NamedTuple):
+    """What the load generator saw of a port; `exchanges` counts unmeasured ones too."""
+
+    exchanges: int
+    rate: float
+    p50_ns: float
+    p99_ns: float
+
+
+class Turn(NamedTuple):
+    """A peer's turn as ratios to the C forwarder's, and its median round trip."""
+
+    p50: float
+    p99: float
+    rate: float
+    p50_us: float
+
+
+class Sustained(NamedTuple):
+    """A long turn of the recorder."""
+
+    rate: float  # to the bare uvloop forwarder's
+    exchanges: int
+    decoded: int  # 0 where the recording was not finished
+    gaps: int
+    drained_s: float  # from the last answer until the recorder has ended
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Where the turns take place.
+
+    Attributes:
+        folder: Holds the programs; takes logs and recordings.
+        target: The port of the answerer.
+        rest: The processors that the link does not need.
+    """
+
+    folder: Path
+    target: int
+    rest: set[int]
+
+    @contextmanager
+    def playing(self, peer: Peer) -> Iterator[tuple[int, Path]]:
+        """Run a peer; give the port it listens on and the folder it writes into."""
+        folder = Path(tempfile.mkdtemp(dir=self.folder))
+        port = peers.free_port()
+        with peers.running(
+            peer.command(port, self.target, folder), port, folder / "log"
+        ) as process:
+            if peer.link_module:
+                peers.set_apart(process.pid, peer.link_module, self.rest)
+            yield port, folder
+
+    def load(self, connections: int, seconds: float, *ports: int) -> list[Load]:
+        """Ask through all ports, slice by slice in turn, each for so many seconds in all.
+
+        Raises:
+            subprocess.CalledProcessError: An answer was wrong or did not come.
+        """
+        command = (str(self.folder / "load"), str(connections), str(seconds), *map(str, ports))
+        printed = subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout  # noqa: S603 - our own program, and numbers
+        return [Load(**port) for port in json.loads(printed)]
+
+    def turn(self, connections: int, seconds: float, port: int, limit: int) -> Turn:
+        """Compare what listens on `port` with what listens on `limit`."""
+        peer, bare = self.load(connections, seconds, port, limit)
+        return Turn(
+            peer.p50_ns / bare.p50_ns,
+            peer.p99_ns / bare.p99_ns,
+            peer.rate / bare.rate,
+            peer.p50_ns / 1000,
+        )
+
+    def sustain(self, connections: int, seconds: float) -> Sustained:
+        """Ask the recorder for long, and for half as long before and after it the uvloop one."""
+        with self.playing(peers.uvloop_forwarder()) as (bare, _):
+            (before,) = self.load(connections, seconds / 2, bare)
+            with self.playing(peers.recorder()) as (port, folder):
+                (here,) = self.load(connections, seconds, port)
+                ended_s = time.monotonic()
+            drained_s = time.monotonic() - ended_s
+            (after,) = self.load(connections, seconds / 2, bare)
+        told = re.findall(r"recorded \+ \d+ in (\d+) gaps", (folder / "log").read_text())
+        shutil.rmtree(spool_folder(folder))  # it is left where the recording was not finished
+        return Sustained(
+            2 * here.rate / (before.rate + after.rate),
+            here.exchanges + peers.PROBES,
+            _decoded(folder / "capture.mcap"),
+            sum(map(int, told)),
+            drained_s,
+        )
+
+
+def _decoded(capture: Path) -> int:
+    """How many exchanges a capture holds; 0 where it has no end."""
+    with capture.open("rb") as file:
+        try:
+            summary = make_reader(file).get_summary()
+        except McapError:
+            return 0
+    if not summary or not summary.statistics:
+        return 0
+    counts = summary.statistics.channel_message_counts
+    return sum(counts.get(c.id, 0) for c in summary.channels.values() if c.topic == _EXCHANGES)
