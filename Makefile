@@ -5,7 +5,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: demo test test-net test-net-full check bench pictures format lock wheel clean
+.PHONY: demo test test-kill test-net test-net-full check bench soak pictures prove format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -14,7 +14,12 @@ demo: $(READY)
 test: check
 	$(BIN)/pytest -n auto
 
-# On machines made of network namespaces, which root may make, and whoever may make a user namespace.
+# Kills the recorder's processes at so many random moments under traffic; takes a quarter of an hour.
+test-kill: export SCARASPEC_KILLS ?= 200
+test-kill: $(READY)
+	$(BIN)/pytest -s -m campaign recorder/tests/endurance
+
+# On machines and disks made of namespaces, which root may make, and whoever may make a user namespace.
 # The full one moves a gigabyte each way and 10,000 connections, in every mode, and takes minutes.
 test-net-full: export SCARASPEC_FULL := 1
 test-net test-net-full: export PATH := $(PATH):/usr/sbin:/sbin
@@ -22,7 +27,7 @@ test-net test-net-full: $(READY)
 	@for tool in ip nft tcpdump; do command -v $$tool >/dev/null || \
 	  { echo "make $@ wants iproute2, nftables and tcpdump installed: there is no $$tool" >&2; exit 1; }; done
 	$$(test $$(id -u) = 0 || echo unshare --user --map-current-user --keep-caps --net) \
-	  $(BIN)/pytest -m network recorder/tests/net
+	  $(BIN)/pytest -m network recorder/tests
 
 check: $(READY)
 	$(BIN)/ruff check
@@ -33,6 +38,18 @@ check: $(READY)
 
 bench: $(READY)
 	$(BIN)/python bench/frames.py
+	$(BIN)/python -m bench.forwarding
+	$(BIN)/python -m bench.soak --hours 0.2 --rotate 144s
+
+# Hours of traffic, at speed; a whole day, `make soak HOURS=24`, takes some hours.
+HOURS ?= 1.25
+soak: $(READY)
+	$(BIN)/python -m bench.soak --hours $(HOURS)
+
+# Every seeded fault against the whole suite, and every dialect: about an hour on two cores.
+prove: $(READY)
+	$(BIN)/scaraspec prove --out reports
+	$(BIN)/scaraspec prove --dialects
 
 # Wants Chromium and a software renderer; no other target does.
 pictures: demo

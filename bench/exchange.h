@@ -1,4 +1,4 @@
-/* The two exchanges of the forwarding benchmark: a login, and the status that clients poll. */
+/* What the forwarding benchmark sends: a login, the status that clients poll, and pieces of files. */
 #ifndef EXCHANGE_H
 #define EXCHANGE_H
 
@@ -14,5 +14,8 @@ struct exchange {
 static const struct exchange
     LOGIN = EXCHANGE("\xAA\x01\x08" "password" "\xCC", "\xCC\x01\x01" "1" "\xAA"),
     STATUS = EXCHANGE("\xAA\x09\x00\xCC", "\xCC\x09\x02" "00" "\xAA");
+
+/* The largest frame there is, AA 52 FF and 255 bytes and CC: many of them are a bulk stream. */
+enum { PIECE_BYTES = 259, PIECE_OPCODE = 0x52 };
 
 #endif

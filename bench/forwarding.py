@@ -14,14 +14,20 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 from bench import peers
 from bench.peers import Peer
 from bench.stage import Stage, Sustained, Turn
 
 DIRECT: Final = "direct"
+BULK_TIMES: Final = 3
+BULK_PIECES: Final = 16_384
+PIECE_BYTES: Final = 259  # as in exchange.h
+
+_T = TypeVar("_T")
 
 Turns = dict[str, list[Turn]]
 """By peer, one a round."""
@@ -63,6 +69,7 @@ def measure(options: argparse.Namespace) -> None:
             tell("one connection", one)
             many = take_turns(stage, others, options.connections, options.rounds, options.turn)
             tell(f"{options.connections} connections", many)
+            tell_bulk(take_bulk(stage, others, options.rounds))
             long = stage.sustain(options.connections, options.seconds)
     judge(one, many, long)
 
@@ -70,18 +77,30 @@ def measure(options: argparse.Namespace) -> None:
 def take_turns(
     stage: Stage, others: Sequence[Peer], connections: int, rounds: int, seconds: float
 ) -> Turns:
+    """Measure round trips of all, through so many connections."""
+    return _beside_c(stage, others, rounds, partial(stage.turn, connections, seconds))
+
+
+def take_bulk(stage: Stage, others: Sequence[Peer], rounds: int) -> dict[str, list[float]]:
+    """Measure a bulk stream through all."""
+    return _beside_c(stage, others, rounds, partial(stage.bulk, BULK_TIMES, BULK_PIECES))
+
+
+def _beside_c(
+    stage: Stage, others: Sequence[Peer], rounds: int, measure: Callable[[int, int], _T]
+) -> dict[str, list[_T]]:
     """Measure all, once a round and each round in another order; the C forwarder against itself."""
     limiting = peers.c_forwarder(stage.folder)
     everyone = (limiting, *others)
-    turns: Turns = {DIRECT: [], **{peer.name: [] for peer in everyone}}
+    taken: dict[str, list[_T]] = {DIRECT: [], **{peer.name: [] for peer in everyone}}
     for number in range(rounds):
         with stage.playing(limiting) as (limit, _):
-            turns[DIRECT].append(stage.turn(connections, seconds, stage.target, limit))
+            taken[DIRECT].append(measure(stage.target, limit))
             first = number % len(everyone)
             for peer in (*everyone[first:], *everyone[:first]):
                 with stage.playing(peer) as (port, _):
-                    turns[peer.name].append(stage.turn(connections, seconds, port, limit))
-    return turns
+                    taken[peer.name].append(measure(port, limit))
+    return taken
 
 
 def tell(what: str, turns: Turns) -> None:
@@ -93,6 +112,14 @@ def tell(what: str, turns: Turns) -> None:
         cells = (_spread([getattr(row, key) for row in rows]) for key in ("p50", "p99", "rate"))
         p50_us = statistics.median(row.p50_us for row in rows)
         print(f"  {name:18}" + "".join(f"{cell:24}" for cell in cells) + f"{p50_us:6.1f}")
+
+
+def tell_bulk(taken: dict[str, list[float]]) -> None:
+    """Print a table of ratios to the C forwarder."""
+    size_mb = BULK_TIMES * BULK_PIECES * PIECE_BYTES / 1e6
+    print(f"a bulk stream, {size_mb:.0f} MB a round: bytes/s, times the C forwarder's")
+    for name, ratios in taken.items():
+        print(f"  {name:18}{_spread(ratios)}")
 
 
 def judge(one: Turns, many: Turns, long: Sustained) -> None:
@@ -110,7 +137,8 @@ def judge(one: Turns, many: Turns, long: Sustained) -> None:
     _goal("gaps", [long.gaps], at_most=0)
     _goal("of the exchanges decoded", [long.decoded / long.exchanges], at_least=1)
     _goal("decoded so many s after the end", [long.drained_s], at_most=5)
-    print(f"  ({long.exchanges} exchanges in the long turn)")
+    behind = long.exchanges / (long.lasted_s + long.drained_s)
+    print(f"  ({long.exchanges} exchanges in the long turn, written at {behind:.0f} a second)")
 
 
 def _goal(
@@ -149,7 +177,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--connections", type=connections, default=16, help="how many are many [16]"
     )
-    parser.add_argument("--seconds", type=seconds, default=60.0, help="the long turn's length [60]")
+    parser.add_argument("--seconds", type=seconds, default=10.0, help="the long turn's length [10]")
     parser.add_argument("--mitmproxy", action="store_true", help="install it, and measure it too")
     return parser.parse_args()
 

@@ -4,8 +4,7 @@
  * them; each gets SECONDS in all. Each connection logs in, and has one status request under way
  * while it is its port's turn. Every answer is compared byte for byte. Prints a JSON array of one
  * object a port; round trips of a slice's first moments are counted and not measured. */
-#include <time.h>
-
+#include "clock.h"
 #include "exchange.h"
 #include "loopback.h"
 
@@ -17,13 +16,6 @@ struct target {
     uint64_t exchanges, measured;
     uint32_t *samples_ns;
 };
-
-static uint64_t now_ns(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (uint64_t)now.tv_sec * 1000000000 + (uint64_t)now.tv_nsec;
-}
 
 static void ask(int fd, const struct exchange *what)
 {

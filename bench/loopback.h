@@ -1,4 +1,4 @@
-/* Sockets on 127.0.0.1, for the three programs of the forwarding benchmark.
+/* Sockets on 127.0.0.1, for the programs of the forwarding benchmark.
  *
  * Lives here: how they listen, connect, wait and give up. Whoever started a server holds its
  * standard input open; it ends when that closes, and so cannot outlive the benchmark. */

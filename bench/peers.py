@@ -51,7 +51,7 @@ def compile_programs(folder: Path) -> None:
     Raises:
         subprocess.CalledProcessError: The compiler refuses; it has said why.
     """
-    for name in ("load", "answer", "forward"):
+    for name in ("load", "bulk", "answer", "forward"):
         flags = ("-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror")
         command = ("cc", *flags, "-o", str(folder / name), str(_HERE / f"{name}.c"))
         subprocess.run(command, check=True)  # noqa: S603 - the compiler, and our own sources
@@ -132,8 +132,11 @@ def running(command: list[str], port: int, log: Path) -> Iterator[subprocess.Pop
     ):
         try:
             wait_until(
-                lambda: _answers(port), lambda: f"{command[0]} gives no answer: {log.read_text()}"
+                lambda: process.poll() is not None or _answers(port),
+                lambda: f"{command[0]} gives no answer: {log.read_text()}",
             )
+            if process.poll() is not None:
+                raise RuntimeError(f"{command[0]} has ended: {log.read_text()}")
             yield process
             process.terminate()
             process.wait(_END_S)

@@ -51,6 +51,7 @@ class Sustained(NamedTuple):
     exchanges: int
     decoded: int  # 0 where the recording was not finished
     gaps: int
+    lasted_s: float  # the turns of both
     drained_s: float  # from the last answer until the recorder has ended
 
 
@@ -90,6 +91,17 @@ class Stage:
         printed = subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout  # noqa: S603 - our own program, and numbers
         return [Load(**port) for port in json.loads(printed)]
 
+    def bulk(self, times: int, pieces: int, port: int, limit: int) -> float:
+        """Send a bulk stream so many times through each; give the ratio of bytes a second.
+
+        Raises:
+            subprocess.CalledProcessError: The stream did not arrive.
+        """
+        command = (str(self.folder / "bulk"), str(times), str(pieces), str(port), str(limit))
+        printed = subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout  # noqa: S603 - our own program, and numbers
+        peer, bare = json.loads(printed)
+        return float(peer / bare)
+
     def turn(self, connections: int, seconds: float, port: int, limit: int) -> Turn:
         """Compare what listens on `port` with what listens on `limit`."""
         peer, bare = self.load(connections, seconds, port, limit)
@@ -101,21 +113,20 @@ class Stage:
         )
 
     def sustain(self, connections: int, seconds: float) -> Sustained:
-        """Ask the recorder for long, and for half as long before and after it the uvloop one."""
+        """Ask the recorder and the uvloop forwarder for long, slice by slice in turn."""
         with self.playing(peers.uvloop_forwarder()) as (bare, _):
-            (before,) = self.load(connections, seconds / 2, bare)
             with self.playing(peers.recorder()) as (port, folder):
-                (here,) = self.load(connections, seconds, port)
+                here, limit = self.load(connections, seconds, port, bare)
                 ended_s = time.monotonic()
             drained_s = time.monotonic() - ended_s
-            (after,) = self.load(connections, seconds / 2, bare)
         told = re.findall(r"recorded \+ \d+ in (\d+) gaps", (folder / "log").read_text())
         shutil.rmtree(spool_folder(folder))  # it is left where the recording was not finished
         return Sustained(
-            2 * here.rate / (before.rate + after.rate),
+            here.rate / limit.rate,
             here.exchanges + peers.PROBES,
             _decoded(folder / "capture.mcap"),
             sum(map(int, told)),
+            2 * seconds,
             drained_s,
         )
 

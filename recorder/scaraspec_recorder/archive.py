@@ -12,11 +12,13 @@ from typing import Final
 
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
+from scaraspec_recorder.children import let_in
 from scaraspec_recorder.contents import Contents
 from scaraspec_recorder.deriver import Deriver, Output
 from scaraspec_recorder.file_sets import Shelf
 from scaraspec_recorder.masking import Redactor
 from scaraspec_recorder.quantities import SECOND_NS, show_size
+from scaraspec_recorder.recover import sweep
 from scaraspec_recorder.retention import PERIOD_NS, Keep, Retention
 from scaraspec_recorder.ring import Incidents, Ring
 from scaraspec_recorder.rotation import Rotate, Rotation
@@ -84,6 +86,7 @@ def archive_sink(
         SinkFailed: Less of the disk is free than must be, and there is nothing to remove.
         ImportError: Drawing needs an extra that is not installed; the text says which.
     """
+    sweep(folder.path)
     contents = Contents(folder.path)
     free_bytes = free_bytes or (lambda: shutil.disk_usage(folder.path).free)
     retention = Retention(contents, archive.keep, archive.min_free_bytes, free_bytes)
@@ -109,6 +112,7 @@ def _incidents(archive: Archive, shelf: Shelf) -> Incidents:
     for watcher in watchers.values():
         if isinstance(watcher, Pressed) and hasattr(signal, "SIGUSR1"):  # Windows has none
             signal.signal(signal.SIGUSR1, lambda *_, press=watcher.press: press())
+            let_in(signal.SIGUSR1)
     ring = Ring(archive.before_ns, archive.ring_bytes)
     return Incidents(shelf, ring, watchers, archive.after_ns)
 
@@ -146,14 +150,16 @@ class _Retained:
         if self._full:
             raise SinkFailed(self._too_little)
         self._sink.tick(now_ns)
+        self._shelf.settle()
         if 0 <= now_ns - self._looked_ns < PERIOD_NS:
             return
         self._looked_ns = now_ns
-        if not self._retention.enforce(now_ns, self._shelf.written_bytes):
-            self._sink.close()  # what was taken is safe: after this tick it does not come again
+        if not self._retention.enforce(now_ns, self._shelf.unlisted_bytes):
+            self.close()  # what was taken is safe: after this tick it does not come again
             self._full = True
 
     def close(self) -> None:
         """End the files."""
         if not self._full:
             self._sink.close()
+            self._shelf.settle(wait=True)

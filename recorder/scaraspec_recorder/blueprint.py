@@ -4,7 +4,8 @@ Law: names, units, colours and places on the screen; no data. Entity paths are n
 `rerun_view` to fill.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import cycle
 from typing import Any, Final
 
 import numpy as np
@@ -115,6 +116,12 @@ def styles() -> Iterator[tuple[str, Any]]:
         yield lane, _lane({"0": ("0", 0x455A64), "1": ("1", _GREEN)})
 
 
+def names(texts: Iterable[str]) -> Any:
+    """The look of a lane whose states are names: in no colour that elsewhere means good or bad."""
+    colours = cycle((_BLUE, _TEAL, _VIOLET))
+    return _lane({text: (text, colour) for text, colour in zip(texts, colours, strict=False)})
+
+
 def _codes() -> Iterator[tuple[errors.Code, int]]:
     colours = {errors.Kind.IDLE: _GREY, errors.Kind.RUNNING: _GREEN}
     for code in errors.TABLE_8_1.values():
@@ -209,5 +216,7 @@ def _log(name: str, contents: str, *levels: str) -> Any:
         contents=contents,
         name=name,
         rows=rrb.TextLogRows(filter_by_log_level=levels),
-        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+        columns=rrb.TextLogColumns(  # `time` would be cut off: a column is as wide as its name
+            timeline_columns=["elapsed"], text_log_columns=["LogLevel", "Body"]
+        ),
     )

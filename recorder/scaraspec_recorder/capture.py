@@ -8,9 +8,9 @@ from pathlib import Path
 
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
-from scaraspec_recorder.deriver import Deriver, Output
+from scaraspec_recorder.deriver import Deriver
+from scaraspec_recorder.file_sets import make_files
 from scaraspec_recorder.masking import Redactor
-from scaraspec_recorder.mcap_file import McapSink
 from scaraspec_recorder.sinks import Folder
 
 
@@ -35,13 +35,9 @@ def capture_sink(
         OSError: A file cannot be made.
         ImportError: Drawing needs an extra that is not installed; the text says which.
     """
-    session = {**(session or {}), "passwords": "masked" if redact else "masked but in raw bytes"}
-    path = folder.new("capture.mcap")
-    outputs: list[Output] = [McapSink(path.open("wb"), session, discard=path.unlink)]
-    if draw:
-        from scaraspec_recorder.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
-
-        outputs.append(RerunSink.to_file(folder.new(f"{path.stem}.rrd"), session))
+    passwords = "masked" if redact else "masked but in raw bytes"
+    session = {**(session or {}), "passwords": passwords, **folder.take_news()}
+    _, outputs = make_files(folder, "capture", session, draw=draw, optimized=True)
     return Deriver(outputs, Judge(needs_login=needs_login), Redactor() if redact else None)
 
 

@@ -8,10 +8,14 @@ service manager sends to all processes at once are for the recorder alone.
 import asyncio
 import logging
 import multiprocessing
+import os
 import signal
 import socket
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import wait
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -21,15 +25,27 @@ FIRST_DELAY_S: Final = 0.1
 LAST_DELAY_S: Final = 5.0
 """How long a child that dies again and again stays dead."""
 
+SAID: Final = 75
+"""Exit status of a child that has said itself why it must be started again."""
+
+_SHOWN: Final = Path("/proc/self/comm")  # what ps and top call a process
+
 _log = logging.getLogger(__name__)
 _processes = multiprocessing.get_context("spawn")
 
 
+_TO_ALL: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
 def ignore_signals() -> None:
     """To be called first in a child: leave it to the recorder when to end."""
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if number := getattr(signal, name, None):  # Windows knows fewer
-            signal.signal(number, signal.SIG_IGN)
+    for number in _numbers(_TO_ALL):
+        signal.signal(number, signal.SIG_IGN)
+
+
+def let_in(number: int) -> None:
+    """To be called in a child that can take this signal now: one that was held back comes then."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
 
 
 class Child:
@@ -49,6 +65,7 @@ class Child:
     def __init__(self, name: str, run: Callable[..., None], *arguments: Any) -> None:
         self.near, self._far = socket.socketpair()
         self.pid: int | None = None
+        self._lives = False
         self._name = name
         self._run = run
         self._arguments = arguments
@@ -75,10 +92,21 @@ class Child:
             self._far.close()
         return True
 
+    def send_signal(self, number: int) -> bool:
+        """Send it a signal; return whether it lives to get it.
+
+        ``SIGUSR1`` reaches it when it lets it in, see `let_in`, however early it was sent.
+        """
+        if self._lives and self.pid:
+            os.kill(self.pid, number)
+        return self._lives
+
     def _spawn(self) -> "BaseProcess":
-        process = _processes.Process(target=self._run, args=(*self._arguments, self._far))
-        process.start()
-        self.pid = process.pid
+        arguments = (self._name, self._run, *self._arguments, self._far)
+        process = _processes.Process(target=_be, args=arguments)
+        with _held_back():
+            process.start()
+        self.pid, self._lives = process.pid, True
         return process
 
     async def _keep(self, process: "BaseProcess") -> None:
@@ -88,11 +116,13 @@ class Child:
         while True:
             started_s = loop.time()
             status = await _end_of(process)
+            self._lives = False
             if status == 0:
                 return
             if loop.time() - started_s > LAST_DELAY_S:
                 delay_s = FIRST_DELAY_S
-            _log.warning("the %s ended with status %s and is started again", self._name, status)
+            if status != SAID:
+                _log.warning("the %s ended with status %s and is started again", self._name, status)
             while True:
                 await asyncio.sleep(delay_s)
                 delay_s = min(2 * delay_s, LAST_DELAY_S)
@@ -102,6 +132,30 @@ class Child:
                     _log.warning("the %s cannot be started: %s", self._name, error)
                 else:
                     break
+
+
+def _numbers(names: Iterable[str]) -> set[signal.Signals]:
+    return {getattr(signal, name) for name in names if hasattr(signal, name)}  # Windows knows fewer
+
+
+@contextmanager
+def _held_back() -> Iterator[None]:
+    """Whoever is started herein is not ended by a signal before it knows what to do with it."""
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _numbers((*_TO_ALL, "SIGUSR1")))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _be(name: str, run: Callable[..., None], *arguments: Any) -> None:
+    """Be a child, and be called so where the system lists processes."""
+    with suppress(OSError):  # only Linux has such a file
+        _SHOWN.write_text(f"scara-{name}")
+    run(*arguments)
 
 
 async def _end_of(process: "BaseProcess") -> int | None:

@@ -5,13 +5,13 @@ keys of a table are the options of ``scaraspec record``, so that both mean the s
 """
 
 import difflib
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec_recorder.archive import Archive, archive_sink
 from scaraspec_recorder.capture import capture_sink
 from scaraspec_recorder.inject import load_injection
@@ -23,14 +23,19 @@ from scaraspec_recorder.rotation import Rotate, parse_rotate
 from scaraspec_recorder.routes import Mode
 from scaraspec_recorder.seams import safe_name
 from scaraspec_recorder.sinks import SinkFactory
+from scaraspec_recorder.toml_file import TomlError, read_toml
 from scaraspec_recorder.triggers import parse_trigger
 
-DEFAULT_LISTEN: Final = "127.0.0.1:8877"
 DEFAULT_OUT: Final = Path("captures")
 MODES: Final = {"port": Mode.EXPLICIT, "redirect": Mode.REDIRECT, "tproxy": Mode.TPROXY}
+DEFAULT_LISTEN: Final = {
+    Mode.EXPLICIT: f"127.0.0.1:{DEFAULT_PORT}",
+    Mode.REDIRECT: f"0.0.0.0:{DEFAULT_PORT + 1}",  # whichever address its clients come in at
+    Mode.TPROXY: f"127.0.0.1:{DEFAULT_PORT + 1}",
+}
+"""Where the recorder listens if nothing is said, by mode."""
 
 _AROUND_NS: Final = 60 * SECOND_NS
-_MAX_FILE_BYTES: Final = 1 << 20
 _MOST_ROBOTS: Final = 256
 
 
@@ -60,7 +65,7 @@ class Robot:
 
     name: str
     url: str
-    listen: str = DEFAULT_LISTEN
+    listen: str = DEFAULT_LISTEN[Mode.EXPLICIT]
     out: Path = DEFAULT_OUT
     mode: Mode = Mode.EXPLICIT
     redact: bool = False
@@ -135,6 +140,7 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> Robot:
             raise ConfigError(f"{prefix}{key}: {error}") from None
     if not values.get("url"):
         raise ConfigError(f"{prefix}url is missing: name the controller, as tcp://192.168.1.2")
+    values.setdefault("listen", DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)])
     robot = Robot(name, **values)
     if robot.ring_ns is not None and not robot.triggers:
         raise ConfigError(f"{prefix}ring writes nothing without a trigger: add one")
@@ -183,16 +189,9 @@ def _from_file(path: Path, name: str, table: object, for_all: Mapping[str, Any])
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        with path.open("rb") as file:
-            data = file.read(_MAX_FILE_BYTES + 1)
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be read: {error.strerror or error}") from None
-    if len(data) > _MAX_FILE_BYTES:
-        raise ConfigError(f"{path} is larger than a configuration can be")
-    try:
-        return tomllib.loads(data.decode())
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path} is no TOML file: {error}") from None
+        return read_toml(path)
+    except TomlError as error:
+        raise ConfigError(f"{path} {error}") from None
 
 
 def _mode(text: str) -> Mode:

@@ -18,8 +18,8 @@ from mcap.records import Channel, Message, Metadata
 
 from scaraspec_recorder import schemas
 from scaraspec_recorder.mcap_reading import RawLayer, Summary, records
-from scaraspec_recorder.pcap import CaptureError
-from scaraspec_recorder.recover import recover
+from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.recover import discard_empty, recover
 from scaraspec_recorder.seams import is_ours
 from scaraspec_recorder.tally import DRAWN, Entry, Tally
 
@@ -132,6 +132,8 @@ class Contents:
         for path in sorted(self.folder.glob("*.mcap")):
             if is_ours(path.name) and path.name not in self.entries:
                 try:
+                    if discard_empty(path):
+                        continue
                     entry = survey(path)
                 except OSError as error:
                     _log.warning("%s is not repaired yet: %s", path, error)

@@ -100,11 +100,13 @@ class _Wrong:
     problems: tuple[str, ...] = ()
     gaps: int = 0
     late: bool = False
+    reason: str = ""
     status: Status | None = field(default=None, compare=False)
 
     @classmethod
     def of(cls, status: Status) -> "_Wrong":
-        return cls(tuple(status.progress.problems), status.gaps, status.late, status)
+        reason = status.trouble.reason if status.trouble else ""
+        return cls(tuple(status.progress.problems), status.gaps, status.late, reason, status)
 
     def since(self, before: "_Wrong") -> list[str]:
         """Say what is new."""
@@ -112,9 +114,10 @@ class _Wrong:
         lines = list(self.problems[len(before.problems) :])
         if self.gaps != before.gaps:
             lines.append(f"{self.gaps} gaps so far, {_size(self.status.lost_bytes)} not recorded")
-        if self.late != before.late:
+        if (self.late, self.reason) != (before.late, before.reason):
             waiting = f"nothing is written, {_size(self.status.waiting_bytes)} wait"
-            lines.append(waiting if self.late else "the writing goes on")
+            why = f": {self.reason}" if self.reason else ""
+            lines.append(f"{waiting}{why}" if self.late else "the writing goes on")
         return lines
 
 
@@ -189,7 +192,8 @@ def _problems(status: Status) -> list[str]:
     if status.gaps:
         problems.append(f"{_size(status.lost_bytes)} not recorded in {status.gaps} gaps")
     if status.late:
-        problems.append(f"nothing was written for {status.silent_s:.0f} s")
+        why = f": {status.trouble.reason}" if status.trouble else ""
+        problems.append(f"nothing was written for {status.silent_s:.0f} s{why}")
     return problems
 
 

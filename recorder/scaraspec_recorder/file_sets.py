@@ -5,6 +5,7 @@ and ends is the affair of others.
 """
 
 from collections.abc import Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,9 +13,10 @@ from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.contents import TRIGGER, Contents
 from scaraspec_recorder.deriver import Item, Output
 from scaraspec_recorder.mcap_file import McapSink
+from scaraspec_recorder.optimizing import optimize_later
 from scaraspec_recorder.seams import stem
 from scaraspec_recorder.sinks import Folder
-from scaraspec_recorder.tally import DRAWN, Tally
+from scaraspec_recorder.tally import DRAWN, Entry, Tally
 from scaraspec_recorder.wording import Line
 
 
@@ -29,6 +31,7 @@ class Shelf:
         session: What is known beforehand, such as the addresses.
         draw: Whether to write .rrd files too.
         written: The file sets that are being written.
+        ending: Those that are complete, and not listed yet, in their order.
     """
 
     folder: Folder
@@ -37,11 +40,26 @@ class Shelf:
     session: Mapping[str, str] = field(default_factory=dict)
     draw: bool = True
     written: list["FileSet"] = field(default_factory=list)
+    ending: list["FileSet"] = field(default_factory=list)
 
     @property
-    def written_bytes(self) -> int:
-        """Size of what is being written."""
-        return sum(files.size_bytes for files in self.written)
+    def unlisted_bytes(self) -> int:
+        """Size of what is not in the table of contents yet."""
+        return sum(files.size_bytes for files in (*self.written, *self.ending))
+
+    def settle(self, *, wait: bool = False) -> None:
+        """List what has come to its final size.
+
+        Args:
+            wait: Whether to wait for all that is complete.
+
+        Raises:
+            OSError: The table of contents cannot be written.
+        """
+        while self.ending and (wait or self.ending[0].optimized.done()):
+            self.ending[0].optimized.result()
+            self.contents.add(self.ending[0].entry)
+            del self.ending[0]
 
     def begin(
         self, time_ns: int, label: str = "", facts: Mapping[str, str] | None = None
@@ -57,7 +75,45 @@ class Shelf:
             OSError: A file cannot be made.
             ImportError: Drawing needs an extra that is not installed; the text says which.
         """
-        return FileSet(self, stem(time_ns, self.robot, label), {**self.session, **(facts or {})})
+        session = {**self.session, **self.folder.take_news(), **(facts or {})}
+        return FileSet(self, stem(time_ns, self.robot, label), session)
+
+
+def make_files(
+    folder: Folder, name: str, session: Mapping[str, str], *, draw: bool, optimized: bool
+) -> tuple[tuple[Path, ...], tuple[Output, ...]]:
+    """Make a capture file and, if asked, that of its drawing; all or none.
+
+    Args:
+        folder: Where to.
+        name: What they are called, without suffixes.
+        session: What is known of them.
+        draw: Whether to draw.
+        optimized: Whether the drawing is made small when it is complete.
+
+    Returns:
+        Their paths, and what writes them.
+
+    Raises:
+        OSError: A file cannot be made; as `SinkFailed`.
+        ImportError: Drawing needs an extra that is not installed; the text says which.
+    """
+    path = folder.new(f"{name}.mcap")
+    file = path.open("wb")
+    capture = McapSink(file, session, discard=path.unlink)
+    if not draw:
+        return (path,), (capture,)
+    drawn: Path | None = None
+    try:
+        from scaraspec_recorder.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
+
+        drawn = folder.new(f"{path.stem}{DRAWN}")
+        return (path, drawn), (capture, RerunSink.to_file(drawn, session, optimized=optimized))
+    except BaseException:
+        file.close()
+        for made in filter(None, (path, drawn)):
+            made.unlink()
+        raise
 
 
 class FileSet:
@@ -75,23 +131,21 @@ class FileSet:
         self._shelf = shelf
         self._session = session
         self._tally = Tally()
-        path = shelf.folder.new(f"{name}.mcap")
-        self._paths: tuple[Path, ...] = (path,)
-        self._outputs: tuple[Output, ...] = (
-            McapSink(path.open("wb"), session, discard=path.unlink),
-        )
-        if shelf.draw:
-            from scaraspec_recorder.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
-
-            drawn = shelf.folder.new(f"{path.stem}{DRAWN}")
-            self._paths = (path, drawn)
-            self._outputs += (RerunSink.to_file(drawn, session),)
+        made = make_files(shelf.folder, name, session, draw=shelf.draw, optimized=False)
+        self._paths, self._outputs = made
+        self.optimized = Future[bool]()
+        """Done when its files have come to their final size."""
         shelf.written.append(self)
 
     @property
     def path(self) -> Path:
         """The capture file."""
         return self._paths[0]
+
+    @property
+    def entry(self) -> Entry:
+        """Its line in the table of contents."""
+        return self._tally.entry(self._paths, self._session.get(TRIGGER, ""))
 
     @property
     def size_bytes(self) -> int:
@@ -116,13 +170,17 @@ class FileSet:
             output.tick(now_ns)
 
     def close(self, summary: Mapping[str, str]) -> None:
-        """End the files, and list them.
+        """End the files, and have them listed: at once, or when the drawing is optimized.
 
         Args:
             summary: What is known of the whole recording; what this file holds is counted here.
         """
         for output in self._outputs:
             output.close({**summary, **self._tally.words})
+        if self._shelf.draw:
+            self.optimized = optimize_later(self._paths[-1])
+        else:
+            self.optimized.set_result(False)
         self._shelf.written.remove(self)
-        entry = self._tally.entry(self._paths, self._session.get(TRIGGER, ""))
-        self._shelf.contents.add(entry)
+        self._shelf.ending.append(self)
+        self._shelf.settle()

@@ -34,10 +34,7 @@ All rules that hit a frame are done to it, in their order.
 The bytes of a direction keep their order: what comes behind a frame that waits, waits too.
 """
 
-import ipaddress
 import reprlib
-import socket
-import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
@@ -60,8 +57,8 @@ from scaraspec_recorder.injection.faults import (
     Truncate,
 )
 from scaraspec_recorder.injection.rules import PICKS, Injection, Rule
+from scaraspec_recorder.toml_file import TomlError, read_toml
 
-_MAX_FILE_BYTES: Final = 1 << 20
 _MOST_RULES: Final = 256
 _LONGEST_MS: Final = 3_600_000
 _MOST: Final = 1_000_000_000
@@ -82,15 +79,6 @@ def load_injection(path: Path) -> Injection:
         return _injection(_load(path))
     except InjectionError as error:
         raise InjectionError(f"{path}: {error}") from None
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach a socket that listens on this host."""
-    try:
-        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError):
-        return False
-    return all(ipaddress.ip_address(address[0]).is_loopback for *_, address in found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,16 +169,9 @@ _MEASURES: Final[dict[str, _Values]] = {
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        with path.open("rb") as file:
-            data = file.read(_MAX_FILE_BYTES + 1)
-    except OSError as error:
-        raise InjectionError(f"cannot be read: {error.strerror or error}") from None
-    if len(data) > _MAX_FILE_BYTES:
-        raise InjectionError("it is larger than a file of faults can be")
-    try:
-        return tomllib.loads(data.decode())
-    except (ValueError, RecursionError) as error:
-        raise InjectionError(f"it is no TOML file: {error}") from None
+        return read_toml(path)
+    except TomlError as error:
+        raise InjectionError(f"it {error}") from None
 
 
 def _injection(document: Mapping[str, Any]) -> Injection:

@@ -15,11 +15,11 @@ from typing import Final
 from scaraspec_recorder.capture import draw_capture
 from scaraspec_recorder.chunk_writer import MAGIC
 from scaraspec_recorder.mcap_reading import read_mcap
-from scaraspec_recorder.pcap import CaptureError
+from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recording import spool_folder
-from scaraspec_recorder.recover import recover
+from scaraspec_recorder.recover import discard_empty, recover, sweep
 from scaraspec_recorder.sinks import Folder, Sink, SinkFactory
-from scaraspec_recorder.spool import backlog_bytes, lock
+from scaraspec_recorder.spool import lock, unread_bytes
 
 _RRD_END: Final = b"RRF2FOOT"
 _RRD_END_BYTES: Final = 12
@@ -32,10 +32,13 @@ def repairing_sink(folder: Folder, *, make: SinkFactory) -> Sink:
 
     It is called with the folder held, and by whoever is to write there.
     """
+    sweep(folder.path)
     for path in sorted(folder.path.glob("*.mcap")):
         if _ends_with(path, MAGIC, len(MAGIC)):
             continue
         try:
+            if discard_empty(path):
+                continue
             report = recover(path)
         except (CaptureError, OSError) as error:
             _log.warning("not repaired: %s", error)
@@ -48,7 +51,7 @@ def repairing_sink(folder: Folder, *, make: SinkFactory) -> Sink:
 def hold(folder: Path) -> Iterator[int]:
     """Hold a folder against recorders; give how much one that was killed has left unwritten.
 
-    The number is that of bytes in its spool, some of which may be written already.
+    The number is that of bytes in its spool which it has not acknowledged; some may be written.
 
     Raises:
         BlockingIOError: A recorder writes into the folder.
@@ -59,7 +62,7 @@ def hold(folder: Path) -> Iterator[int]:
         held = lock(spool / "recorder.lock", wait=False)
     except BlockingIOError:
         raise BlockingIOError(f"a recorder writes into {folder}: stop it first") from None
-    unwritten_bytes = backlog_bytes(spool)
+    unwritten_bytes = unread_bytes(spool)
     try:
         yield unwritten_bytes
     finally:

@@ -11,6 +11,7 @@ import os
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, Final
 from uuid import uuid4
@@ -19,7 +20,7 @@ from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.children import ignore_signals
 from scaraspec_recorder.deriver import Deriver
-from scaraspec_recorder.sinks import Folder
+from scaraspec_recorder.sinks import Folder, SinkFailed
 
 PATIENCE_S: Final = 30.0
 """How long a viewer may take nothing before it gets no more."""
@@ -102,6 +103,8 @@ class LiveSink:
             pass  # it has not moved for so long
         else:
             self._process.join(CLOSE_S)
+        if self._process.is_alive():
+            _log.warning("the viewer does not show the end of the recording: it took too long")
         if self.lost_events:
             _log.warning(
                 "the viewer was too slow for %d events; all are recorded", self.lost_events
@@ -140,16 +143,16 @@ def draw(line: Connection, url: str, needs_login: bool) -> None:  # noqa: FBT001
     drawing = rerun_view.RerunSink(stream, delay_ns=rerun_view.LIVE_DELAY_NS)
     deriver = Deriver([drawing], Judge(needs_login=needs_login))
     try:
-        while True:
-            now_ns, events = line.recv()
-            for event in events:
-                deriver.write(event)
-            deriver.tick(now_ns)
-            stream.flush(timeout_sec=PATIENCE_S)
-    except EOFError:
+        with suppress(EOFError):
+            while True:
+                now_ns, events = line.recv()
+                for event in events:
+                    deriver.write(event)
+                deriver.tick(now_ns)
+                stream.flush(timeout_sec=PATIENCE_S)
         _exit_after(PATIENCE_S)
         deriver.close()
-    except RuntimeError:  # a flush failed: the viewer was closed, or hangs
+    except (RuntimeError, SinkFailed):  # a flush failed: the viewer was closed, or hangs
         _exit_after(0)
 
 

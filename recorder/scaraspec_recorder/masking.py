@@ -1,59 +1,22 @@
-"""Secrets: where passwords stand on the wire, and the same bytes without them.
+"""Raw events without their passwords, however the bytes were cut.
 
-Law: which commands hold passwords is said by the table (`Command.secret`), how they are hidden only
-here. What is hidden keeps its length and its bars, so that it still reads as the same frames. In
-doubt, in bytes that are no frame, too much is hidden and never too little.
+Law: what is secret and how it is hidden stands in `scaraspec.protocol.secrecy`; here is found where
+it stands in a stream. In doubt too much is hidden and never too little.
 """
 
-import re
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 from scaraspec.judgement.wire import Kind, WireEvent
-from scaraspec.protocol.commands import COMMANDS, plausible
-from scaraspec.protocol.direction import A2C, Direction
+from scaraspec.protocol.commands import plausible
+from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame, Framer, Skipped
+from scaraspec.protocol.secrecy import is_secret, loose_secret, mask
 
-MASK: Final = b"*"
 MASKED_NOTE: Final = "passwords masked"
 """The note of every raw event in which bytes were hidden."""
-
-_SECRET: Final = frozenset(command.opcode for command in COMMANDS if command.secret)
-_LOOSE_SECRET: Final = re.compile(
-    b"[%c%c][%b].?" % (Direction.A2C.start, Direction.C2A.start, re.escape(bytes(_SECRET))),
-    re.DOTALL,
-)
-
-
-def is_secret(frame: Frame) -> bool:
-    """Whether a frame's data may hold a password.
-
-    A reply of one byte cannot: it is the flag of L114 and L136. A longer one is a fault, and may
-    repeat what was asked.
-    """
-    return frame.opcode in _SECRET and (frame.direction is A2C or len(frame.data) > 1)
-
-
-def mask(data: bytes) -> bytes:
-    """Data of the same length with its bars, and of nothing else a trace."""
-    return b"|".join(MASK * len(part) for part in data.split(b"|"))
-
-
-def mask_loose(data: bytes) -> bytes:
-    """Hide what follows anything that looks like the head of a secret frame, to the end.
-
-    For bytes that are no frame, such as a login with a wrong length.
-    """
-    begin = _loose_secret(data)
-    return data[:begin] + mask(data[begin:])
-
-
-def _loose_secret(data: bytes) -> int:
-    """Where what may be secret begins in bytes that are no frame; their end where nothing is."""
-    found = _LOOSE_SECRET.search(data)
-    return found.end() if found else len(data)
 
 
 @dataclass(slots=True)
@@ -108,7 +71,7 @@ class _Client:
 
     def _note_loose(self, data: bytes, at: int) -> None:
         """Bytes that are no frame, or none yet: behind a gap they may end one that is secret."""
-        begin = 0 if self.after_gap else _loose_secret(data)
+        begin = 0 if self.after_gap else loose_secret(data)
         if begin < len(data):
             self.hidden.append((at + begin, at + len(data)))
 

@@ -26,12 +26,12 @@ from scaraspec.protocol.commands import JointValues, Pose
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import Acceptance, Outcome
+from scaraspec.protocol.secrecy import mask_loose
 from scaraspec.protocol.transfer import State
 from scaraspec_recorder import arm_model, schemas, wording
 from scaraspec_recorder.accounts import Accounts
 from scaraspec_recorder.chunk_writer import ChunkWriter
 from scaraspec_recorder.deriver import Item
-from scaraspec_recorder.masking import mask_loose
 from scaraspec_recorder.schemas import foxglove, ros2
 from scaraspec_recorder.wording import Line
 

@@ -24,7 +24,7 @@ from scaraspec_recorder import schemas
 from scaraspec_recorder.accounts import Audit
 from scaraspec_recorder.chunk_writer import MAGIC
 from scaraspec_recorder.mending import Mender
-from scaraspec_recorder.pcap import CaptureError
+from scaraspec_recorder.problems import CaptureError
 
 _MAX_RECORD_BYTES: Final = 1 << 26  # far beyond a chunk or an attachment of ours: damage
 _SEQUENCES: Final = 1 << 32

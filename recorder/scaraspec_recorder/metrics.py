@@ -6,8 +6,8 @@ Law: read at each scrape, kept nowhere, and offered to this machine alone.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
-from scaraspec_recorder.inject import is_loopback
 from scaraspec_recorder.status import Status
+from scaraspec_recorder.tcp import is_loopback
 
 try:
     from prometheus_client import CollectorRegistry, start_http_server
@@ -95,7 +95,7 @@ class _Collector(Collector):
                 for name, counter in counters.items():
                     counter.add_metric([status.name, sender], getattr(count, name))
             connections.add_metric(robot, progress.connections)
-            files.add_metric(robot, len(progress.files))
+            files.add_metric(robot, progress.earlier_files + len(progress.files))
             for name, value in (
                 ("problems", len(progress.problems)),
                 ("waiting_bytes", status.waiting_bytes),

@@ -17,7 +17,9 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.judgement.wire import WireEvent
-from scaraspec_recorder.reassembly import DEFAULT_PORT, Reassembler
+from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.reassembly import Reassembler
 from scaraspec_recorder.segment import UnreadablePacket, dissect
 
 _PCAPNG_SECTION: Final = b"\x0a\x0d\x0d\x0a"
@@ -35,10 +37,6 @@ _LINK_TYPE_MASK: Final = 0xFFFF  # the upper half of pcap's field tells the leng
 _MAX_REASONS: Final = 8
 _MAX_TIME_NS: Final = (1 << 63) - 1
 _READING_ERRORS: Final = (EOFError, OSError, ValueError, OverflowError, struct.error, zlib.error)
-
-
-class CaptureError(Exception):
-    """A capture that cannot be read at all; the message is one sentence for the user."""
 
 
 @dataclass(slots=True)

@@ -3,6 +3,7 @@
 Law: only what is told is written. Bytes, directions and times are those of the recording; Ethernet,
 IP and TCP around them are made up so that every reader puts the same streams together again. Where
 bytes are missing the sequence numbers leave a hole, and an acknowledgment proves that they passed.
+Why, and what was done to the link on purpose, is the comment of such a packet without bytes.
 """
 
 import re
@@ -14,7 +15,7 @@ from typing import BinaryIO, Final
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec_recorder.reassembly import DEFAULT_PORT
+from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec_recorder.segment import ACK, FIN, RST, SYN, Endpoint
 
 _PSH: Final = 0x08
@@ -22,6 +23,7 @@ _SEQUENCES: Final = 1 << 32
 _SPREAD: Final = 2_654_435_761  # keeps the first sequence numbers of connections far apart
 _LONGEST_HOLE_BYTES: Final = 1 << 30
 _MOST_PAYLOAD_BYTES: Final = 65_000  # an event is one packet wherever the length fields allow it
+_MOST_COMMENT_BYTES: Final = 65_000  # their length fields are as short
 _WINDOW_BYTES: Final = 65_535
 _HOPS: Final = 64
 _TCP: Final = 6
@@ -92,7 +94,9 @@ class PcapngWriter:
                     self.short_holes += 1
                     side.first = (side.next + 1 - end_bytes) % _SEQUENCES
                 side.next = (side.first + end_bytes) % _SEQUENCES
-                self._send(time_ns, link, other, ACK)
+                self._send(time_ns, link, other, ACK, comment=f"not recorded: {event.note}")
+            case Kind.INJECTED:
+                self._send(time_ns, link, sender, ACK, comment=f"injected: {event.note}")
             case Kind.HALF_CLOSED:
                 self._finish(time_ns, link, sender)
             case Kind.CLOSED:
@@ -127,8 +131,14 @@ class PcapngWriter:
             link[sender].finished = True
             self._send(time_ns, link, sender, FIN | ACK)
 
-    def _send(
-        self, time_ns: int, link: _Link, sender: Direction, flags: int, payload: bytes = b""
+    def _send(  # noqa: PLR0913, PLR0917 - what a packet is made of
+        self,
+        time_ns: int,
+        link: _Link,
+        sender: Direction,
+        flags: int,
+        payload: bytes = b"",
+        comment: str = "",
     ) -> None:
         """Write one packet, and count what it takes of the sequence numbers."""
         side, peer = link[sender], link[sender.opposite]
@@ -148,12 +158,20 @@ class PcapngWriter:
         ethertype, ip = _ip(side.end.address, peer.end.address, tcp + payload)
         packet = _MACS[sender.opposite] + _MACS[sender] + ethertype + ip
         size_bytes = len(packet)
-        packet += bytes(-size_bytes % 4)
+        packet += bytes(-size_bytes % 4) + _options(comment)
         block_bytes = 32 + len(packet)
         high, low = divmod(time_ns, _SEQUENCES)
         head = (_ENHANCED_PACKET, block_bytes, 0, high, low, size_bytes, size_bytes)
         self._file.write(struct.pack("<7I", *head) + packet + struct.pack("<I", block_bytes))
         side.next = (side.next + len(payload) + bool(flags & (SYN | FIN))) % _SEQUENCES
+
+
+def _options(comment: str) -> bytes:
+    """A comment, and the end of the options; nothing where there is none."""
+    if not comment:
+        return b""
+    text = comment.encode()[:_MOST_COMMENT_BYTES]
+    return struct.pack("<HH", 1, len(text)) + text + bytes(-len(text) % 4) + bytes(4)
 
 
 def _ends(note: str, client_port: int) -> dict[Direction, Endpoint]:

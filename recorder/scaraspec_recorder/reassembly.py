@@ -15,14 +15,12 @@ the request that it answers, even where that request turns out to be lost.
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
-from typing import Final
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec_recorder.bytestream import ITEM_BYTES, ByteStream
 from scaraspec_recorder.segment import ACK, RST, SYN, Endpoint, Segment
-
-DEFAULT_PORT: Final = 8877  # clause 2, L79
 
 
 @dataclass(frozen=True, slots=True)

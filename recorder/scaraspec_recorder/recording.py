@@ -21,7 +21,13 @@ from scaraspec_recorder.injection.rules import Injection
 from scaraspec_recorder.routes import Route
 from scaraspec_recorder.scribe import Progress
 from scaraspec_recorder.sinks import SinkFactory
-from scaraspec_recorder.spool import LIMIT_BYTES, lock, read_checkpoint
+from scaraspec_recorder.spool import (
+    LIMIT_BYTES,
+    Trouble,
+    lock,
+    read_checkpoint,
+    trouble_of,
+)
 
 DRAIN_S: Final = 60.0
 """How long the scribe may take to write what is left when a recording ends."""
@@ -52,9 +58,14 @@ class Recording:
     @property
     def progress(self) -> Progress:
         """How far the scribe had come at its last tick; all of it once the recording has ended."""
-        if checkpoint := read_checkpoint(self.spool):
-            self._progress = Progress.read(checkpoint["state"])
+        if state := read_checkpoint(self.spool).get("state"):
+            self._progress = Progress.read(state)
         return self._progress
+
+    @property
+    def trouble(self) -> Trouble | None:
+        """Why nothing is written just now; None where nothing hinders it."""
+        return trouble_of(read_checkpoint(self.spool))
 
 
 @asynccontextmanager

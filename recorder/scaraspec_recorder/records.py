@@ -37,6 +37,8 @@ _KINDS: Final[tuple[Kind | Mark, ...]] = (*Kind, *Mark)
 CODES: Final = {kind: code for code, kind in enumerate(_KINDS)}
 """What stands for a kind in a record's head."""
 
+HEAD_BYTES: Final = _RECORD.size
+
 pack_head: Final = _RECORD.pack
 """Return a record's head: of the payload's size, code, stream, time_ns and offset_bytes."""
 
@@ -92,39 +94,43 @@ def gap(stream: int, time_ns: int, offset_bytes: int, length_bytes: int, reason:
 
 
 class Block:
-    """A block in the making.
+    """A block in the making: pieces that are joined once, for bulk is as large as the reads were.
 
     Attributes:
-        data: Room for the header, then the records. It stays the same object.
+        parts: Room for the header, then of each record its head and its payload.
+        size_bytes: Of all of them.
     """
 
     def __init__(self) -> None:
-        self.data = bytearray(_HEADER.size)
+        self.clear()
 
     @property
     def empty(self) -> bool:
         """Whether it holds no record."""
-        return len(self.data) == _HEADER.size
+        return self.size_bytes == _HEADER.size
 
     def add(self, record: Record) -> None:
         """Add a record."""
         kind, stream, time_ns, offset_bytes, payload = record
-        self.data += pack_head(len(payload), CODES[kind], stream, time_ns, offset_bytes)
-        self.data += payload
+        head = pack_head(len(payload), CODES[kind], stream, time_ns, offset_bytes)
+        self.parts += (head, payload)
+        self.size_bytes += HEAD_BYTES + len(payload)
 
-    def seal(self) -> bytes:
+    def seal(self) -> bytearray:
         """Return the finished block."""
-        with memoryview(self.data)[_HEADER.size :] as body:
-            _HEADER.pack_into(self.data, 0, _MAGIC, len(body), zlib.crc32(body))
-        return bytes(self.data)
+        data = bytearray().join(self.parts)
+        with memoryview(data)[_HEADER.size :] as body:
+            _HEADER.pack_into(data, 0, _MAGIC, len(body), zlib.crc32(body))
+        return data
 
     def records(self) -> Iterator[Record]:
         """Give its records back."""
-        return _records(bytes(self.data[_HEADER.size :]))
+        return _records(b"".join(self.parts[1:]))
 
     def clear(self) -> None:
         """Begin anew."""
-        del self.data[_HEADER.size :]
+        self.parts = [bytes(_HEADER.size)]
+        self.size_bytes = _HEADER.size
 
 
 def read_blocks(data: bytes) -> tuple[list[Record], int]:

@@ -16,8 +16,12 @@ from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metad
 from scaraspec_recorder.accounts import Accounts
 from scaraspec_recorder.chunk_writer import ChunkWriter
 from scaraspec_recorder.mcap_reading import RawLayer, Summary, records
+from scaraspec_recorder.optimizing import SUFFIX as OPTIMIZED
 
 RECOVERED: Final = "recovered"
+
+_SUFFIX: Final = ".recovered"
+_IN_THE_MAKING: Final = (f".*.mcap{_SUFFIX}", f".*.rrd{OPTIMIZED}", ".*.rrd.new")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +50,7 @@ def recover(path: Path) -> Report:
         CaptureError: The file cannot be read, or is no recording of this tool.
         OSError: The repaired file cannot be written; the damaged one is as it was.
     """
-    repaired = path.with_name(f".{path.name}.recovered")
+    repaired = path.with_name(f".{path.name}{_SUFFIX}")
     try:
         with repaired.open("wb") as file:
             summary = _copy(path, file)
@@ -58,6 +62,29 @@ def recover(path: Path) -> Report:
         repaired.unlink(missing_ok=True)
     notes = tuple(summary.notes)
     return Report(path, not summary.whole, summary.events, summary.last_ns, notes)
+
+
+def sweep(folder: Path) -> None:
+    """Remove what a process that was killed had in the making beside the files of a folder.
+
+    Raises:
+        OSError: It cannot be removed.
+    """
+    for pattern in _IN_THE_MAKING:
+        for path in folder.glob(pattern):
+            path.unlink(missing_ok=True)
+
+
+def discard_empty(path: Path) -> bool:
+    """Remove a file whose recorder was killed before it wrote anything; return whether it was so.
+
+    Raises:
+        OSError: It cannot be removed.
+    """
+    empty = not path.stat().st_size
+    if empty:
+        path.unlink()
+    return empty
 
 
 def _copy(path: Path, file: BinaryIO) -> Summary:

@@ -4,15 +4,11 @@ Law: drawn from the derived layer alone, and never the truth: what is lost here 
 capture.mcap. How it looks stands in `blueprint`, how it is sent in `rerun_rows`.
 """
 
-import shutil
-import subprocess
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
-from uuid import uuid4
 
 from scaraspec.judgement.happenings import Exchange, FrameSeen, Transfer
 from scaraspec.judgement.wire import Kind, WireEvent
@@ -24,6 +20,8 @@ from scaraspec.protocol.transfer import State
 from scaraspec_recorder import arm_model, wording
 from scaraspec_recorder.arm_model import Box
 from scaraspec_recorder.deriver import Item
+from scaraspec_recorder.optimizing import optimize
+from scaraspec_recorder.sinks import SinkFailed
 from scaraspec_recorder.wording import Line
 
 try:
@@ -31,12 +29,12 @@ try:
 except ImportError:
     raise ImportError("drawing recordings needs rerun: pip install 'scaraspec[view]'") from None
 
-from scaraspec_recorder import blueprint, rerun_rows
+from scaraspec_recorder import blueprint, rerun_files, rerun_rows
 
 APPLICATION: Final = "scaraspec"
 FILE_DELAY_NS: Final = 5_000_000_000
 LIVE_DELAY_NS: Final = 100_000_000
-_OPTIMIZE_TIMEOUT_S: Final = 600
+_MOST_NAMES: Final = 100  # that a lane has a look for
 _PAGE_CHARACTERS: Final = 200_000
 _PORTS: Final = range(1, 41)  # L655, L667
 
@@ -45,7 +43,7 @@ class RerunSink:
     """Draws one recording.
 
     Args:
-        stream: Where to; connected and with its layout, see `to_file` and `to_viewer`.
+        stream: Where to; connected and with its layout, see `to_file`.
         session: What is known beforehand, such as the addresses.
         delay_ns: How old a row may become before it is sent.
     """
@@ -60,11 +58,13 @@ class RerunSink:
         self._session = dict(session or {})
         self._delay_ns = delay_ns
         self._path: Path | None = None
+        self._optimized = False
         self._batches: rerun_rows.Batches | None = None
         self._sent_ns = 0
         self._now_ns = 0
         self._number = 0
         self._lanes: dict[str, str] = {}
+        self._names: dict[str, list[str]] = {blueprint.PROGRAM: [], blueprint.TRANSFER: []}
         self._flying: dict[
             int, str
         ] = {}  # two-stage commands in flight, by identity of the request
@@ -89,20 +89,28 @@ class RerunSink:
         self._session_page({})
 
     @classmethod
-    def to_file(cls, path: Path, session: Mapping[str, str] | None = None) -> "RerunSink":
-        """Draw into a new file; one that is there is replaced."""
-        stream = rr.RecordingStream(APPLICATION, recording_id=uuid4())
-        stream.save(path, default_blueprint=blueprint.layout())
-        sink = cls(stream, session)
-        sink._path = path
-        return sink
+    def to_file(
+        cls,
+        path: Path,
+        session: Mapping[str, str] | None = None,
+        *,
+        optimized: bool = True,
+    ) -> "RerunSink":
+        """Draw into a new file; one that is there is replaced.
 
-    @classmethod
-    def to_viewer(cls, url: str, session: Mapping[str, str] | None = None) -> "RerunSink":
-        """Draw in a viewer, for example at ``rerun+http://127.0.0.1:9876/proxy``."""
-        stream = rr.RecordingStream(APPLICATION, recording_id=uuid4())
-        stream.connect_grpc(url, default_blueprint=blueprint.layout())
-        return cls(stream, session, LIVE_DELAY_NS)
+        Args:
+            path: The file.
+            session: What is known beforehand, such as the addresses.
+            optimized: Whether to make it small and quick to open when it is complete.
+
+        Raises:
+            SinkFailed: From every method, where the file cannot be written.
+        """
+        with _failing():
+            stream = rerun_files.begin(APPLICATION, path, blueprint.layout())
+        sink = cls(stream, session)
+        sink._path, sink._optimized = path, optimized
+        return sink
 
     def write(self, event: WireEvent) -> None:
         """Take the time of a raw event, and whether its link is up; its bytes are not drawn."""
@@ -133,16 +141,26 @@ class RerunSink:
         if self._batches and not 0 <= now_ns - self._sent_ns < self._delay_ns:
             self._sent_ns = now_ns
             self._batches.flush()
+            if self._path:  # a viewer takes it when it can
+                self._bring_out()
 
     def close(self, summary: Mapping[str, str]) -> None:
         """Send all, write the summary, and make a file small and quick to open."""
         if self._batches:
             self._batches.flush()
         self._session_page(summary)
-        self._stream.flush()
+        self._bring_out()
         self._stream.disconnect()
-        if self._path:
+        self._batches = None
+        del self._stream
+        rerun_files.release()
+        if self._path and self._optimized:
             optimize(self._path)
+
+    def _bring_out(self) -> None:
+        """Wait until what was sent is written."""
+        with _failing():
+            self._stream.flush()
 
     def _put(
         self, entity: str, columns: rerun_rows.Columns, value: Any, time_ns: int | None = None
@@ -155,6 +173,10 @@ class RerunSink:
         """Draw a state where it changes."""
         if self._lanes.get(lane, "") != value:
             self._lanes[lane] = value
+            known = self._names.get(lane)
+            if known is not None and value not in ("", *known) and len(known) < _MOST_NAMES:
+                known.append(value)
+                self._stream.log(lane, blueprint.names(known), static=True)
             self._put(lane, rerun_rows.states, value, time_ns)
 
     def _session_page(self, summary: Mapping[str, str]) -> None:
@@ -272,27 +294,10 @@ class RerunSink:
             self._put(blueprint.analog_series(exchange.asked), rerun_rows.scalars, exchange.answer)
 
 
-def optimize(path: Path) -> bool:
-    """Compact a recording in place, as far as the tool for it is there and willing.
-
-    Returns:
-        Whether it was done; otherwise the file stays as it is, which is larger and slower to open.
-    """
-    package = find_spec("rerun_cli")  # one on the PATH may be of another version
-    folder = Path(package.origin).parent if package and package.origin else None
-    tool = shutil.which("rerun", path=folder) if folder else None
-    if not tool:
-        return False
-    compact = path.with_name(f".{path.name}.optimized")
+@contextmanager
+def _failing() -> Iterator[None]:
+    """Tell a disk that refuses by its own kind of error: rerun has but one for everything."""
     try:
-        subprocess.run(  # noqa: S603 - the tool that the rerun package brings, and two paths
-            [tool, "rrd", "optimize", str(path), "-o", str(compact)],
-            check=True,
-            capture_output=True,
-            timeout=_OPTIMIZE_TIMEOUT_S,
-        )
-        compact.replace(path)
-    except (OSError, subprocess.SubprocessError):
-        compact.unlink(missing_ok=True)
-        return False
-    return True
+        yield
+    except RuntimeError as error:
+        raise SinkFailed(f"nothing can be drawn: {error}") from None

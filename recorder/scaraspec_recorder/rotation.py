@@ -3,7 +3,9 @@
 Law: only the files change. It is an output, so the decoding and the judging in front of it go on
 across the seam: what was in flight there is judged as if there were none, and comes whole into the
 file in which it ends. A reader of one file alone cannot know that, so a file ends behind an answer
-if one comes soon. The next begins with its first event, so that none is empty.
+if one comes soon. The next begins with its first event, so that none is empty, and a file lasts for
+a tick at least: its making takes time, and whoever connects a thousand times a second shall not
+hold up the writing.
 """
 
 from collections.abc import Mapping
@@ -18,6 +20,7 @@ from scaraspec_recorder.deriver import Item, judged
 from scaraspec_recorder.file_sets import FileSet, Shelf
 from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError, parse_limits
 from scaraspec_recorder.seams import Links
+from scaraspec_recorder.sinks import TICK_NS
 from scaraspec_recorder.wording import Line
 
 PATIENCE_TICKS: Final = 4
@@ -73,6 +76,7 @@ class Rotation:
         self._links = Links()
         self._now_ns = 0
         self._files: FileSet | None = None
+        self._first_ns = 0  # when its first event was
         self._began_ns: int | None = None  # by the clock of the ticks
         self._due_ticks = 0  # since when the file is to end
         self._quiet = True  # the last that passed was a whole frame of the controller
@@ -85,7 +89,7 @@ class Rotation:
         self._current(event.time_ns).write(event)
         self._links.follow(event)
         self._quiet = event.kind is not Kind.BYTES
-        if self._rotate.each_connection and not self._links:
+        if self._idle and not 0 <= event.time_ns - self._first_ns < TICK_NS:
             self._due_ticks = 1
 
     def take(self, item: Item, number: int, line: Line | None) -> None:
@@ -105,7 +109,7 @@ class Rotation:
         # An age below 0: the clock was set back, and it is not known how old the file is.
         old = limits.duration_ns is not None and not 0 <= age_ns < limits.duration_ns
         large = limits.size_bytes is not None and self._files.size_bytes >= limits.size_bytes
-        if old or large or self._due_ticks:
+        if old or large or self._idle or self._due_ticks:
             self._due_ticks += 1
             if self._quiet or self._due_ticks > PATIENCE_TICKS:
                 self._end()
@@ -115,10 +119,15 @@ class Rotation:
         if self._files:
             self._files.close(summary)
 
+    @property
+    def _idle(self) -> bool:
+        """Whether each connection is to have a file, and none is open."""
+        return self._rotate.each_connection and not self._links
+
     def _current(self, time_ns: int) -> FileSet:
         """The file that is being written; where there is none, a new one of that time."""
         if not self._files:
-            self._files = self._shelf.begin(time_ns)
+            self._files, self._first_ns = self._shelf.begin(time_ns), time_ns
             for opened in self._links.reopened(time_ns):
                 self._files.write(opened)
         return self._files

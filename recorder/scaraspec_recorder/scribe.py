@@ -5,6 +5,7 @@ process of its own, which may be slow, fail and start again. What records mean s
 what a sink makes of the events is its affair.
 """
 
+import gc
 import logging
 import socket
 import sys
@@ -18,13 +19,19 @@ from typing import Any, Final
 
 from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec_recorder.children import ignore_signals
+from scaraspec_recorder.children import SAID, ignore_signals
+from scaraspec_recorder.seams import moment
 from scaraspec_recorder.sinks import TICK_NS, Folder, Sink, SinkFactory, SinkFailed
-from scaraspec_recorder.spool import SpoolReader
+from scaraspec_recorder.spool import SpoolReader, Trouble, note_trouble
 from scaraspec_recorder.unspool import Count, Unspooler
 
 POLL_S: Final = 0.05
 """How long the scribe waits before it looks again into a spool that held nothing new."""
+
+NAMED_FILES: Final = 100
+"""How many files a progress names: a recorder that goes on for weeks may make thousands a day."""
+
+_COLLECT_AFTER: Final = 20_000  # new objects: hardly any is in a cycle
 
 _log = logging.getLogger(__name__)
 
@@ -37,9 +44,10 @@ class Progress:
         connections: How many were opened.
         a2c: What came from clients.
         c2a: What came from controllers.
-        files: Names of the files made, in the folder of the recording.
+        files: Names of the latest files made, in the folder of the recording.
         problems: Sinks that were given up, each with its reason.
         finished: Whether the scribe has taken everything and closed its sinks.
+        earlier_files: How many files were made before those in `files`.
     """
 
     connections: int = 0
@@ -48,6 +56,7 @@ class Progress:
     files: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     finished: bool = False
+    earlier_files: int = 0
 
     @classmethod
     def read(cls, state: Mapping[str, Any]) -> "Progress":
@@ -91,7 +100,9 @@ class _Guarded:
         except Exception as error:  # noqa: BLE001 - a sink's defect, whatever it is, is its own
             name = type(self._sink).__name__ if self._sink else "a sink"
             _log.exception("%s has a defect and is given up", name)
-            self._problems.append(f"{name} is given up: {error}")
+            problem = f"{name} is given up: {error}"
+            if problem not in self._problems:  # it comes again with each scribe, for weeks perhaps
+                self._problems.append(problem)
             self._sink = None
 
 
@@ -126,9 +137,12 @@ class Scribe:
             self.progress, state = Progress(), {}
         counts = {A2C: self.progress.a2c, C2A: self.progress.c2a}
         self._unspooler = Unspooler(counts, state.get("unspooler", {}))
-        folder = Folder(out_dir, self.progress.files)
+        trouble = reader.trouble
+        news = {"interrupted": _words(trouble)} if trouble else None
+        folder = Folder(out_dir, self.progress.files, news)
         self._sinks = [_Guarded(partial(make, folder), self.progress.problems) for make in sinks]
-        self._give(list(self._unspooler.reopened(now_ns())))
+        begin_ns = self._unspooler.time_ns  # what comes next is as old as that
+        self._give(list(self._unspooler.reopened(now_ns() if begin_ns is None else begin_ns)))
 
     def step(self) -> bool:
         """Hand over what one read of the spool gets, and tick where it is time.
@@ -160,6 +174,11 @@ class Scribe:
             sink.write(events)
 
     def _acknowledge(self) -> None:
+        if trouble := self._reader.trouble:
+            _log.warning("the recording goes on: %s", _words(trouble))
+        forgotten = self.progress.files[:-NAMED_FILES]
+        self.progress.earlier_files += len(forgotten)
+        del self.progress.files[: len(forgotten)]
         progress = asdict(self.progress)
         self._reader.acknowledge({"progress": progress, "unspooler": self._unspooler.state})
 
@@ -167,7 +186,7 @@ class Scribe:
 def run(spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.socket) -> None:
     """Be the scribe's process: follow the spool until the line is closed and all is written.
 
-    Exits with status 1 where the surroundings fail, to be started again.
+    Exits with status `SAID` where the surroundings fail, to be started again.
     """
     ignore_signals()
 
@@ -181,6 +200,8 @@ def run(spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.s
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         scribe = Scribe(SpoolReader(spool), out_dir, sinks)
+        gc.freeze()  # what was imported lives on: no collection need look at it
+        gc.set_threshold(_COLLECT_AFTER)
         complete = False
         while True:
             complete = complete or ended(0)  # asked first: what the tap wrote before is then there
@@ -191,5 +212,12 @@ def run(spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.s
             complete = ended(POLL_S)
         scribe.finish()
     except (OSError, SinkFailed) as error:
-        _log.error("the recording is interrupted: %s", error)
-        sys.exit(1)
+        reason = getattr(error, "strerror", None) or str(error)
+        if note_trouble(spool, time.time_ns(), reason):  # else it was said before
+            _log.error("the recording is interrupted: %s", error)
+        sys.exit(SAID)
+
+
+def _words(trouble: Trouble) -> str:
+    since = f"{moment(trouble.since_ns):%Y-%m-%d %H:%M:%S} UTC"
+    return f"nothing was written since {since}: {trouble.reason}"

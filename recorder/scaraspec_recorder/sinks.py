@@ -4,7 +4,7 @@ Law: the protocol between the scribe and whatever it feeds stands here, and no s
 slow, may fail, and dies with its process; the link never knows.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -53,11 +53,18 @@ class Folder:
     Args:
         path: Where it is; it is there.
         files: Names of the files made so far; `new` adds to them.
+        news: What the next file is to say of itself, see `take_news`.
     """
 
-    def __init__(self, path: Path, files: list[str]) -> None:
+    def __init__(self, path: Path, files: list[str], news: Mapping[str, str] | None = None) -> None:
         self.path = path
         self._files = files
+        self._news = dict(news or {})
+
+    def take_news(self) -> dict[str, str]:
+        """Return what a new file is to say besides what it always says; once, then nothing."""
+        news, self._news = self._news, {}
+        return news
 
     def new(self, name: str) -> Path:
         """Create an empty file, ``name.ext`` or else ``name-2.ext``, ``name-3.ext`` …; return it.

@@ -4,9 +4,10 @@ from pathlib import Path
 
 from scaraspec_recorder.chunk_writer import MAGIC
 from scaraspec_recorder.mcap_reading import McapCapture, read_mcap
-from scaraspec_recorder.pcap import Capture, CaptureError, read_capture
+from scaraspec_recorder.pcap import Capture, read_capture
+from scaraspec_recorder.problems import CaptureError
 
-__all__ = ["Capture", "CaptureError", "McapCapture", "open_capture"]
+__all__ = ["Capture", "McapCapture", "open_capture"]
 
 
 def open_capture(path: Path, *, port: int | None) -> McapCapture | Capture:

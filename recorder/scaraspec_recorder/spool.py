@@ -16,11 +16,12 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.judgement.wire import Kind
 from scaraspec_recorder.records import (
     CODES,
+    HEAD_BYTES,
     MAX_BLOCK_BYTES,
     Block,
     Mark,
@@ -66,6 +67,18 @@ def lock(path: Path, *, wait: bool) -> int:
     return descriptor
 
 
+class Trouble(NamedTuple):
+    """Why nothing is acknowledged.
+
+    Attributes:
+        since_ns: Since when, in nanoseconds since the Unix epoch.
+        reason: Why, in the system's words.
+    """
+
+    since_ns: int
+    reason: str
+
+
 class SpoolWriter:
     """The forwarder's end: append, and never mind.
 
@@ -83,7 +96,7 @@ class SpoolWriter:
         call_later: Callable[[float, Callable[[], None]], object],
         *,
         limit_bytes: int = LIMIT_BYTES,
-        write: Callable[[int, bytes], int] = os.write,
+        write: Callable[[int, bytearray], int] = os.write,
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._directory = directory
@@ -95,7 +108,6 @@ class SpoolWriter:
         self._segment_bytes = 0
         self._spooled_bytes = 0  # never less than what lies there: deletions are seen late
         self._block = Block()
-        self._data = self._block.data
         self._timed = False
         self._refusal = ""
         self._owed: list[Record] = []
@@ -106,13 +118,14 @@ class SpoolWriter:
         self, kind: Kind | Mark, stream: int, time_ns: int, offset_bytes: int, payload: bytes = b""
     ) -> None:
         """Take one record (fields as in `Record`); it is written within `FLUSH_S`."""
-        data = self._data  # what follows is `Block.add` without a call, for every byte passes here
-        data += pack_head(len(payload), CODES[kind], stream, time_ns, offset_bytes)
-        data += payload
+        block, size_bytes = self._block, len(payload)
+        # What follows is `Block.add` without a call, for every byte passes here.
+        block.parts += (pack_head(size_bytes, CODES[kind], stream, time_ns, offset_bytes), payload)
+        block.size_bytes += HEAD_BYTES + size_bytes
         if not self._timed:
             self._timed = True
             self._call_later(FLUSH_S, self._on_time)
-        if len(data) > _FLUSH_BYTES:
+        if block.size_bytes > _FLUSH_BYTES:
             self.flush()
 
     def flush(self) -> None:
@@ -168,7 +181,7 @@ class SpoolWriter:
         """Write what is owed, as far as that can be done now."""
         while self._owed:
             paid, block = 0, Block()
-            while paid < len(self._owed) and len(block.data) < _FLUSH_BYTES:
+            while paid < len(self._owed) and block.size_bytes < _FLUSH_BYTES:
                 block.add(self._owed[paid])
                 paid += 1
             try:
@@ -233,6 +246,7 @@ class SpoolReader:
 
     Attributes:
         state: What was last acknowledged along with the position; empty in a new spool.
+        trouble: Why nothing was acknowledged since then, see `note_trouble`.
 
     Raises:
         OSError: The folder cannot be made, read or locked.
@@ -244,6 +258,7 @@ class SpoolReader:
         self._lock = lock(directory / "reader.lock", wait=True)
         checkpoint = read_checkpoint(directory)
         self.state: dict[str, Any] = checkpoint.get("state", {})
+        self.trouble = trouble_of(checkpoint)
         self._number, self._at = checkpoint.get("segment", 0), checkpoint.get("offset_bytes", 0)
         self._file: BinaryIO | None = None
         if self._number in _segments(directory):
@@ -286,9 +301,8 @@ class SpoolReader:
             OSError: The position cannot be written.
         """
         checkpoint = {"segment": self._number, "offset_bytes": self._at, "state": state}
-        beside = self._directory / (_CHECKPOINT + ".new")
-        beside.write_text(json.dumps(checkpoint), "utf-8")
-        beside.replace(self._directory / _CHECKPOINT)
+        _write_checkpoint(self._directory, checkpoint)
+        self.trouble = None
         for number in _segments(self._directory):
             if number < self._number:
                 _path(self._directory, number).unlink()
@@ -320,6 +334,30 @@ def read_checkpoint(directory: Path) -> dict[str, Any]:
     return checkpoint if isinstance(checkpoint, dict) else {}
 
 
+def note_trouble(directory: Path, time_ns: int, reason: str) -> bool:
+    """Note why nothing is acknowledged, for as long as nothing is; return whether it is news."""
+    checkpoint = read_checkpoint(directory)
+    known = trouble_of(checkpoint)
+    if known and known.reason == reason:
+        return False
+    checkpoint["trouble"] = (known.since_ns if known else time_ns, reason)
+    with suppress(OSError):  # the spool itself may be in trouble
+        _write_checkpoint(directory, checkpoint)
+    return True
+
+
+def trouble_of(checkpoint: Mapping[str, Any]) -> Trouble | None:
+    """Return what was noted in a checkpoint by `note_trouble`."""
+    noted = checkpoint.get("trouble")
+    return Trouble(*noted) if noted else None
+
+
+def _write_checkpoint(directory: Path, checkpoint: Mapping[str, Any]) -> None:
+    beside = directory / (_CHECKPOINT + ".new")
+    beside.write_text(json.dumps(checkpoint), "utf-8")
+    beside.replace(directory / _CHECKPOINT)
+
+
 def backlog_bytes(directory: Path) -> int:
     """Return how many bytes of segments lie in a spool, at most a segment of them read already."""
     total = 0
@@ -327,6 +365,14 @@ def backlog_bytes(directory: Path) -> int:
         with suppress(FileNotFoundError):  # taken and deleted meanwhile
             total += _path(directory, number).stat().st_size
     return total
+
+
+def unread_bytes(directory: Path) -> int:
+    """Return how many bytes lie in a spool behind what its reader last acknowledged."""
+    checkpoint = read_checkpoint(directory)
+    partly_read = checkpoint.get("segment") in _segments(directory)
+    read_bytes = checkpoint.get("offset_bytes", 0) if partly_read else 0
+    return max(backlog_bytes(directory) - read_bytes, 0)
 
 
 def _segments(directory: Path) -> list[int]:

@@ -13,7 +13,7 @@ from typing import Final
 
 from scaraspec_recorder.recording import Recording
 from scaraspec_recorder.scribe import Progress
-from scaraspec_recorder.spool import backlog_bytes
+from scaraspec_recorder.spool import Trouble, unread_bytes
 
 LATE_S: Final = 5.0
 """How long the scribe may be silent before that is told: it acknowledges four times a second."""
@@ -29,9 +29,10 @@ class Status:
         out_dir: Where its files are.
         time_s: When, in seconds on any clock.
         progress: How far the writing has come.
-        waiting_bytes: What waits in the spool to be written, roughly.
+        waiting_bytes: What waits in the spool to be written.
         silent_s: For how long the scribe has acknowledged nothing.
         free_bytes: How much of the disk is free.
+        trouble: Why nothing is written, where that is known.
     """
 
     name: str
@@ -42,11 +43,13 @@ class Status:
     waiting_bytes: int
     silent_s: float
     free_bytes: int
+    trouble: Trouble | None = None
 
     @property
     def late(self) -> bool:
         """Whether the writing is interrupted, or busy with something that takes long."""
-        return self.silent_s > LATE_S and not self.progress.finished
+        waits = bool(self.trouble) or self.silent_s > LATE_S
+        return waits and not self.progress.finished
 
     @property
     def gaps(self) -> int:
@@ -85,9 +88,8 @@ class Watch:
     def look(self) -> Status:
         """Return what it is doing now."""
         recording, now_s = self._recording, self._now_s()
-        with suppress(FileNotFoundError):  # no longer
-            for acknowledged in recording.spool.glob("*.json"):
-                self._heard_s = max(self._begun_s, acknowledged.stat().st_mtime)
+        trouble = recording.trouble
+        heard_s = trouble.since_ns / 1e9 if trouble else self._heard()
         free_bytes = 0
         with suppress(OSError):  # the scribe makes the folder, and the disk may have gone
             free_bytes = shutil.disk_usage(self._out_dir).free
@@ -97,7 +99,15 @@ class Watch:
             self._out_dir,
             now_s,
             recording.progress,
-            backlog_bytes(recording.spool),
-            max(now_s - self._heard_s, 0),
+            unread_bytes(recording.spool),
+            max(now_s - heard_s, 0),
             free_bytes,
+            trouble,
         )
+
+    def _heard(self) -> float:
+        """When the scribe acknowledged last, as far as that was seen."""
+        with suppress(FileNotFoundError):  # no longer
+            for acknowledged in self._recording.spool.glob("*.json"):
+                self._heard_s = max(self._begun_s, acknowledged.stat().st_mtime)
+        return self._heard_s

@@ -195,7 +195,7 @@ class End(asyncio.Protocol):
             except OSError:
                 sent = 0  # it is full or dead; the transport will find out which
             if sent < len(data):
-                transport.write(data[sent:])
+                transport.write(memoryview(data)[sent:])
         self._append(_BYTES, self.stream, time_ns, self.received_bytes, data)
         self.received_bytes += len(data)
 

@@ -1,11 +1,12 @@
 """TCP as a transparent relay needs it: what the event loops neither set nor tell.
 
-Lives here: socket options, passing resets on, and hearing of them. Nothing in this file knows what
-is relayed, or that anything is recorded.
+Lives here: addresses, socket options, passing resets on, and hearing of them. Nothing in this file
+knows what is relayed, or that anything is recorded.
 """
 
 import asyncio
 import contextlib
+import ipaddress
 import select
 import socket
 import struct
@@ -37,6 +38,15 @@ def address_text(address: tuple[object, ...]) -> str:
     """Return a socket address as ``host:port``, an IPv6 host in brackets."""
     host, port = address[:2]
     return f"[{host}]:{port}" if ":" in str(host) else f"{host}:{port}"
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can reach a socket that listens on this host."""
+    try:
+        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError):
+        return False
+    return all(ipaddress.ip_address(address[0]).is_loopback for *_, address in found)
 
 
 def allow_many_sockets() -> None:

@@ -5,7 +5,7 @@ the count that the tap gives at the end, becomes a gap. No two connections bear 
 died in between. Nothing in this file reads, writes or knows the time.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -73,10 +73,12 @@ class Unspooler:
 
     Attributes:
         connections: How many connections there were; their names count from 1.
+        time_ns: When the last record was made; None before the first.
     """
 
     def __init__(self, counts: Mapping[Direction, Count], state: Mapping[str, Any]) -> None:
         self.connections: int = state.get("connections", 0)
+        self.time_ns: int | None = state.get("time_ns")
         self._base: int = state.get("base", 0)  # how many there were before the last seam
         self._counts = counts
         self._links: dict[int, _Link] = {}
@@ -89,6 +91,7 @@ class Unspooler:
         """Where it is, as JSON: enough for another to go on."""
         return {
             "connections": self.connections,
+            "time_ns": self.time_ns,
             "base": self._base,
             "links": [
                 (
@@ -114,8 +117,10 @@ class Unspooler:
             for direction, end_bytes in ends:
                 yield WireEvent(time_ns, name, direction, Kind.BYTES, b"", end_bytes)
 
-    def take(self, records: Iterable[Record]) -> list[WireEvent]:
+    def take(self, records: Sequence[Record]) -> list[WireEvent]:
         """Give what the next records tell."""
+        if records:
+            self.time_ns = records[-1].time_ns
         events: list[WireEvent] = []
         add, streams, bytes_kind, make = events.append, self._streams, Kind.BYTES, WireEvent
         for record in records:

@@ -29,8 +29,8 @@ from scaraspec.protocol.fields import StatusCode, show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, Answer, NameListPart, OptionalName, Outcome
+from scaraspec.protocol.secrecy import is_secret, mask_loose
 from scaraspec.protocol.transfer import Chunk, State
-from scaraspec_recorder.masking import is_secret, mask_loose
 
 SECRET: Final = "(password)"  # noqa: S105 - what stands in a password's place
 _TEXT_LIMIT: Final = 200

@@ -128,5 +128,5 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         read_config(tmp_path / "none.toml")
     large = tmp_path / "large.toml"
     large.write_bytes(b"#" * ((1 << 20) + 1))
-    with pytest.raises(ConfigError, match="larger than a configuration"):
+    with pytest.raises(ConfigError, match="is larger than 1 MiB"):
         read_config(large)

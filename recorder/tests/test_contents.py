@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Iterable
+from concurrent.futures import Future
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import Direction
+from scaraspec_recorder import file_sets
 from scaraspec_recorder.contents import FILE_NAME, Contents
 from scaraspec_recorder.deriver import Deriver
 from scaraspec_recorder.file_sets import Shelf
@@ -24,19 +26,24 @@ from scaraspec_recorder.sinks import Folder
 NAME = "2026-11-20T22-58-37Z_line-3.mcap"
 
 
-def begin(folder: Path, *, draw: bool = False) -> Deriver:
+def new_shelf(folder: Path, *, draw: bool = False) -> Shelf:
     contents = Contents(folder)
     contents.save()
+    return Shelf(Folder(folder, []), contents, "line 3", draw=draw)
+
+
+def begin(shelf: Shelf) -> Deriver:
     judge = Judge()
-    shelf = Shelf(Folder(folder, []), contents, "line 3", draw=draw)
     return Deriver([Rotation(shelf, judge, Rotate())], judge)
 
 
 def record(folder: Path, events: Iterable[WireEvent], *, draw: bool = False) -> None:
-    sink = begin(folder, draw=draw)
+    shelf = new_shelf(folder, draw=draw)
+    sink = begin(shelf)
     for event in events:
         sink.write(event)
     sink.close()
+    shelf.settle(wait=True)
 
 
 def lines(folder: Path) -> list[dict[str, Any]]:
@@ -127,12 +134,43 @@ def test_a_killed_recorder_has_its_file_repaired_and_listed(recorded: Path, tmp_
 
 
 def test_what_cannot_be_read_is_listed_too(tmp_path: Path) -> None:
-    """A recorder killed at once leaves a file without anything; retention must know of it."""
-    (tmp_path / NAME).write_bytes(b"")
+    """It takes room, so retention must know of it."""
+    (tmp_path / NAME).write_bytes(b"damaged")
     Contents(tmp_path).save()
     (entry,) = lines(tmp_path)
-    assert entry["notes"] == [f"{tmp_path / NAME} is empty: nothing was recorded"]
+    assert entry["notes"] == [f"{tmp_path / NAME} is no MCAP file"]
     assert entry["begin_ns"] == entry["end_ns"] == (tmp_path / NAME).stat().st_mtime_ns
+
+
+def test_a_file_without_anything_is_removed(tmp_path: Path) -> None:
+    """A recorder that is killed at once leaves one."""
+    (tmp_path / NAME).touch()
+    Contents(tmp_path).save()
+    assert lines(tmp_path) == []
+    assert not (tmp_path / NAME).exists()
+
+
+def test_a_file_is_listed_when_its_drawing_has_come_to_its_size(
+    tmp_path: Path, shift: list[WireEvent], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That takes time, for which nobody waits; a start in between finds the file by itself."""
+    optimized = Future[bool]()
+    monkeypatch.setattr(file_sets, "optimize_later", lambda _: optimized)
+    shelf = new_shelf(tmp_path, draw=True)
+    sink = begin(shelf)
+    for event in shift:
+        sink.write(event)
+    sink.close()
+    shelf.settle()
+    assert lines(tmp_path) == []
+    drawn = (tmp_path / NAME).with_suffix(".rrd")
+    assert shelf.unlisted_bytes == (tmp_path / NAME).stat().st_size + drawn.stat().st_size
+    drawn.write_bytes(b"small")
+    optimized.set_result(True)
+    shelf.settle()
+    (entry,) = lines(tmp_path)
+    assert entry["size_bytes"] == (tmp_path / NAME).stat().st_size + 5
+    assert shelf.unlisted_bytes == 0
 
 
 def test_files_of_others_are_not_listed(tmp_path: Path) -> None:
@@ -203,7 +241,7 @@ def test_a_full_disk_leaves_the_table_as_it_was(
 
 def test_many_connections_are_counted_and_not_all_listed(tmp_path: Path) -> None:
     """A health check every second for weeks neither fills the table nor the memory."""
-    sink = begin(tmp_path)
+    sink = begin(new_shelf(tmp_path))
     for number in range(1500):
         for kind in (Kind.OPENED, Kind.CLOSED):
             for direction in Direction if kind is Kind.OPENED else (Direction.A2C,):

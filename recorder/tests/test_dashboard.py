@@ -8,6 +8,7 @@ from rich.console import Console
 
 from scaraspec_recorder.dashboard import QUIET_S, Dashboard, Lines
 from scaraspec_recorder.scribe import Progress
+from scaraspec_recorder.spool import Trouble
 from scaraspec_recorder.status import LATE_S, Status
 from scaraspec_recorder.unspool import Count
 
@@ -57,6 +58,24 @@ def test_gaps_are_not_told_every_second() -> None:
     assert said[0] == "line-3: 1 gaps so far, 100 B not recorded"
     assert said[1] == "line-3: 11 gaps so far, 1.1 kB not recorded"
     assert len(said) == 60 / QUIET_S
+
+
+def test_trouble_is_told_with_its_reason() -> None:
+    """At once, whether or not anything was written a moment ago; and when it is over."""
+    full = replace(at(0), trouble=Trouble(995 * 10**9, "No space left on device"))
+    said: list[str] = []
+    with Lines(said.append) as lines:
+        lines.update([full], ending=False)
+        lines.update([at(20)], ending=False)
+    assert said == [
+        "line-3: nothing is written, 1.5 MB wait: No space left on device",
+        "line-3: the writing goes on",
+    ]
+    console = Console(file=io.StringIO(), width=160)
+    with Dashboard(console) as dashboard:
+        dashboard.update([replace(full, silent_s=5)], ending=False)
+    shown = console.file.getvalue()
+    assert "line-3: nothing was written for 5 s: No space left on device" in shown
 
 
 def test_problems_and_silence_are_told_with_their_end() -> None:

@@ -33,7 +33,7 @@ from scaraspec_recorder.deriver import Deriver
 from scaraspec_recorder.masking import Redactor
 from scaraspec_recorder.mcap_file import McapSink
 from scaraspec_recorder.mcap_reading import read_mcap
-from scaraspec_recorder.pcap import CaptureError
+from scaraspec_recorder.problems import CaptureError
 
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
 KINDS: dict[str, type[schemas.Message]] = {

@@ -18,7 +18,8 @@ from scapy.packet import Packet, Raw
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec_recorder.pcap import _MAX_RECORD_BYTES, CaptureError, _Source, read_capture
+from scaraspec_recorder.pcap import _MAX_RECORD_BYTES, _Source, read_capture
+from scaraspec_recorder.problems import CaptureError
 
 CLIENT, CONTROLLER = "192.0.2.1", "192.0.2.2"
 CLIENT6, CONTROLLER6 = "2001:db8::1", "2001:db8::2"

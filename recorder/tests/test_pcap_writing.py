@@ -109,6 +109,28 @@ def test_what_came_late_is_no_opening(tmp_path: Path) -> None:
     assert kinds.count((A2C, Kind.BYTES)) == kinds.count((C2A, Kind.BYTES)) == 1
 
 
+def test_what_was_done_on_purpose_is_a_comment(tmp_path: Path) -> None:
+    """So is why bytes are missing; a reader of the streams sees no difference."""
+    scapy = pytest.importorskip("scapy.utils")
+    events = [
+        WireEvent(START_NS, "1", A2C, Kind.OPENED, note=WAY),
+        WireEvent(START_NS + 1, "1", A2C, Kind.BYTES, b"\xaa\x09\x00\xcc"),
+        WireEvent(START_NS + 2, "1", A2C, Kind.INJECTED, b"", 4, note="rule 1 “slow”: 250 ms late"),
+        WireEvent(START_NS + 3, "1", C2A, Kind.BYTES, b"\xcc\x09\x0200\xaa"),
+        WireEvent(START_NS + 4, "1", C2A, Kind.GAP, b"", 6, 3, "the disk was full"),
+        WireEvent(START_NS + 5, "1", C2A, Kind.BYTES, b"\xcc\x09\x0200\xaa", 9),
+    ]
+    path = tmp_path / "out.pcapng"
+    found = through(events, path)
+    assert streams(found) == streams(events)
+    with scapy.RawPcapNgReader(str(path)) as packets:
+        comments = [comment for _, packet in packets for comment in packet.comments or ()]
+    assert [bytes(comment).decode() for comment in comments] == [
+        "injected: rule 1 “slow”: 250 ms late",
+        "not recorded: the disk was full",
+    ]
+
+
 @pytest.mark.parametrize("length", [-1, 3 << 30])
 def test_a_gap_that_no_sequence_number_tells_is_a_short_hole(tmp_path: Path, length: int) -> None:
     """It is seen as a gap, and counted."""

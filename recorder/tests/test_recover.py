@@ -15,8 +15,8 @@ from scaraspec.protocol.direction import A2C
 from scaraspec_recorder.deriver import Deriver
 from scaraspec_recorder.mcap_file import McapSink
 from scaraspec_recorder.mcap_reading import read_mcap
-from scaraspec_recorder.pcap import CaptureError
-from scaraspec_recorder.recover import recover
+from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.recover import discard_empty, recover, sweep
 
 
 def record(path: Path, events: Iterable[WireEvent]) -> list[tuple[int, int]]:
@@ -117,6 +117,27 @@ def test_a_damaged_chunk_is_told(
     assert report.repaired
     assert len(report.notes) == 2
     assert report.events == len(shift) - 5
+
+
+def test_what_a_killed_process_had_in_the_making_is_swept_away(tmp_path: Path) -> None:
+    """And nothing else: hidden files of others have other names."""
+    for name in (".a.mcap.recovered", ".a.rrd.optimized", ".a.rrd.new"):
+        (tmp_path / name).touch()
+    others = {".profile.new", "a.mcap", "a.rrd"}
+    for name in others:
+        (tmp_path / name).touch()
+    sweep(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == others
+
+
+def test_a_file_that_holds_nothing_is_no_recording(tmp_path: Path) -> None:
+    """Its recorder was killed between making it and writing into it."""
+    empty, torn = tmp_path / "capture.mcap", tmp_path / "capture-2.mcap"
+    empty.touch()
+    torn.write_bytes(b"\x89")
+    assert discard_empty(empty)
+    assert not discard_empty(torn)
+    assert list(tmp_path.iterdir()) == [torn]
 
 
 def test_what_is_no_recording_is_not_touched(tmp_path: Path) -> None:

@@ -23,8 +23,8 @@ from scaraspec_recorder.capture import capture_sink, draw_capture
 from scaraspec_recorder.deriver import Deriver
 from scaraspec_recorder.mcap_reading import read_mcap
 from scaraspec_recorder.rerun_rows import TIMELINES
-from scaraspec_recorder.rerun_view import RerunSink, optimize
-from scaraspec_recorder.sinks import Folder
+from scaraspec_recorder.rerun_view import RerunSink
+from scaraspec_recorder.sinks import Folder, SinkFailed
 
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
 
@@ -201,6 +201,32 @@ def test_a_scribe_gets_both_files_and_overwrites_none(
     )
 
 
+def test_a_drawing_that_cannot_be_made_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is tried again and again while a disk is full; what others have there stays."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise SinkFailed("full")
+
+    (tmp_path / "capture.rrd").write_bytes(b"mine")
+    monkeypatch.setattr(RerunSink, "to_file", refuse)
+    with pytest.raises(SinkFailed):
+        capture_sink(Folder(tmp_path, []))
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"mine"]
+
+
+def test_names_have_no_colour_that_means_something(shift: list[WireEvent], drawing: Path) -> None:
+    """A program is neither good nor bad; each has a colour of its own, until there are too many."""
+    assert static(drawing, blueprint.PROGRAM, "StateConfiguration:labels") == "pick.rob"
+    sink = RerunSink.to_file(drawing.with_name("many.rrd"), optimized=False)
+    sink.write(shift[0])
+    for number in range(200):
+        sink._state(blueprint.PROGRAM, f"{number}.rob")
+    sink.close({})
+    assert len(sink._names[blueprint.PROGRAM]) == 100
+
+
 def test_hostile_numbers_are_not_drawn(talk: Any, tmp_path: Path) -> None:
     """A payload with complaints, or a port that no robot has, makes no entity."""
     talk.ask("get_analog_input", 40, 1.0)
@@ -219,13 +245,16 @@ def test_a_recording_of_nothing_is_a_drawing_of_nothing(tmp_path: Path) -> None:
     assert "conclusion" in static(path, blueprint.SESSION_PAGE, "TextDocument:text")
 
 
-def test_a_file_that_cannot_be_optimized_stays_as_it_is(tmp_path: Path) -> None:
-    """Being small is a convenience."""
-    path = tmp_path / "capture.rrd"
-    path.write_bytes(b"no recording")
-    assert not optimize(path)
-    assert path.read_bytes() == b"no recording"
-    assert list(tmp_path.iterdir()) == [path]
+def test_drawings_that_are_closed_leave_nothing_running(shift: Any, tmp_path: Path) -> None:
+    """A recorder that rotates for weeks does not end with thousands of threads."""
+    threads = Path("/proc/self/task")
+    if not threads.exists():
+        pytest.skip("only Linux lists the threads of all libraries")
+    running = []
+    for number in range(4):
+        draw_capture(shift[:10], tmp_path / f"{number}.rrd")
+        running.append(len(list(threads.iterdir())))
+    assert running[-1] <= running[0]
 
 
 def test_without_rerun_one_sentence_says_what_to_install() -> None:

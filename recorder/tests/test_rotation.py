@@ -24,7 +24,7 @@ from scaraspec_recorder.pcap import read_capture
 from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError
 from scaraspec_recorder.rotation import PATIENCE_TICKS, Rotate, Rotation, parse_rotate
 from scaraspec_recorder.seams import Links
-from scaraspec_recorder.sinks import Folder
+from scaraspec_recorder.sinks import TICK_NS, Folder
 
 FIELD = sorted((Path(__file__).parents[2] / "fixtures" / "captures" / "field").glob("*.pcapng"))
 AT_EVERY_TICK = Rotate(Limits(duration_ns=1))
@@ -269,23 +269,55 @@ def test_a_file_grows_as_large_as_asked(
     assert all(60_000 <= entry.size_bytes < 120_000 for entry in entries[:-1])
 
 
+@pytest.fixture
+def sessions(new_talk: Callable[..., Any]) -> Callable[..., list[list[WireEvent]]]:
+    """Short sessions, so far apart."""
+
+    def make(count: int, apart_ns: int) -> list[list[WireEvent]]:
+        talks = [new_talk(str(number)) for number in range(1, count + 1)]
+        for number, talk in enumerate(talks):
+            talk.time_ns += number * apart_ns
+            talk.mark(A2C, Kind.OPENED)
+            talk.ask("login", b"password", reply=True)
+            talk.mark(A2C, Kind.CLOSED)
+        return [talk.events for talk in talks]
+
+    return make
+
+
 def test_a_connection_may_have_a_file_of_its_own(
-    tmp_path: Path, new_talk: Callable[..., Any]
+    tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]]
 ) -> None:
-    """Those that overlap share one; it ends with the last of them."""
+    """Those that overlap share one; it ends with the last of them, at the next tick."""
     sink = recorder(tmp_path, parse_rotate("connection"))
-    talks = [new_talk(name) for name in ("1", "2", "3")]
-    for talk in talks:
-        talk.mark(A2C, Kind.OPENED)
-        talk.ask("login", b"password", reply=True)
-        talk.mark(A2C, Kind.CLOSED)
-    one, two, three = (talk.events for talk in talks)
-    for event in (*one[:2], *two[:2], *one[2:], *two[2:], *three):
+    one, two, three = sessions(3, 1)
+    for event in (*one[:2], *two[:2], *one[2:], *two[2:]):
+        sink.write(event)
+    sink.tick(two[-1].time_ns)
+    for event in three:
         sink.write(event)
     sink.close()
     contents = Contents(tmp_path)
     assert [entry.connections for entry in contents.entries.values()] == [2, 1]
     assert [entry.exchanges for entry in contents.entries.values()] == [2, 1]
+
+
+@pytest.mark.parametrize(("apart_ns", "files"), [(TICK_NS // 10, 10), (TICK_NS, 50)])
+def test_short_connections_share_a_file(
+    tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]], apart_ns: int, files: int
+) -> None:
+    """Else who connects all the time would hold up the writing; also where no tick comes between.
+
+    The first that ends a tick after its file began is the last in it.
+    """
+    sink = recorder(tmp_path, parse_rotate("connection"))
+    for session in sessions(100, apart_ns):
+        for event in session:
+            sink.write(event)
+    sink.close()
+    entries = Contents(tmp_path).entries.values()
+    assert len(entries) == files
+    assert sum(entry.connections for entry in entries) == 100
 
 
 def test_a_recording_without_events_leaves_no_file(tmp_path: Path) -> None:

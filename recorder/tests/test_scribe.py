@@ -9,9 +9,15 @@ import pytest
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec_recorder.records import Mark, stream_number
-from scaraspec_recorder.scribe import Progress, Scribe
+from scaraspec_recorder.scribe import NAMED_FILES, Progress, Scribe
 from scaraspec_recorder.sinks import TICK_NS, Folder, SinkFailed
-from scaraspec_recorder.spool import SpoolReader, SpoolWriter, read_checkpoint
+from scaraspec_recorder.spool import (
+    SpoolReader,
+    SpoolWriter,
+    note_trouble,
+    read_checkpoint,
+    trouble_of,
+)
 from scaraspec_recorder.unspool import Count
 
 STREAM = stream_number(1, A2C)
@@ -360,3 +366,72 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
     make: Callable[[], Path] = lambda: folder.new("capture.mcap")  # noqa: E731 - said once
     assert [make().name, make().name] == files == ["capture-2.mcap", "capture-3.mcap"]
     assert (tmp_path / "capture.mcap").read_text() == "earlier"
+
+
+def test_what_goes_on_goes_on_in_its_time(bench: Bench) -> None:
+    """However late the next scribe comes: its connections begin when what it gets next was."""
+    sink = Memory()
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.tick(bench.scribe())
+    bench.now_ns += 1
+    bench.put(Kind.BYTES, payload=b"abc")
+    bench.now_ns += 3600 * 10**9
+    scribe = bench.scribe(sink)
+    bench.tick(scribe)
+    times = [event.time_ns for event in sink.events]
+    assert times == sorted(times)
+
+
+def test_a_progress_names_the_latest_files_only(bench: Bench) -> None:
+    """And counts the others: it is written four times a second, for weeks."""
+    bench.put(Kind.OPENED, payload=b"a > b")
+    reader = SpoolReader(bench.spool)
+    folders: list[Folder] = []
+
+    def make(folder: Folder) -> Memory:
+        folders.append(folder)
+        return Memory()
+
+    scribe = Scribe(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
+    for number in range(NAMED_FILES + 5):
+        folders[0].new(f"{number}.mcap")
+    bench.tick(scribe)
+    reader.close()
+    progress = Progress.read(read_checkpoint(bench.spool)["state"])
+    assert progress.files == [f"{number}.mcap" for number in range(5, NAMED_FILES + 5)]
+    assert progress.earlier_files == 5
+
+
+def test_trouble_is_known_until_something_is_written(bench: Bench) -> None:
+    """To who watches, and to the file that comes after it; what lasts is news but once."""
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.tick(bench.scribe(Memory()))
+    assert note_trouble(bench.spool, 5_000_000_000, "full")
+    assert not note_trouble(bench.spool, 6_000_000_000, "full")
+    assert note_trouble(bench.spool, 7_000_000_000, "broken")
+    assert trouble_of(read_checkpoint(bench.spool)) == (5_000_000_000, "broken")
+    bench.readers.pop().close()
+    reader = SpoolReader(bench.spool)
+    folders: list[Folder] = []
+
+    def make(folder: Folder) -> Memory:
+        folders.append(folder)
+        return Memory()
+
+    scribe = Scribe(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
+    since = "nothing was written since 1970-01-01 00:00:05 UTC: broken"
+    assert folders[0].take_news() == {"interrupted": since}
+    assert folders[0].take_news() == {}
+    assert scribe.progress.connections == 1, "what was acknowledged is kept"
+    bench.tick(scribe)
+    reader.close()
+    assert trouble_of(read_checkpoint(bench.spool)) is None
+
+
+def test_trouble_may_come_before_anything_else(tmp_path: Path) -> None:
+    """A folder that is read-only from the start: a scribe begins as in a new spool."""
+    SpoolReader(tmp_path).close()
+    assert note_trouble(tmp_path, 1, "read-only")
+    reader = SpoolReader(tmp_path)
+    assert (reader.state, reader.trouble) == ({}, (1, "read-only"))
+    reader.close()

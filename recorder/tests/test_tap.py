@@ -571,3 +571,22 @@ def test_addresses_are_written_as_users_write_them() -> None:
     assert tcp.address_text(("127.0.0.1", 8877)) == "127.0.0.1:8877"
     assert tcp.address_text(("::1", 8877, 0, 0)) == "[::1]:8877"
     assert os.name == "posix" or tcp.unsent_bytes(socket.socket()) == 0
+
+
+@pytest.mark.parametrize(
+    ("host", "loopback"),
+    [
+        ("127.0.0.1", True),
+        ("127.3.2.1", True),
+        ("::1", True),
+        ("localhost", True),
+        ("0.0.0.0", False),
+        ("::", False),
+        ("192.168.1.2", False),
+        ("", False),
+        ("no..name", False),
+    ],
+)
+def test_what_others_can_reach_is_no_loopback(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
+    """In doubt it is not."""
+    assert tcp.is_loopback(host) is loopback

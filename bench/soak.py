@@ -1,0 +1,129 @@
+"""Soak: a recorder that writes for long, at speed.
+
+The frames of `traffic` pass through the real spool, scribe, deriver, judge and sinks into files
+that rotate each hour, in one process and with a clock of its own: an hour of the robot's takes as
+long as the writing does. Prints what a user who leaves it alone for weeks wants to know: whether
+memory stays flat, how large files are, and how much of a processor the writing takes.
+"""
+
+import argparse
+import resource
+import tempfile
+import time
+from collections.abc import Iterable
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Final
+
+from bench import traffic
+
+from scaraspec.judgement.wire import Kind
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec_recorder.archive import Archive, archive_sink
+from scaraspec_recorder.records import stream_number
+from scaraspec_recorder.rotation import Rotate, parse_rotate
+from scaraspec_recorder.scribe import Scribe
+from scaraspec_recorder.sinks import TICK_NS
+from scaraspec_recorder.spool import SpoolReader, SpoolWriter
+
+PER_SECOND: Final = 200
+POINTS: Final = 12
+
+_START_NS: Final = 1_795_215_600 * traffic.SECOND_NS
+_MIB: Final = 1 << 20
+
+_say = partial(print, flush=True)
+
+
+class Soak:
+    """The writing path, on a clock that is set from outside."""
+
+    def __init__(self, folder: Path, rotate: Rotate) -> None:
+        self.out = folder / "out"
+        self.out.mkdir()
+        self._now_ns = _START_NS
+        spool = folder / "spool"
+        archive = Archive("soak", rotate=rotate)
+        sink = partial(archive_sink, archive=archive, now_ns=self._clock)
+        self._writer = SpoolWriter(spool, lambda _s, _do: None, now_ns=self._clock)
+        self._writer.append(Kind.OPENED, stream_number(1, A2C), _START_NS, 0, b"client > robot")
+        self._scribe = Scribe(SpoolReader(spool), self.out, [sink], now_ns=self._clock)
+        self._offsets = {A2C: 0, C2A: 0}
+
+    def pass_on(self, now_ns: int, frames: Iterable[traffic.Sent]) -> None:
+        """Spool the frames that passed before `now_ns`, and write them."""
+        for time_ns, direction, data in frames:
+            stream, offset = stream_number(1, direction), self._offsets[direction]
+            self._writer.append(Kind.BYTES, stream, time_ns, offset, data)
+            self._offsets[direction] = offset + len(data)
+        self._writer.flush()
+        self._now_ns = now_ns
+        while self._scribe.step():
+            pass
+
+    def finish(self) -> None:
+        """End the recording."""
+        self._writer.close()
+        while self._scribe.step():
+            pass
+        self._scribe.finish()
+        problems = self._scribe.progress.problems
+        assert not problems, problems
+
+    def _clock(self) -> int:
+        return self._now_ns
+
+
+def main() -> None:
+    """Write so many hours of traffic, and print what that took."""
+    parser = argparse.ArgumentParser(prog="soak", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--hours", type=float, default=1.25, help="of the robot's time [1.25]")
+    parser.add_argument("--rotate", type=parse_rotate, default="1h", help="when a file ends [1h]")
+    options = parser.parse_args()
+    exchanges = max(int(options.hours * 3600 * PER_SECOND), POINTS)
+    with tempfile.TemporaryDirectory(prefix="soak-") as name:
+        run(Path(name), exchanges, options.rotate)
+
+
+def run(folder: Path, exchanges: int, rotate: Rotate) -> None:
+    """Write, and print memory on the way, sizes and speed at the end."""
+    hours = exchanges / PER_SECOND / 3600
+    _say(f"{exchanges} exchanges, {hours:g} h at {PER_SECOND}/s")
+    soak = Soak(folder, rotate)
+    written, points, busy_s = 0, 0, 0.0
+    for now_ns, frames in groupby(traffic.poll(_START_NS, exchanges, PER_SECOND), _tick):
+        passed = tuple(frames)
+        before_s = time.process_time()
+        soak.pass_on(now_ns, passed)
+        busy_s += time.process_time() - before_s
+        written += sum(sent.direction is A2C for sent in passed)
+        if written * POINTS >= exchanges * (points + 1):
+            points += 1
+            _say(f"  after {written:9} exchanges: {_resident_bytes() / _MIB:6.1f} MiB resident")
+    before_s = time.process_time()
+    soak.finish()
+    busy_s += time.process_time() - before_s
+    for suffix in (".mcap", ".rrd"):
+        sizes = [path.stat().st_size for path in soak.out.glob(f"*{suffix}")]
+        each_bytes = sum(sizes) / exchanges
+        day_gb = each_bytes * PER_SECOND * 86_400 / 1e9
+        told = f"{len(sizes)} files, {each_bytes:.0f} bytes an exchange"
+        _say(f"  {suffix:6}{told}, {day_gb:.2f} GB a day")
+    child_bytes = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
+    _say(f"  {child_bytes / _MIB:.0f} MiB at most in the process that compacts an .rrd")
+    _say(f"  {exchanges / busy_s:.0f} exchanges written per second of its processor")
+
+
+def _tick(sent: traffic.Sent) -> int:
+    """The end of the tick in which a frame passed."""
+    return (sent.time_ns // TICK_NS + 1) * TICK_NS
+
+
+def _resident_bytes() -> int:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,375 @@
+"""A recorder as a user runs it, and clients of a virtual controller that keep books of their own.
+
+What a client has sent and has been answered, it knows to have passed: that is what a recording may
+be held against, whatever was killed meanwhile.
+"""
+
+import os
+import re
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from itertools import count, cycle
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.judgement.wire import Kind, WireEvent
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.protocol.frames import Frame, Framer
+from scaraspec.protocol.transfer import Chunk
+from scaraspec_recorder.mcap_reading import read_mcap
+from scaraspec_recorder.recording import spool_folder
+
+TIMEOUT_S = 60.0
+PACE_S = 0.002
+FROM_HERE_ON = "not in this recording"  # how a file that begins in the middle is mended
+UPLOAD = bytes(range(256)) * 12
+POLLS = (
+    "get_status",
+    "get_joint_angles",
+    "get_tool_coordinates",
+    "get_motor_temperatures",
+    "get_digital_inputs",
+    "get_running_program",
+)
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    """Wait for what another process does; return what it came to."""
+    deadline_s = time.monotonic() + TIMEOUT_S
+    while not (found := condition()):
+        assert time.monotonic() < deadline_s, "waited in vain"
+        select.select([], [], [], 0.01)
+    return found
+
+
+def request(name: str, value: Any = None) -> bytes:
+    command = BY_NAME[name]
+    return Frame(A2C, command.opcode, command.request.encode(value)).encode()
+
+
+def shift() -> list[bytes]:
+    """What a client asks for again and again: how things are, and now and then a file sent up."""
+    polls = [request(name) for name in POLLS] * 10
+    pieces = [UPLOAD[at : at + 200] for at in range(0, len(UPLOAD), 200)]
+    chunks = [Chunk(len(UPLOAD), 200 * n, len(piece), piece) for n, piece in enumerate(pieces)]
+    upload = [request("upload_name", b"kill.rob"), *(request("upload_chunk", c) for c in chunks)]
+    return polls + upload
+
+
+@dataclass
+class Session:
+    """One connection, as its client knows it. Its address is its own: it names the session."""
+
+    client: str
+    begun_ns: int
+    bytes: dict[Direction, bytearray] = field(
+        default_factory=lambda: {A2C: bytearray(), C2A: bytearray()}
+    )
+    answers: list[tuple[int, int, dict[Direction, int]]] = field(default_factory=list)
+    """Of each exchange: when its answer was there, after how long, and what had passed by then."""
+    ended_ns: int = 0
+
+
+class Talker(threading.Thread):
+    """A client that asks, waits for the answer, and connects again whenever it is cut off.
+
+    Args:
+        numbers: Of sessions, shared with other talkers.
+        address: Where the recorder listens.
+    """
+
+    def __init__(self, numbers: Iterator[int], address: tuple[str, int]) -> None:
+        super().__init__(daemon=True)
+        self.sessions: list[Session] = []
+        self.failure: BaseException | None = None
+        self._numbers = numbers
+        self._address = address
+        self._stopped = threading.Event()
+
+    @property
+    def answered(self) -> int:
+        """How many answers it has got."""
+        return sum(len(session.answers) for session in self.sessions)
+
+    def stop(self) -> None:
+        """End the session in order."""
+        self._stopped.set()
+        self.join(TIMEOUT_S)
+        assert not self.is_alive()
+        if self.failure:
+            raise self.failure
+
+    def run(self) -> None:
+        try:
+            number = next(self._numbers)
+            while not self._stopped.wait(PACE_S):
+                if self._connect(number):
+                    number = next(self._numbers)
+        except BaseException as error:  # noqa: BLE001 - raised in the test's own thread by `stop`
+            self.failure = error
+
+    def _connect(self, number: int) -> bool:
+        """Hold a session, if there is a recorder just now."""
+        with socket.socket() as sock:
+            sock.settimeout(TIMEOUT_S)
+            sock.bind((f"127.1.{number >> 8}.{number & 0xFF}", 0))
+            try:
+                sock.connect(self._address)
+            except ConnectionError:
+                return False
+            host, port = sock.getsockname()
+            session = Session(f"{host}:{port}", time.time_ns())
+            self.sessions.append(session)
+            with suppress(ConnectionError, EOFError):  # cut off, by reset or in order
+                self._talk(sock, session)
+            session.ended_ns = time.time_ns()
+            return True
+
+    def _talk(self, sock: socket.socket, session: Session) -> None:
+        framer = Framer(C2A)
+        self._exchange(sock, session, framer, request("login", b"password"))
+        for question in cycle(shift()):
+            if self._stopped.wait(PACE_S):
+                return
+            self._exchange(sock, session, framer, question)
+
+    def _exchange(
+        self, sock: socket.socket, session: Session, framer: Framer, question: bytes
+    ) -> None:
+        begun_ns = time.time_ns()
+        sock.sendall(question)
+        session.bytes[A2C] += question
+        while True:
+            data = sock.recv(1 << 16)
+            if not data:
+                raise EOFError
+            session.bytes[C2A] += data
+            if found := framer.feed(data):
+                break
+        (answer,) = found
+        assert isinstance(answer, Frame)
+        assert answer.opcode == question[1], "an answer to another question"
+        now_ns = time.time_ns()
+        passed = {way: len(data) for way, data in session.bytes.items()}
+        session.answers.append((now_ns, now_ns - begun_ns, passed))
+
+
+class Recorder:
+    """`scaraspec record`, started in a group of its own as a service manager would.
+
+    Args:
+        url: The controller.
+        out: The folder.
+        log: What it says, of all its lives.
+    """
+
+    def __init__(self, url: str, out: Path, log: Path) -> None:
+        self.address = ("127.0.0.1", 0)
+        self._url, self._out, self._log = url, out, log
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self, *options: str) -> None:
+        """Start, and wait until it listens: at the same address each time."""
+        begin = self._log.stat().st_size if self._log.exists() else 0
+        listen = "{}:{}".format(*self.address)
+        arguments = ("record", self._url, "--listen", listen, "--out", str(self._out), *options)
+        with self._log.open("ab") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "scaraspec", *arguments],
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+
+        def listening() -> Any:
+            assert self._process
+            assert self._process.poll() is None, self._log.read_text()
+            said = self._log.read_bytes()[begin:].decode()
+            return re.search(r"^recording 127\.0\.0\.1:(\d+) ", said, re.MULTILINE)
+
+        self.address = ("127.0.0.1", int(until(listening)[1]))
+
+    def kill(self, victim: str) -> int:
+        """Kill one of its processes, or all, and wait until they are dead; return when it was."""
+        assert self._process
+        own = {name: self.child(name) for name in ("tap", "scribe")}
+        watches = {name: os.pidfd_open(pid) for name, pid in own.items()}
+        killed_ns = time.time_ns()
+        if victim in own:
+            os.kill(own[victim], signal.SIGKILL)
+            dying = [watches[victim]]
+        else:
+            (os.killpg if victim == "all" else os.kill)(self._process.pid, signal.SIGKILL)
+            self._process.wait(TIMEOUT_S)
+            dying = list(watches.values())
+        for watch in dying:
+            assert select.select([watch], [], [], TIMEOUT_S)[0], "it does not die"
+        for watch in watches.values():
+            os.close(watch)
+        return killed_ns
+
+    def child(self, name: str) -> int:
+        """The number of one of its processes, as soon as it is there."""
+        return int(until(lambda: self._child(name)))
+
+    def end(self) -> int:
+        """Ctrl-C; return the exit status."""
+        assert self._process
+        self._process.send_signal(signal.SIGINT)
+        return self._process.wait(TIMEOUT_S)
+
+    def close(self) -> None:
+        """Let nothing outlive the test."""
+        if self._process and self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait(TIMEOUT_S)
+
+    def _child(self, name: str) -> int | None:
+        """The number of a child, by the name that it shows to the system."""
+        assert self._process
+        pid = self._process.pid
+        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+            try:
+                if Path(f"/proc/{child}/comm").read_text().strip() == f"scara-{name}":
+                    return int(child)
+            except OSError:  # dead by now
+                continue
+        return None
+
+
+class Plant:
+    """A virtual controller, a recorder before it, and clients."""
+
+    def __init__(self, folder: Path, stack: ExitStack) -> None:
+        self.out = folder / "out"
+        self.log = folder / "recorder.log"
+        self.talkers: list[Talker] = []
+        self._stack = stack
+        self._numbers = count(1)
+        ready = folder / "ready"
+        controller = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "scaraspec", "controller"),
+                *("--listen", "127.0.0.1:0", "--ready-file", str(ready)),
+            ],
+            stdout=subprocess.DEVNULL,
+        )
+        stack.callback(controller.wait)
+        stack.callback(controller.kill)
+        until(ready.exists)
+        self.out.mkdir()
+        self.recorder = Recorder(f"tcp://{ready.read_text().strip()}", self.out, self.log)
+        stack.callback(shutil.rmtree, spool_folder(self.out), ignore_errors=True)
+        stack.callback(self.recorder.close)
+
+    @property
+    def sessions(self) -> list[Session]:
+        return [session for talker in self.talkers for session in talker.sessions]
+
+    def talk(self, talkers: int) -> None:
+        """Let clients talk from now on."""
+        for _ in range(talkers):
+            self.talkers.append(Talker(self._numbers, self.recorder.address))
+            self.talkers[-1].start()
+
+    def quiet(self) -> None:
+        """Let them end."""
+        for talker in self.talkers:
+            talker.stop()
+
+    def until_answered(self, count: int) -> None:
+        """Wait until each client has got so many more answers."""
+        for talker in self.talkers:
+            goal = talker.answered + count
+            until(lambda talker=talker, goal=goal: talker.answered >= goal or talker.failure)
+
+    def until_written(self) -> None:
+        """Wait until something of what was said is in a file."""
+        for _ in range(2):  # the first growth may still be going on
+            size_bytes = max(12_000, self._size_bytes())  # of a file that holds nothing of the link
+            until(lambda size_bytes=size_bytes: self._size_bytes() > size_bytes)
+
+    def _size_bytes(self) -> int:
+        return sum(file.stat().st_size for file in self.out.glob("*.mcap"))
+
+    def until_said(self, *words: str) -> None:
+        """Wait until a line of the recorder holds all these."""
+        until(
+            lambda: any(
+                all(word in line for word in words) for line in self.log.read_text().splitlines()
+            )
+        )
+
+
+@dataclass
+class Stream:
+    """One direction of a session as files hold it, all together."""
+
+    data: bytearray = field(default_factory=bytearray)
+    lost: list[tuple[int, int]] = field(default_factory=list)
+    """Begin and end of what is accounted for as not recorded."""
+
+    def add(self, event: WireEvent) -> None:
+        """Take bytes or a gap; what two files hold is the same in both."""
+        begin, data = event.offset_bytes, event.data
+        if event.kind is Kind.GAP:
+            if begin + event.length_bytes <= len(self.data):
+                return  # of unknown length, or in an earlier file
+            assert event.note != FROM_HERE_ON, "a hole that nobody accounts for"
+            self.lost.append((begin, begin + event.length_bytes))
+            data = bytes(event.length_bytes)
+        assert begin <= len(self.data), "a hole"
+        assert self.data[begin : begin + len(data)] == data[: len(self.data) - begin]
+        self.data[begin : begin + len(data)] = data
+
+    def holds(self, passed: bytes) -> bool:
+        """Whether it is what passed, as far as it goes, but for what is accounted for."""
+        expected = bytearray(passed[: len(self.data)])
+        for begin, end in self.lost:
+            expected[begin:end] = bytes(len(expected[begin:end]))
+        return self.data[: len(expected)] == expected
+
+
+def read(out: Path) -> dict[str, dict[Direction, Stream]]:
+    """What the files of a folder hold of each client."""
+    found: dict[str, dict[Direction, Stream]] = {}
+    for file in sorted(out.glob("*.mcap"), key=_begin_ns):
+        clients: dict[str, str] = {}
+        for event in read_mcap(file):
+            if event.kind is Kind.OPENED:
+                clients[event.connection] = event.note.partition(" > ")[0]
+            elif event.kind in (Kind.BYTES, Kind.GAP):
+                client = clients[event.connection]
+                streams = found.setdefault(client, {way: Stream() for way in Direction})
+                streams[event.direction].add(event)
+    return found
+
+
+def _begin_ns(file: Path) -> int:
+    return next((event.time_ns for event in read_mcap(file)), 0)
+
+
+@pytest.fixture(scope="session")
+def recorded() -> Callable[[Path], dict[str, dict[Direction, Stream]]]:
+    """Reads what all files of a folder together hold of each client."""
+    return read
+
+
+@pytest.fixture
+def plant(tmp_path: Path) -> Iterator[Plant]:
+    with ExitStack() as stack:
+        plant = Plant(tmp_path, stack)
+        yield plant
+    print(plant.log.read_text())  # noqa: T201 - shown where the test fails

@@ -1,0 +1,200 @@
+"""SIGKILL at random moments under traffic, and the books afterwards.
+
+A few moments each day; as many as SCARASPEC_KILLS says by `make test-kill`. SCARASPEC_SEED draws
+the same moments again, as far as a machine does the same twice.
+"""
+
+import os
+import random
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rerun_cli  # type: ignore[import-untyped]  # it holds nothing but the tool
+from mcap.reader import make_reader
+
+from scaraspec_recorder.sinks import TICK_NS
+
+pytestmark = pytest.mark.skipif(
+    not hasattr(os, "pidfd_open"), reason="waits for processes by pidfd"
+)
+
+VICTIMS = {"scribe": 4, "tap": 3, "all": 2, "parent": 1}
+"""What is killed, and how often: the writer, the forwarder, the whole group, the one it started."""
+
+CUTTING = ("tap", "all", "parent")
+"""Those whose death ends connections."""
+
+LOSING = ("tap", "all")
+"""Those whose death may cost what just passed."""
+
+OPTIONS: tuple[tuple[str, ...], ...] = ((), ("--rotate", "1s"), ("--rotate", "connection"))
+LONGEST_LIFE_S = 2.0
+TALKERS = 2
+
+
+@dataclass
+class Campaign:
+    """Kills, and what is found."""
+
+    plant: Any
+    dice: random.Random
+    kills: list[tuple[int, str]] = field(default_factory=list)
+    alone_ms: list[float] = field(default_factory=list)
+    repaired: int = 0
+    redrawn: int = 0
+    empty: int = 0
+    _begun_ns: int = 0  # the recorder
+    _checked: set[Path] = field(default_factory=set)
+
+    def run(self, moments: int) -> None:
+        """Kill so many times, then end in order."""
+        self._start()
+        self.plant.talk(TALKERS)
+        pause = threading.Event()
+        for _ in range(moments):
+            pause.wait(self.dice.uniform(0, LONGEST_LIFE_S))
+            (victim,) = self.dice.choices(list(VICTIMS), list(VICTIMS.values()))
+            self.kills.append((self.plant.recorder.kill(victim), victim))
+            if victim in ("all", "parent"):
+                self._look(lossless=victim == "parent")
+                self._start()
+        pause.wait(LONGEST_LIFE_S)
+        self.plant.quiet()
+        self.plant.recorder.end()
+        self._look(lossless=True)
+
+    def losses_ms(self, recorded: Any) -> list[float]:
+        """Hold the files against the clients' books: of each session that lost, how much.
+
+        That is the time from its first byte that is not recorded to the kill that cost it.
+        """
+        losses = []
+        for session in self.plant.sessions:
+            found = recorded.get(session.client, {})
+            assert all(found[way].holds(session.bytes[way]) for way in found)
+            assert not any(stream.lost for stream in found.values())
+            held = {way: len(stream.data) for way, stream in found.items()}
+            lost = (
+                when
+                for when, _, passed in session.answers
+                if any(passed[way] > held.get(way, 0) for way in passed)
+            )
+            if first_ns := next(lost, None):
+                losses.append(min(abs(at_ns - first_ns) for at_ns in self._when(LOSING)) / 1e6)
+        return losses
+
+    def unexplained_ends(self) -> list[Any]:
+        """Sessions that were served, and ended although nothing was killed that must end them."""
+        cuts, stopped_ns = self._when(CUTTING), max(s.ended_ns for s in self.plant.sessions)
+        return [
+            session
+            for session in self.plant.sessions
+            if session.answers
+            and session.ended_ns < stopped_ns - LONGEST_LIFE_S * 1e9
+            and not any(session.begun_ns <= cut_ns <= session.ended_ns for cut_ns in cuts)
+        ]
+
+    def report(self, losses_ms: list[float]) -> str:
+        """What came out, in words."""
+        sessions = self.plant.sessions
+        size_bytes = sum(len(data) for session in sessions for data in session.bytes.values())
+        calm, after = self._round_trips_ms()
+        return "\n".join(
+            (
+                f"{len(self.kills)} kills: {dict(Counter(victim for _, victim in self.kills))}",
+                f"{len(sessions)} sessions, {len(calm) + len(after)} exchanges, {size_bytes} bytes",
+                f"lost at the end of {len(losses_ms)} sessions: {_spread(losses_ms)}",
+                f"missing in the files before the next start: {_spread(self.alone_ms)}",
+                f"{len(self._checked)} files: {self.repaired} repaired, {self.redrawn} redrawn",
+                f"{self.empty} files that held nothing yet",
+                f"round trips within 1 s after the writer's death: {_spread(after)}",
+                f"all other round trips: {_spread(calm)}",
+            )
+        )
+
+    def _start(self) -> None:
+        self.plant.recorder.start(*self.dice.choice(OPTIONS))
+        self._begun_ns = time.time_ns()
+
+    def _when(self, victims: tuple[str, ...]) -> list[int]:
+        return [at_ns for at_ns, victim in self.kills if victim in victims]
+
+    def _look(self, *, lossless: bool) -> None:
+        """Recover what no living recorder has, and open it as others do."""
+        found = set(self.plant.out.glob("*.mcap")) - self._checked
+        files = sorted(file for file in found if file.stat().st_size)
+        self.empty += len(found) - len(files)  # begun by a writer that was killed before it wrote
+        if not files:
+            return
+        done = subprocess.run(
+            [sys.executable, "-m", "scaraspec", "recover", *map(str, files)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        said = done.stdout + done.stderr
+        repaired = said.count(": repaired, ")
+        assert done.returncode == (3 if repaired or "unwritten" in said else 0), said
+        assert not (lossless and done.returncode), said
+        self.repaired += repaired
+        self.redrawn += said.count(" drawn anew")
+        self._checked |= set(files)
+        last_ns = self._begun_ns
+        for file in files:
+            with file.open("rb") as opened:
+                for _, _, message in make_reader(opened).iter_messages():
+                    last_ns = max(last_ns, message.log_time)
+        tool = Path(rerun_cli.__file__).with_name("rerun")
+        drawn = [str(file.with_suffix(".rrd")) for file in files]
+        verified = subprocess.run(
+            [tool, "rrd", "verify", *drawn], capture_output=True, text=True, check=False
+        )
+        assert verified.returncode == 0, verified.stderr
+        if not lossless:
+            answered_ns = [s.answers[-1][0] for s in self.plant.sessions if s.answers]
+            self.alone_ms.append(max(0.0, (max(answered_ns) - last_ns) / 1e6))
+
+    def _round_trips_ms(self) -> tuple[list[float], list[float]]:
+        """Those long after the writer died, and those just after."""
+        deaths, calm, after = self._when(("scribe",)), [], []
+        for session in self.plant.sessions:
+            for answered_ns, took_ns, _ in session.answers:
+                near = any(0 <= answered_ns - at_ns < 1e9 for at_ns in deaths)
+                (after if near else calm).append(took_ns / 1e6)
+        return calm, after
+
+
+def _spread(values: list[float]) -> str:
+    if not values:
+        return "none"
+    ordered = sorted(values)
+    median, high = ordered[len(ordered) // 2], ordered[len(ordered) * 99 // 100]
+    return f"median {median:.2f} ms, p99 {high:.2f} ms, most {ordered[-1]:.2f} ms"
+
+
+def go_through(plant: Any, recorded: Any, moments: int, seed: int) -> None:
+    campaign = Campaign(plant, random.Random(seed))
+    campaign.run(moments)
+    losses_ms = campaign.losses_ms(recorded(plant.out))
+    print(f"seed {seed}\n{campaign.report(losses_ms)}")  # noqa: T201 - shown by pytest -s, or if it fails
+    assert not campaign.unexplained_ends()
+    assert max(losses_ms, default=0) <= TICK_NS / 1e6
+
+
+def test_a_few_kills(plant: Any, recorded: Any) -> None:
+    """No more than a tick is lost, every file opens, and the writer's death disturbs nobody."""
+    go_through(plant, recorded, 6, seed=4)
+
+
+@pytest.mark.campaign
+def test_many_kills(plant: Any, recorded: Any) -> None:
+    """The same, for as long as asked."""
+    seed = int(os.environ.get("SCARASPEC_SEED") or random.SystemRandom().randrange(1 << 32))
+    go_through(plant, recorded, int(os.environ["SCARASPEC_KILLS"]), seed)
