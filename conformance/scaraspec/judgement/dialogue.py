@@ -21,7 +21,7 @@ from scaraspec.judgement.happenings import (
 )
 from scaraspec.judgement.scene import Scene
 from scaraspec.judgement.stream import Stream
-from scaraspec.judgement.tracking import TransferTracker
+from scaraspec.judgement.tracking import NAMES, TransferTracker
 from scaraspec.judgement.waiting import Waiting
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.commands import BY_OPCODE
@@ -205,6 +205,8 @@ class Dialogue:
             yield from self._executing.accept(exchange)
         else:
             self._effects(exchange)
+            if exchange.name in NAMES and exchange.accepted:
+                yield from self._waiting.replace(exchange, self._now_ns)
             yield from self._transfers.reply(exchange)
             yield self._answered(exchange)
 

@@ -49,6 +49,11 @@ class FrameSeen:
         """The decoded value, None where there is none."""
         return self.parsed.decoded.value if self.parsed else None
 
+    @property
+    def text(self) -> bytes:
+        """The data of a payload that is text, without the NUL that some end it with (A-T-3)."""
+        return self.frame.data.rstrip(b"\0")
+
 
 @dataclass(frozen=True, slots=True)
 class Undecodable:
@@ -100,7 +105,7 @@ class Ending(Enum):
     ANSWERED = "answered"  # everything due has come
     UNANSWERED = "unanswered"  # no first reply in the reply time
     UNFINISHED = "unfinished"  # accepted and ended, but the final result never came
-    CUT_OFF = "cut off"  # the link or the capture ended first
+    CUT_OFF = "cut off"  # the link, the capture or its transfer ended first
     HUNG_UP = "hung up"  # the one who was asked ended the link instead of answering
     UNSEEN = "unseen"  # a gap, or more requests than are followed, may hide the answer
 
@@ -112,6 +117,7 @@ class Exchange:
     Attributes:
         request: The request.
         command: Its row of the table; None for an undefined opcode.
+        name: The command's name, or the undefined opcode.
         reply: The first reply; for a list in parts, the first part.
         result: The final result of a two-stage command.
         parts: All messages of a program list up to this exchange.
@@ -142,6 +148,7 @@ class Exchange:
 
     request: FrameSeen
     command: Command | None
+    name: str = field(init=False)  # kept, for every rule asks for it
     reply: FrameSeen | None = None
     result: FrameSeen | None = None
     parts: list[FrameSeen] = field(default_factory=list)
@@ -166,10 +173,8 @@ class Exchange:
     chunk: Chunk | None = None
     expected_position: int = 0
 
-    @property
-    def name(self) -> str:
-        """The command's name, or the undefined opcode."""
-        return self.request.name
+    def __post_init__(self) -> None:
+        self.name = self.request.name
 
     @property
     def asked(self) -> Any:

@@ -43,7 +43,7 @@ class Memory:
     def between(self, name: str, begin_ns: int, end_ns: int) -> Iterator[Exchange]:
         """The exchanges of a command that lie between two times, oldest first."""
         for x in self.recent.get(name, ()):
-            if begin_ns < x.time_ns and answered_ns(x) < end_ns:
+            if begin_ns < x.request.place.time_ns and answered_ns(x) < end_ns:
                 yield x
 
     def take(self, happening: Happening, *, busy: bool) -> None:
@@ -66,7 +66,7 @@ class Memory:
     def _ask(self, request: FrameSeen) -> None:
         name, before = request.name, self.asked.get(request.name)
         if name == "upload_name":
-            self.deleted.pop(request.frame.data, None)
+            self.deleted.pop(request.text, None)
         elif name == "set_password" and before:
             answered = self.last(name)
             if answered is None or answered.request is not before:
@@ -80,11 +80,11 @@ class Memory:
             return
         if x.name == "login":
             if len(self.passwords) < 2:  # noqa: PLR2004 - two contradict each other, more say no more
-                self.passwords.add(x.request.frame.data)
+                self.passwords.add(x.request.text)
         elif x.name == "set_password":
             self.passwords = {x.asked.new} if x.asked else set()
         elif x.name == "delete_program":
-            self.deleted[x.request.frame.data] = x
+            self.deleted[x.request.text] = x
             if len(self.deleted) > _KEPT_NAMES:
                 self.deleted.popitem(last=False)
 

@@ -70,10 +70,8 @@ def _of_prelogin(x: Exchange) -> Iterator[Sighting]:
 
 
 def _of_two_stage(x: Exchange) -> Iterator[Sighting]:
-    if x.accepted is False and x.answer.code:
-        yield Sighting(C2A, "err_bare0", "0|code")
-        if x.during:
-            yield Sighting(C2A, "busy_reply", "state")
+    if x.during and x.accepted is False and x.answer.code:
+        yield Sighting(C2A, "busy_reply", "state")
     elif x.during and x.ending is Ending.UNANSWERED:
         yield Sighting(C2A, "busy_reply", "silence")
     if x.interrupted_by and x.interrupted_by.name == "emergency_stop":

@@ -121,6 +121,14 @@ class Waiting:
             if entry.exchange.request.frame.direction is not direction:
                 yield self._drop(entry, Ending.UNSEEN)
 
+    def replace(self, opening: Exchange, now_ns: int) -> Iterator[Exchange]:
+        """The controller has begun a transfer: its chunks of another one are over (A-5-17)."""
+        for entry in self._open.copy():
+            transfer = entry.exchange.transfer
+            if entry.name == "download_chunk" and transfer and transfer.opening is not opening:
+                overdue = entry.due_ns < now_ns
+                yield self._drop(entry, Ending.UNANSWERED if overdue else Ending.CUT_OFF)
+
     def close(self, now_ns: int, hung_up: Direction | None) -> Iterator[Exchange]:
         """The link has ended, `hung_up` having ended it first."""
         for entry in self._open.copy():

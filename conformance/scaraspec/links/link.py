@@ -27,7 +27,11 @@ class Arrival(NamedTuple):
 
 
 class Link(Protocol):
-    """One open connection to a controller, used by one thread."""
+    """One open connection to a controller.
+
+    One thread may send while another one receives; whatever ends the link waits for both. Where
+    time passes only in whoever waits (`memory`), all is for one thread.
+    """
 
     @property
     def now_s(self) -> float:

@@ -73,7 +73,7 @@ class MemoryNetwork:
         """Open a link, which a machine that refuses it closes at once."""
         self._opened += 1
         end = self._links[self._opened] = MemoryLink(self, self._opened)
-        self._perform(self._machine.open(self._opened, self.now_s, link))
+        self.perform(self._machine.open(self._opened, self.now_s, link))
         return end
 
     def run_until(self, time_s: float) -> None:
@@ -87,20 +87,21 @@ class MemoryNetwork:
         if event_s is not None and event_s <= self.now_s:
             event_s = self.now_s + _STEP_S
         self.now_s = limit_s if event_s is None else min(event_s, limit_s)
-        self._perform(self._machine.advance(self.now_s))
+        self.perform(self._machine.advance(self.now_s))
 
     def deliver(self, connection: int, data: bytes) -> None:
         """Bring bytes to the machine."""
-        self._perform(self._machine.receive(connection, data, self.now_s))
+        self.perform(self._machine.receive(connection, data, self.now_s))
 
     def hang_up(self, connection: int) -> None:
         """Tell the machine that a client sends no more; for it, that ends the connection."""
-        self._perform(self._machine.close(connection, self.now_s))
+        self.perform(self._machine.close(connection, self.now_s))
         end = self._links.pop(connection, None)
         if end is not None:
             end.take(None)
 
-    def _perform(self, actions: Sequence[Action]) -> None:
+    def perform(self, actions: Sequence[Action]) -> None:
+        """Bring about what the machine does."""
         for action in actions:
             end = self._links.get(action.connection)
             if end is not None:

@@ -1,6 +1,7 @@
 """TCP links, and the link that any stream socket gives."""
 
 import contextlib
+import selectors
 import socket
 import struct
 import time
@@ -16,9 +17,13 @@ _LINGER_0 = struct.pack("ii", 1, 0)
 
 
 class SocketLink:
-    """A link over a connected stream socket, which it then owns."""
+    """A link over a connected stream socket, which it then owns.
+
+    The socket never blocks: its time-out would be shared by whoever sends and whoever receives.
+    """
 
     def __init__(self, connected: socket.socket) -> None:
+        connected.settimeout(0.0)
         self._socket = connected
         self._cut = False  # sending showed that the peer has cut the connection
         self._ending: Ending | None = None
@@ -32,32 +37,34 @@ class SocketLink:
         """Send all of `data`; see `Link.send`."""
         self._check_open()
         time_ns = time.time_ns()
-        self._socket.settimeout(SEND_TIMEOUT_S)
-        try:
-            self._socket.sendall(data)
-        except TimeoutError:
-            raise LinkError(f"the peer has taken no bytes for {SEND_TIMEOUT_S:g} s") from None
-        except OSError as error:
-            self._cut = True
-            raise LinkError(f"the peer has ended the connection: {error.strerror}") from None
+        rest = memoryview(data)
+        while rest:
+            try:
+                rest = rest[self._socket.send(rest) :]
+            except BlockingIOError:
+                if not self._wait_for(selectors.EVENT_WRITE, SEND_TIMEOUT_S):
+                    sentence = f"the peer has taken no bytes for {SEND_TIMEOUT_S:g} s"
+                    raise LinkError(sentence) from None
+            except OSError as error:
+                self._cut = True
+                raise LinkError(f"the peer has ended the connection: {error.strerror}") from None
         return time_ns
 
     def receive(self, deadline_s: float) -> Arrival | None:
         """Wait for bytes or the end; see `Link.receive`."""
         self._check_open()
-        if self._ending is not None:
-            return Arrival(time.time_ns(), self._ending)
-        self._socket.settimeout(max(0.0, deadline_s - self.now_s))
-        try:
-            data = self._socket.recv(_READ_BYTES)
-        except (TimeoutError, BlockingIOError):
-            return None
-        except OSError:
-            self._ending = Ending.RESET
-        else:
-            if data:
-                return Arrival(time.time_ns(), data)
-            self._ending = Ending.RESET if self._cut else Ending.CLOSED
+        while self._ending is None:
+            try:
+                data = self._socket.recv(_READ_BYTES)
+            except BlockingIOError:
+                if not self._wait_for(selectors.EVENT_READ, deadline_s - self.now_s):
+                    return None
+            except OSError:
+                self._ending = Ending.RESET
+            else:
+                if data:
+                    return Arrival(time.time_ns(), data)
+                self._ending = Ending.RESET if self._cut else Ending.CLOSED
         return Arrival(time.time_ns(), self._ending)
 
     def half_close(self) -> None:
@@ -79,6 +86,12 @@ class SocketLink:
         with contextlib.suppress(OSError):  # a socket that the peer has cut may refuse options
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER_0)
         self._socket.close()
+
+    def _wait_for(self, readiness: int, timeout_s: float) -> bool:
+        """Wait until the socket can be read or written; False when the time is up."""
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._socket, readiness)
+            return bool(selector.select(max(0.0, timeout_s)))
 
     def _check_open(self) -> None:
         if self._socket.fileno() < 0:

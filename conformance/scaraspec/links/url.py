@@ -9,14 +9,14 @@ from typing import NamedTuple
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from scaraspec.links.link import LinkError
+from scaraspec.protocol.port import DEFAULT_PORT
 
-DEFAULT_PORT = 8877
-"""服务器端的接口为 8877 (L79; A-2-1)."""
 DEFAULT_BAUD = 115200
 DEFAULT_CHANNEL = 1
 
 _EXAMPLES = (
-    "tcp://192.168.1.2:8877, serial:///dev/rfcomm0?baud=115200 or rfcomm://AA:BB:CC:DD:EE:FF/1"
+    f"tcp://192.168.1.2:{DEFAULT_PORT}, serial:///dev/rfcomm0?baud={DEFAULT_BAUD} "
+    "or rfcomm://AA:BB:CC:DD:EE:FF/1"
 )
 _MAX_PORT = 65535
 _MAX_CHANNEL = 30  # RFCOMM knows channels 1 to 30
@@ -81,7 +81,7 @@ def parse(url: str) -> Tcp | Serial | Rfcomm:
 
 
 def split_host_port(text: str, lowest_port: int = 1) -> tuple[str, int]:
-    """Split ``host``, ``host:port`` or ``[IPv6]:port``; the port is 8877 where none is named.
+    """Split ``host``, ``host:port`` or ``[IPv6]:port``; without a port it is the default.
 
     Raises:
         UrlError: There is no host, an IPv6 address without brackets, or no port of that number.

@@ -6,6 +6,7 @@ reference are made from these rows. To add a command, add a row; behaviour goes 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -121,6 +122,7 @@ _POINT = Record(_XYZ, Point)
 _POSE = Record(_XYZ + _THETAS, Pose)
 _REASONED = FirstReply()
 _UNREASONED = FirstReply(reasoned=False)
+_BARE = FirstReply(bare_key="err_bare0")
 _RESULT = FinalResult()
 
 
@@ -228,7 +230,7 @@ COMMANDS: Final = (
     Command(0x39, "set_tool_coordinates", "Move to tool coordinates", "设置工具坐标", "4.24",
             (481, 516),
             Record((Integer("speed", "%", minimum=1, maximum=100), *_XYZ, *_THETAS), MoveTarget),
-            _REASONED, _MO, _RESULT),
+            _BARE, _MO, _RESULT),
     Command(0x3A, "release_joints", "Release all joints", "松开所有关节", "4.25", (518, 549),
             _NONE, _REASONED, _MO, _RESULT),
     Command(0x3B, "lock_joints", "Lock all joints", "锁住所有关节", "4.26", (551, 582),
@@ -288,8 +290,11 @@ class Parsed(NamedTuple):
     decoded: Decoded
 
 
+@lru_cache(maxsize=1024)
 def read(frame: Frame) -> Parsed | None:
     """Read a frame by its own opcode, without regard to what was asked before.
+
+    A client that polls says the same again and again, hence the cache.
 
     A reply to 0x0F under opcode 0x0E (A-4.14-1) is told by its four fields. None for an
     undefined opcode, and for a tag on a one-stage command.

@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass, field
 from datetime import datetime
 from enum import Enum
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from scaraspec.protocol import errors
 from scaraspec.protocol.readings import Dialect
@@ -32,6 +32,7 @@ class Wrong(Enum):
     TRAILING_NUL = "trailing NUL"
     TRAILING_BAR = "trailing bar"
     BLANKS = "blanks"
+    NO_CODE = "no code"  # a refusal without its reason (A-4.24-3)
     BINARY = "binary digit"  # 0x00-0x09 where an ASCII digit is due (A-T-1)
     FLAG = "flag"
     NUMBER = "number"
@@ -90,10 +91,15 @@ def show(data: bytes, limit: int = 60) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A named field; subclasses say how it is read and written."""
+    """A named field; subclasses say how it is read and written.
+
+    Attributes:
+        opaque: Its bytes mean nothing to the protocol: blanks at its ends belong to it.
+    """
 
     name: str
     unit: str = ""
+    opaque: ClassVar[bool] = False
 
     def read(self, text: bytes, notes: Notes) -> Any:
         """Return the value, or None where there is none to be had; add complaints to `notes`."""
@@ -166,6 +172,7 @@ class Integer(Field):
 class Text(Field):
     """Opaque bytes: a password (L109). Not empty, no bar (A-T-6)."""
 
+    opaque: ClassVar[bool] = True
     maximum_bytes: int = 255
 
     def read(self, text: bytes, notes: Notes) -> bytes:
@@ -190,6 +197,8 @@ class Text(Field):
 @dataclass(frozen=True, slots=True)
 class Name(Field):
     """A program or file name (A-5-20): opaque bytes, at most 30 by L226."""
+
+    opaque: ClassVar[bool] = True
 
     def read(self, text: bytes, notes: Notes) -> bytes:
         """Read the bytes as they are."""

@@ -118,7 +118,7 @@ class Record(Payload):
 
     def read(self, data: bytes, notes: Notes) -> Any:
         """Split at the bars and read each field."""
-        texts = split(tidy(data, notes), len(self.parts), notes)
+        texts = split(tidy(data, notes), self.parts, notes)
         if len(texts) != len(self.parts):
             notes.add(
                 Wrong.FIELD_COUNT,
@@ -151,8 +151,13 @@ def tidy(data: bytes, notes: Notes) -> bytes:
     return data
 
 
-def split(data: bytes, count: int, notes: Notes) -> list[bytes]:
-    """Split at the bars into `count` texts if that can be; blanks for bars are understood."""
+def split(data: bytes, parts: tuple[Field, ...], notes: Notes) -> list[bytes]:
+    """Split at the bars, into a text for each part if that can be.
+
+    Blanks for bars are understood, and so are blanks around bars (A-T-4), which a name or a
+    password keeps: to it they belong.
+    """
+    count = len(parts)
     if count == 1:
         return [data]
     if data.count(b"|") == count and data.endswith(b"|"):
@@ -165,10 +170,12 @@ def split(data: bytes, count: int, notes: Notes) -> list[bytes]:
         )
         return data.split(b" ")
     texts = data.split(b"|")
-    if any(text != text.strip(b" ") for text in texts):
+    if len(texts) != count:
+        return texts
+    bare = [t if part.opaque else t.strip(b" ") for part, t in zip(parts, texts, strict=True)]
+    if bare != texts:
         notes.add(Wrong.BLANKS, "blanks around a bar")
-        texts = [text.strip(b" ") for text in texts]
-    return texts
+    return bare
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,6 +277,8 @@ class FirstReply(Payload):
     """``1``, or ``0|code`` (L311-316, L399, L701-706); ``0`` alone where no reason is drawn."""
 
     reasoned: bool = True
+    bare_key: str = ""
+    """The reading that allows ``0`` alone although a reason is drawn, where there is one."""
 
     @property
     def form(self) -> str:
@@ -286,10 +295,14 @@ class FirstReply(Payload):
         if data in (b"0", b"\0"):
             if data == b"\0":
                 notes.add(Wrong.BINARY, "the flag is the byte 00, not an ASCII digit")
-            if self.reasoned:
-                notes.readings["err_bare0"] = "0"
+            if self.bare_key:
+                notes.readings[self.bare_key] = "0"
+            elif self.reasoned:
+                notes.add(Wrong.NO_CODE, "the refusal gives no reason")
             return Acceptance(accepted=False)
         if data[:1] == b"0" and self.reasoned:
+            if self.bare_key:
+                notes.readings[self.bare_key] = "0|code"
             return Acceptance(accepted=False, code=_read_coded(data, b"0", notes))
         notes.add(Wrong.FLAG, f"{show(data)!r} is not {self.form}")
         return Acceptance(accepted=False) if data[:1] == b"0" else None
@@ -298,8 +311,10 @@ class FirstReply(Payload):
         """Write the acceptance or the refusal."""
         if value.accepted:
             return b"1"
-        if not self.reasoned or value.code is None or dialect["err_bare0"] == "0":
+        if not self.reasoned or (self.bare_key and dialect[self.bare_key] == "0"):
             return b"0"
+        if value.code is None:
+            raise PayloadError("a refusal needs a code of table 8-1 (L311-316)")
         return _write_coded(b"0", value.code, dialect)
 
 

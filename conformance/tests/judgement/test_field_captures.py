@@ -56,7 +56,6 @@ DIALECTS = {
         A2C: LITTLE,
         C2A: {
             "busy_reply": ("state",),
-            "err_bare0": ("0|code",),
             "list_prefix_sep": ("0|a",),
             "op_get_default": ("0x13",),
             "op_temp_reply": ("0x0F",),

@@ -17,6 +17,22 @@ RUN = """
 """
 LONG_NAME = "6E" * 300  # with the length byte 300 - 256
 
+LEFT = """
+    login
+    > run_program a
+    < run_program 1
+    > close
+    2> login password
+    2< login 1
+"""
+LATER = """
+    2> get_time
+    2< get_time 20260101000000
+    +11
+    2> get_time
+    2< get_time 20260101000011
+"""
+
 CASES = (
     ("3/1", "pass", QUERY),
     ("3/1", "fail", "login\n> = AA 09 05 01 02 03 04 05 06 07\n> get_status\n< get_status 00"),
@@ -212,6 +228,9 @@ CASES = (
             "<90", "> reset\n> get_status\n< get_status 01\n+11\n> get_status\n< get_status 01\n<90"
         ),
     ),
+    # Who started it has gone, and with it the final result.
+    ("3/31", "tolerated busy_reply=silence", LEFT + "2> reset" + LATER),
+    ("3/31", "fail", LEFT + "2> get_status\n2< get_status 00\n2> reset" + LATER),
     (
         "3/31",
         "tolerated A-4-3=not served",

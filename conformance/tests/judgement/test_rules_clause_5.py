@@ -161,6 +161,11 @@ CASES = (
     (
         "5.3/4",
         "fail",
+        "login\n> download_name a\n< chunk 0/200\n< download_name 1\n> download_chunk 1",
+    ),
+    (
+        "5.3/4",
+        "fail",
         UPLOAD + "> download_name a.bin\n< download_name 1\n+61\n> get_status\n< get_status 00",
     ),
     # Of an empty file, which this may be, nothing need come (A-5-10).
@@ -170,6 +175,7 @@ CASES = (
     ("5.3/5", "fail", DOWNLOAD.replace("_chunk 1", "_chunk yes")),
     ("5.3/5", "inconclusive", DOWNLOAD + "< gap 216\n> download_chunk 1"),
     ("5.3/6", "pass", DOWNLOAD),
+    ("5.3/6", "pass", down() + "< chunk 0/300" + FETCH),
     (
         "5.3/6",
         "fail",

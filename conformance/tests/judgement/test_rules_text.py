@@ -28,6 +28,7 @@ CASES = (
     ("T/1", "fail 4.3/2", answered("get_network", "192.168.1.2,255.255.255.0,192.168.1.1")),
     ("T/1", "fail 4.3/2", answered("get_network", "192.168.1.2||255.255.255.0|192.168.1.1")),
     ("T/1", "fail", answered("get_network", "192.168.1.2 | 255.255.255.0 | 192.168.1.1")),
+    ("T/1", "fail", answered("get_running_program", "1|my prog | 00011230")),
     ("T/1", "fail 4.31/2", answered("get_digital_inputs", "1 10000000")),
     ("T/1", "fail 4.10/3", answered("list_programs", "0 a.rob b.rob")),
     ("T/1", "fail", answered("run_program", "0 20", "a.rob")),

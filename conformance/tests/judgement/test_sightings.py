@@ -11,6 +11,7 @@ from scaraspec.protocol.readings import READINGS
 Judged = Callable[..., Any]
 
 STOPPED = "login\n> jog 1\n< jog 1\n> emergency_stop\n< emergency_stop 1\n"
+MOVE = "login\n> set_tool_coordinates 50|200|300|324|0|0|0\n"
 RUN = "login\n> run_program a\n< run_program 1\n"
 LATER = "> get_version\n< get_version 1.0.0\n+11\n> get_version\n< get_version 1.0.0\n"
 
@@ -30,8 +31,8 @@ SEEN = [
     (C2A, "list_empty", "0|", "login\n> list_programs\n< list_programs 0|"),
     (C2A, "runinfo_none", "0||", "login\n> get_running_program\n< get_running_program 0||"),
     (C2A, "default_none", "empty", "login\n> get_default_program\n< get_default_program"),
-    (C2A, "err_bare0", "0", "login\n> reset\n< reset 0"),
-    (C2A, "err_bare0", "0|code", "login\n> reset\n< reset 0|12"),
+    (C2A, "err_bare0", "0", MOVE + "< set_tool_coordinates 0"),
+    (C2A, "err_bare0", "0|code", MOVE + "< set_tool_coordinates 0|12"),
     (C2A, "busy_reply", "state", RUN + "> reset\n< reset 0|01"),
     (C2A, "busy_reply", "silence", RUN + "> reset\n" + LATER),
     (C2A, "estop_interrupted", "first", STOPPED + "<90 jog 11\n<90 emergency_stop 11"),

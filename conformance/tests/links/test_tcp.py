@@ -2,6 +2,7 @@
 
 import socket
 import struct
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -148,6 +149,41 @@ def test_sending_to_a_peer_that_does_not_read_fails_in_time(
     monkeypatch.setattr(tcp, "SEND_TIMEOUT_S", 0.05)
     with pytest.raises(LinkError, match=r"has taken no bytes for 0\.05 s"):
         link.send(bytes(64 * 2**20))
+
+
+def test_one_thread_may_send_while_another_receives(
+    pair: tuple[SocketLink, socket.socket],
+) -> None:
+    """A send that waits for the peer is not cut short by a receive that does not wait at all."""
+    link, peer = pair
+    peer.settimeout(None)
+    data = bytes(range(256)) * 2**16  # more than any socket takes unread
+    sender = threading.Thread(target=link.send, args=(data,))
+    sender.start()
+    taken = peer.recv(1)
+    while len(taken) < len(data):
+        assert link.receive(0.0) is None
+        taken += peer.recv(2**20)
+    sender.join(_SOON_S)
+    assert not sender.is_alive()
+    assert taken == data
+
+
+def test_a_send_does_not_lengthen_a_receive() -> None:
+    """Wherever the one thread is when the other one comes, each keeps its own time."""
+    near, far = socket.socketpair()
+
+    class Interrupted(socket.socket):
+        def recv(self, *arguments: int) -> bytes:
+            link.send(b"from another thread")
+            return super().recv(*arguments)
+
+    link = SocketLink(Interrupted(fileno=near.detach()))
+    with far:
+        began_s = link.now_s
+        assert link.receive(began_s) is None
+        assert link.now_s - began_s < tcp.SEND_TIMEOUT_S / 2
+        link.close()
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "a" * 70, "."])

@@ -5,7 +5,14 @@ from typing import Any
 
 import pytest
 
-from scaraspec.protocol.commands import BY_NAME, MoveTarget, Network, Point, RunningProgram
+from scaraspec.protocol.commands import (
+    BY_NAME,
+    MoveTarget,
+    Network,
+    PasswordChange,
+    Point,
+    RunningProgram,
+)
 from scaraspec.protocol.fields import PayloadError, Wrong, show
 from scaraspec.protocol.payloads import Acceptance, JogDirection, NameListPart, Outcome, Payload
 from scaraspec.protocol.readings import Dialect
@@ -13,6 +20,7 @@ from scaraspec.protocol.readings import Dialect
 NETWORK = Network("1.0.0.1", "255.0.0.0", "1.0.0.2")
 TOO_FAST = MoveTarget(101, 1, 2, 3, 4, 5, 6)
 RUNNING_1_S = RunningProgram(b"a", 1)
+NOT_THERE = Acceptance(accepted=False, code="05")
 
 
 def listed(*names: bytes) -> NameListPart:
@@ -35,6 +43,7 @@ def payload(where: str) -> Payload:
         ("get_network.reply", b"10.0.0.256|255.0.0.0|10.0.0.2", None, Wrong.ADDRESS),
         ("get_gripper_center.reply", b"1|2|3|", Point(1, 2, 3), Wrong.TRAILING_BAR),
         ("get_gripper_center.reply", b"1 | 2 | 3", Point(1, 2, 3), Wrong.BLANKS),
+        ("get_running_program.reply", b"1| a |00000001 ", RunningProgram(b" a ", 1), Wrong.BLANKS),
         ("get_gripper_center.reply", b"1|2|3\0", Point(1, 2, 3), Wrong.TRAILING_NUL),
         ("get_gripper_center.reply", b'"1|2|3"', Point(1, 2, 3), Wrong.QUOTES),
         ("get_gripper_center.reply", b"1,5|2|3", None, Wrong.NUMBER),
@@ -46,6 +55,7 @@ def payload(where: str) -> Payload:
         ("login.reply", b"\1", True, Wrong.BINARY),
         ("login.reply", b"2", None, Wrong.FLAG),
         ("reset.reply", b"0 11", Acceptance(accepted=False, code="11"), Wrong.SPACE_FOR_BAR),
+        ("reset.reply", b"0", Acceptance(accepted=False), Wrong.NO_CODE),
         ("reset.reply", b"0|21", Acceptance(accepted=False), Wrong.CODE),
         ("reset.reply", b"0|08", Acceptance(accepted=False, code="08"), Wrong.RESERVED_CODE),
         ("reset.result", b"00|11|", Outcome(done=False), Wrong.CODE),
@@ -76,6 +86,22 @@ def test_departures(where: str, data: bytes, value: Any, wrong: Wrong) -> None:
 
 
 @pytest.mark.parametrize(
+    ("where", "data", "value"),
+    [
+        ("set_password.request", b" old |new ", PasswordChange(b" old ", b"new ")),
+        ("get_running_program.reply", b"1| a.rob |00000001", RunningProgram(b" a.rob ", 1)),
+        ("list_programs.reply", b"0| a |b ", listed(b" a ", b"b ")),
+        ("login.request", b" password ", b" password "),
+    ],
+)
+def test_blanks_belong_to_names_and_passwords(where: str, data: bytes, value: Any) -> None:
+    """They are kept byte for byte and complained of by nobody; they are opaque (A-T-2)."""
+    decoded = payload(where).decode(data)
+    assert (decoded.value, decoded.complaints) == (value, ())
+    assert payload(where).encode(value) == data
+
+
+@pytest.mark.parametrize(
     ("where", "data", "value", "key", "option"),
     [
         ("get_running_program.reply", b"0", None, "runinfo_none", "0"),
@@ -88,7 +114,8 @@ def test_departures(where: str, data: bytes, value: Any, wrong: Wrong) -> None:
         ("list_programs.reply", b"", listed(), "list_empty", "empty"),
         ("get_default_program.reply", b"", b"", "default_none", "empty"),
         ("get_default_program.reply", b"0", b"", "default_none", "0"),
-        ("reset.reply", b"0", Acceptance(accepted=False), "err_bare0", "0"),
+        ("set_tool_coordinates.reply", b"0", Acceptance(accepted=False), "err_bare0", "0"),
+        ("set_tool_coordinates.reply", b"0|05", NOT_THERE, "err_bare0", "0|code"),
         ("jog.request", b"1", JogDirection.PLUS_Y, "jog_byte", "ascii"),
         ("jog.request", b"\4", JogDirection.MINUS_X, "jog_byte", "binary"),
     ],
@@ -115,6 +142,7 @@ def test_readings(where: str, data: bytes, value: Any, key: str, option: str) ->
         ("set_network.request", ("10.0.0.1", "10.0.0", "10.0.0.1"), "no dotted IPv4"),
         ("set_digital_output.request", (8, 2), "0 to 1"),
         ("reset.reply", Acceptance(accepted=False, code="21"), "no code of table 8-1"),
+        ("reset.reply", Acceptance(accepted=False), "needs a code"),
         ("reset.result", Outcome(done=False), "needs a code"),
     ],
 )

@@ -61,9 +61,8 @@ def gripper_asked_since(time_ns: int, scene: Scene) -> bool:
 
 def locked(scene: Scene) -> bool | None:
     """Whether the joints are locked, by the last lock, release or motion; None if not known."""
-    done = [y.name for y in scene.memory.accepted if y.outcome and y.outcome.done]
-    about = (name for name in reversed(done) if name in (LOCK, RELEASE, *MOTIONS))
-    return next((name != RELEASE for name in about), None)
+    about = (y for y in reversed(scene.memory.accepted) if y.name in (LOCK, RELEASE, *MOTIONS))
+    return next((y.name != RELEASE for y in about if y.outcome and y.outcome.done), None)
 
 
 def changed(first: Exchange, x: Exchange, what: str) -> Judged:

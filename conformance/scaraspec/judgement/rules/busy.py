@@ -6,7 +6,7 @@ from typing import Final
 from scaraspec.judgement.happenings import Ending, Exchange
 from scaraspec.judgement.memory import answered_ns
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
-from scaraspec.judgement.rules.two_stage import NOT_STOP, text_of
+from scaraspec.judgement.rules.two_stage import NOT_STOP
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol import errors
 from scaraspec.protocol.fields import show
@@ -91,7 +91,7 @@ def refused_during_a_program(x: Exchange, scene: Scene) -> Judged | None:
     """While a program runs the refusal is "0|01" (L394-399, L706); a fault may win (A-4.8-2)."""
     if [y.name for y in x.during] != ["run_program"] or x.unsettled or not x.reply:
         return None
-    said = text_of(x.reply)
+    said = x.reply.text
     code = errors.lookup(x.answer.code) if x.answer and x.answer.code else None
     if said == b"0|01" or (code and code.kind is errors.Kind.FAULT):
         return PASSED

@@ -8,8 +8,8 @@ from scaraspec.judgement.scene import Scene
 from scaraspec.judgement.wire import Kind, Place
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.port import DEFAULT_PORT
 
-_TO_THE_PORT = re.compile(r":8877$")
 _TLS_RECORD = re.compile(rb"[\x14-\x17]\x03[\x00-\x04]")
 _COMPRESSED = re.compile(rb"\x1f\x8b\x08|\x28\xb5\x2f\xfd")
 _STOP = "emergency_stop"
@@ -35,7 +35,7 @@ def client_opens(change: LinkChange, _: Scene) -> Judged | None:
 def default_port(change: LinkChange, _: Scene) -> Judged | None:
     """The client connects to port 8877 (L79); to another one its user may have sent it."""
     opened = change.event.kind is Kind.OPENED
-    return PASSED if opened and _TO_THE_PORT.search(change.event.note) else None
+    return PASSED if opened and change.event.note.endswith(f":{DEFAULT_PORT}") else None
 
 
 @rule("2/4", on=FrameSeen)
@@ -104,6 +104,6 @@ def nothing_done_without_login(x: Exchange, scene: Scene) -> Judged | None:
 
 
 def _served_reading(x: Exchange) -> Judged:
-    if x.reply and x.reply.frame.data.rstrip(b"\0") == b"0":  # the failure form of a query
+    if x.reply and x.reply.text == b"0":  # the failure form of a query
         return PASSED
     return tolerated("prelogin", "reads", f"{x.name} was answered without a login")

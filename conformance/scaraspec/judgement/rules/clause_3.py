@@ -1,6 +1,7 @@
 """Clause 3: frames, tags, and which reply belongs to which request."""
 
 from scaraspec.judgement.happenings import Ending, Exchange, FrameSeen, Unasked, Undecodable
+from scaraspec.judgement.memory import answered_ns
 from scaraspec.judgement.rules.diagnosis import Fault, diagnose
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
 from scaraspec.judgement.scene import Scene
@@ -271,10 +272,10 @@ def _silence(x: Exchange, scene: Scene) -> Judged | None:
     """The readings that allow silence, and what looks like a dead link."""
     if not x.certain:
         return unsure(f"the answer to {x.name} may be in a gap of the recording")
-    if x.during and x.command and x.command.two_stage:
-        return tolerated("busy_reply", "silence", f"{x.name} was not answered by the busy robot")
-    if x.during:
-        return tolerated("A-4-3", "not served", f"{x.name} was not answered by the busy robot")
+    if x.during or _may_be_busy(x, scene):
+        two_stage = x.command is not None and x.command.two_stage
+        reading = ("busy_reply", "silence") if two_stage else ("A-4-3", "not served")
+        return tolerated(*reading, f"{x.name} was not answered by the busy robot")
     if x.name == "get_default_program":
         opcode, other = x.request.frame.opcode, scene.last.get(x.name)
         if other and other.request.frame.opcode != opcode:
@@ -284,6 +285,15 @@ def _silence(x: Exchange, scene: Scene) -> Judged | None:
     if not x.later_answered:
         return unsure(f"nothing was answered any more from {x.name} on: the link may have died")
     return None
+
+
+def _may_be_busy(x: Exchange, scene: Scene) -> bool:
+    """Whether the end of what was accepted last was not seen: its client may have hung up."""
+    accepted = reversed(scene.memory.accepted)
+    last = next((y for y in accepted if answered_ns(y) < x.time_ns), None)
+    if last is None or last.result:
+        return False
+    return not answered_ns(last) < scene.memory.idle_seen_ns < x.time_ns
 
 
 # Final results
@@ -301,10 +311,17 @@ def _misplaced(unasked: Unasked) -> bool:
     return known and not unasked.late and not unasked.elsewhere
 
 
+def _asked_elsewhere(unasked: Unasked, scene: Scene) -> bool:
+    """Whether another connection has asked for it, be it that its reply is still on the way."""
+    asked = scene.memory.asked.get(unasked.seen.name)
+    here = unasked.seen.place.connection
+    return unasked.elsewhere or (asked is not None and asked.place.connection != here)
+
+
 @rule("3/16", on=Unasked, sender=C2A)
-def result_out_of_the_blue(unasked: Unasked, _: Scene) -> Judged | None:
+def result_out_of_the_blue(unasked: Unasked, scene: Scene) -> Judged | None:
     """A final result without an accepted request before it."""
-    if unasked.elsewhere and not unasked.late:
+    if _asked_elsewhere(unasked, scene) and not unasked.late:
         return tolerated(
             "A-2-9",
             "elsewhere",

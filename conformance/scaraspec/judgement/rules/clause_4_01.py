@@ -18,9 +18,16 @@ def request_holds_a_password(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 def _right_before(x: Exchange, scene: Scene) -> bool | None:
-    """Whether this password is the one last accepted, which nobody has changed; None if unknown."""
+    """Whether this password is the one last accepted, which nobody has changed; None if unknown.
+
+    Quotation marks or a NUL may make another password of it, and may not (A-0-3, A-T-3).
+    """
     before = scene.last.get("login")
-    return None if before is None or not before.accepted else before.asked == x.asked
+    if before is None or not before.accepted:
+        return None
+    if before.request.frame.data == x.request.frame.data:
+        return True
+    return None if before.asked == x.asked else False
 
 
 @rule("4.1/2", on=Exchange, names=_LOGIN)

@@ -12,14 +12,8 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 
 _STATUS: Final = ("get_status",)
-_REQUIREMENT_OF: Final = {
-    "run_program": "4.8/4",
-    "simulate_program": "4.8/5",
-    "reset": "4.8/6",
-    "set_tool_coordinates": "4.8/7",
-    "jog": "4.8/7",
-}
-"""Two-stage commands that have a state, and the requirement that says so (L1018-1021)."""
+_REQUIREMENT_OF: Final = {"01": "4.8/4", "02": "4.8/5", "03": "4.8/6", "04": "4.8/7"}
+"""The requirement that says when the status is which (L1018-1021)."""
 
 
 @rule("4.8/1", on=FrameSeen, names=_STATUS, sender=A2C)
@@ -69,7 +63,8 @@ def _state(x: Exchange, _: Scene, *, name: str) -> Judged | None:
     )
 
 
-for _name, _requirement in _REQUIREMENT_OF.items():
+for _name, _code in STATE_OF.items():
+    _requirement = _REQUIREMENT_OF[_code]
     rule(_requirement, on=Exchange, names=_STATUS)(partial(_state, name=_name))
     rule(_requirement, on=Exchange, names=(_name,))(never_idle_while_executing)
 

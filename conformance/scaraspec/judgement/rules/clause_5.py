@@ -333,6 +333,22 @@ def reads_back(transfer: Transfer, scene: Scene) -> Judged | None:
     )
 
 
+@rule("5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
+def content_behind_the_answer(x: Exchange, _: Scene) -> Judged | None:
+    """The first chunk comes behind the answer to the name, not ahead of it (L777; A-5-23)."""
+    opening = x.transfer.opening if x.transfer else None
+    if opening is None or opening.reply is None:
+        return None
+    if opening.reply.place.offset_bytes < x.request.place.offset_bytes:
+        return PASSED
+    return failed(
+        "content came before the name was answered",
+        expected="1, then the first chunk",
+        observed="a chunk, then 1",
+        at=(x.request.place, opening.reply.place),
+    )
+
+
 @rule("5.3/4", on=Transfer)
 def content_follows(transfer: Transfer, scene: Scene) -> Judged | None:
     """After "1" the controller sends the content (L777-780); an empty file has none (A-5-10)."""

@@ -4,24 +4,17 @@ from typing import Final
 
 from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, rule, tolerated
-from scaraspec.judgement.rules.text import observed
+from scaraspec.judgement.rules.text import has_codes, observed
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol import errors
 from scaraspec.protocol.direction import C2A
-from scaraspec.protocol.fields import StatusCode
-from scaraspec.protocol.payloads import FinalResult, FirstReply, Payload
 
 _CODE_BYTES: Final = 2
 
 
-def _has_codes(payload: Payload) -> bool:
-    status = any(isinstance(field, StatusCode) for field in payload.fields)
-    return status or isinstance(payload, FirstReply | FinalResult)
-
-
 def _code(seen: FrameSeen) -> bytes | None:
     """The bytes at the place of a code; None where the payload has no such place."""
-    data = seen.frame.data.rstrip(b"\0") or seen.frame.data
+    data = seen.text or seen.frame.data
     if seen.name == "get_status":
         return data
     prefix = b"00" if seen.frame.tagged else b"0"
@@ -29,7 +22,7 @@ def _code(seen: FrameSeen) -> bytes | None:
     return behind[1:] if data.startswith(prefix) and len(behind) > 1 else None
 
 
-@rule("8/1", on=FrameSeen, sender=C2A, payload=_has_codes)
+@rule("8/1", on=FrameSeen, sender=C2A, payload=has_codes)
 def code_is_text(seen: FrameSeen, _: Scene) -> Judged | None:
     """Codes are strings (L1014), not numbers in a byte."""
     code = _code(seen)
@@ -40,7 +33,7 @@ def code_is_text(seen: FrameSeen, _: Scene) -> Judged | None:
     return failed("a code is no text", expected="two characters", observed=code.hex(" "))
 
 
-@rule("8/2", on=FrameSeen, sender=C2A, payload=_has_codes)
+@rule("8/2", on=FrameSeen, sender=C2A, payload=has_codes)
 def code_of_the_table(seen: FrameSeen, _: Scene) -> Judged | None:
     """Only codes of table 8-1 are used (L1017-1044); T/7 says that they have two characters."""
     code = _code(seen)
@@ -55,7 +48,7 @@ def code_of_the_table(seen: FrameSeen, _: Scene) -> Judged | None:
     )
 
 
-@rule("8/3", on=FrameSeen, sender=C2A, payload=_has_codes)
+@rule("8/3", on=FrameSeen, sender=C2A, payload=has_codes)
 def no_reserved_code(seen: FrameSeen, _: Scene) -> Judged | None:
     """Reserved codes are not sent (L1024-1028; A-8-3)."""
     code = errors.lookup((_code(seen) or b"").decode("latin-1"))

@@ -4,9 +4,9 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from scaraspec.judgement.happenings import Undecodable
-from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import TAG, Why
+from scaraspec.protocol.secrecy import mask_loose
 from scaraspec.protocol.wrong_lengths import recognise
 
 _SHORTEST_FRAME_BYTES: Final = 4
@@ -54,8 +54,7 @@ def diagnose(found: Undecodable) -> Diagnosis:
         return _stray(found)  # a start byte that begins nothing
     declared = data[head - 1]
     if len(data) == head + declared + 1:
-        secret = data[1] in BY_OPCODE and BY_OPCODE[data[1]].secret
-        observed = "another byte" if secret else f"{data[-1]:02X}"
+        observed = "another byte" if mask_loose(data) != data else f"{data[-1]:02X}"
         return Diagnosis(Fault.END, f"{direction.end:02X}", observed)
     if data[-1] == direction.end:
         return _length(found, head)

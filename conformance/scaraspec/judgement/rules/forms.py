@@ -10,7 +10,7 @@ from typing import Final
 from scaraspec.judgement.happenings import Exchange, FrameSeen, Undecodable
 from scaraspec.judgement.rules.diagnosis import Fault, diagnose
 from scaraspec.judgement.rules.flag import one_flag
-from scaraspec.judgement.rules.rule import PASSED, Judged, failed, payload_of, rule, tolerated
+from scaraspec.judgement.rules.rule import PASSED, Judged, failed, payload_of, rule
 from scaraspec.judgement.rules.text import observed
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol.direction import A2C
@@ -40,7 +40,7 @@ _EMPTY_REQUEST: Final = {
 
 _COUNT: Final = (Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR, Wrong.SIZE)
 _NUMBERS: Final = (*_COUNT, Wrong.NUMBER)
-_REASON: Final = (Wrong.FLAG, Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR)
+_REASON: Final = (Wrong.FLAG, Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR, Wrong.NO_CODE)
 _OF_THE_TEXT: Final = frozenset({Wrong.TRAILING_NUL, Wrong.QUOTES, Wrong.BINARY})
 """How it is written, which T/2 to T/4 judge."""
 
@@ -133,8 +133,6 @@ def _form(seen: FrameSeen, _: Scene, *, part: str, wrongs: Collection[Wrong]) ->
         if complaint.wrong in wrongs:
             form = payload.form if payload else ""
             return failed(complaint.text, expected=form, observed=observed(seen))
-    if ("err_bare0", "0") in decoded.readings:
-        return refusal_without_code(seen)
     readable = all(complaint.wrong not in _OF_THE_TEXT for complaint in decoded.complaints)
     return PASSED if readable else None
 
@@ -162,14 +160,6 @@ def speed_in_percent(seen: FrameSeen, scene: Scene) -> Judged | None:
     return failed(
         f"the speed is {show(text)!r}", expected="an integer, 1 to 100", observed=show(text)
     )
-
-
-def refusal_without_code(seen: FrameSeen) -> Judged:
-    """A refusal of one character: the document prints its length for 0x39 alone (A-4.24-3)."""
-    said = f"the refusal of {seen.name} has no code"
-    if seen.name in _MOVE:
-        return tolerated("err_bare0", "0", said)
-    return failed(said, expected="0|code", observed=observed(seen))
 
 
 def _real_length(x: Exchange, _: Scene) -> Judged | None:
@@ -207,7 +197,7 @@ def wrong_length_of_a_position(found: Undecodable, _: Scene) -> Judged | None:
 @rule("4.33/1", on=FrameSeen, names=("get_analog_input",), sender=A2C)
 def port_in_two_characters(seen: FrameSeen, _: Scene) -> Judged | None:
     """The request is the port number in two characters (L667-670; A-4.32-1)."""
-    text = seen.frame.data.rstrip(b"\0")
+    text = seen.text
     if len(text) == _PORT_DIGITS and text.isdigit():
         return PASSED
     return failed("the port is not two digits", expected="two digits", observed=observed(seen))

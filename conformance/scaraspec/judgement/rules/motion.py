@@ -146,12 +146,12 @@ _Two = tuple[Exchange, Exchange]
 
 def _around(motion: Exchange, x: Exchange, scene: Scene) -> tuple[_Two, _Two] | None:
     """Joints and pose before and after a motion; `x` is one of the two after it."""
+    if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
+        return None
     other = POSE if x.name == JOINTS else JOINTS
     then = next(scene.memory.between(other, ended_ns(motion), x.time_ns), None)
     before, other_before = (reading_before(motion, name, scene) for name in (x.name, other))
     if not then or not then.answer or not x.answer or not before or not other_before:
-        return None
-    if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
         return None
     first_ns = min(before.time_ns, other_before.time_ns)
     apart_ns = max(before.time_ns, other_before.time_ns) - first_ns

@@ -70,6 +70,8 @@ def _due(x: Exchange, scene: Scene) -> str | None:
     settings = list(scene.memory.between(_SET, answered_ns(before), x.time_ns))
     if len(settings) == KEPT_EXCHANGES:  # there may have been more
         return None
+    if any(_overlap(setting, y) for setting in scene.memory.recent[_SET] for y in (before, x)):
+        return None
     due: str = before.answer
     for setting in settings:
         if setting.accepted is None or setting.asked is None:
@@ -77,6 +79,11 @@ def _due(x: Exchange, scene: Scene) -> str | None:
         if setting.accepted and 1 <= setting.asked.port <= _OUTPUTS:
             due = _with(due, *setting.asked)
     return due
+
+
+def _overlap(x: Exchange, y: Exchange) -> bool:
+    """Whether two exchanges lie so close that nobody can tell which was carried out first."""
+    return x.time_ns <= answered_ns(y) and y.time_ns <= answered_ns(x)
 
 
 def _shows_mirrored(x: Exchange, setting: Exchange, scene: Scene) -> bool:

@@ -171,7 +171,7 @@ def deleted_is_not_listed(x: Exchange, scene: Scene) -> Judged | None:
     if not deletions:
         return PASSED
     return failed(
-        f"{show(deletions[0].request.frame.data)} was deleted and is still listed",
+        f"{show(deletions[0].request.text)} was deleted and is still listed",
         expected="not in the list",
         observed="in the list",
         at=(*places_of(deletions[0]), *places_of(x)),
@@ -189,7 +189,7 @@ def _deletions(names: list[bytes], before_ns: int, scene: Scene) -> Iterator[Exc
 @rule("4.11/3", on=Exchange, names=("download_name", *_RUNS))
 def deleted_is_gone(x: Exchange, scene: Scene) -> Judged | None:
     """What was deleted can be neither downloaded nor run (L260); it may fail late (A-4.15-1)."""
-    deletion = next(_deletions([x.request.frame.data], x.time_ns, scene), None)
+    deletion = next(_deletions([x.request.text], x.time_ns, scene), None)
     if deletion is None or x.accepted is None:
         return None
     failed_late = x.outcome is not None and not x.outcome.done
@@ -198,7 +198,7 @@ def deleted_is_gone(x: Exchange, scene: Scene) -> Judged | None:
     if x.command and x.command.two_stage and x.outcome is None:
         return None
     return failed(
-        f"{show(x.request.frame.data)} was deleted, and {x.name} still found it",
+        f"{show(x.request.text)} was deleted, and {x.name} still found it",
         expected="0",
         observed="1",
         at=(*places_of(deletion), *places_of(x)),
@@ -231,7 +231,7 @@ def code_20(x: Exchange, scene: Scene) -> Judged | None:
             expected="another code",
             observed="20",
         )
-    name = x.request.frame.data
+    name = x.request.text
     stored = scene.files.get(name)
     if stored and is_valid_program(stored):
         return failed(

@@ -148,11 +148,13 @@ def short_name(x: Exchange, _: Scene) -> Judged | None:
 def flag_agrees_with_status(x: Exchange, scene: Scene) -> Judged | None:
     """The flag is "1" while the status is 01, or 02 where a simulation counts (A-4.9-4).
 
-    Held against statuses before and behind that are the same.
+    Held against statuses before and behind that are the same, with nothing begun between them.
     """
     before = scene.memory.last("get_status", before_ns=x.time_ns)
     near = before is not None and x.time_ns - before.time_ns <= _SECOND_NS
     if before is None or not near or before.answer != x.answer or x.answer not in ("01", "02"):
+        return None
+    if any(answered_ns(y) > before.time_ns for y in scene.memory.accepted):
         return None
     for y in scene.memory.between("get_running_program", answered_ns(before), x.time_ns):
         if y.answer:

@@ -101,7 +101,7 @@ def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
     """
     setting = in_force("set_default_program", x, scene)
     deletion = scene.memory.asked.get("delete_program")
-    if setting is None or (deletion and deletion.place.time_ns > setting.time_ns):
+    if setting is None or (deletion and deletion.place.time_ns >= setting.time_ns):
         return None
     return _read_back(
         "set_default_program", x, scene, lambda setting, answer: setting.asked == answer
@@ -113,7 +113,7 @@ def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
 
 def _same_numbers(setting: Exchange, answer: Any, count: int) -> bool:
     """Equal to the last decimal, where it is the first; else as far as one decimal says."""
-    texts = setting.request.frame.data.rstrip(b"\0").split(b"|")
+    texts = setting.request.text.split(b"|")
     pairs = zip(texts[:count], setting.asked[:count], answer[:count], strict=True)
     return all(
         abs(got - value) <= (_ROUNDED if len(text.partition(b".")[2]) > 1 else 0)

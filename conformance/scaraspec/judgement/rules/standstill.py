@@ -63,8 +63,10 @@ def _still_after(names: Sequence[str], x: Exchange, scene: Scene) -> Judged | No
     motion = last_motion(x, scene)
     if motion is None or motion.name not in names or not x.answer:
         return None
+    if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
+        return None
     first = next(scene.memory.between(x.name, ended_ns(motion), x.time_ns), None)
-    if first is None or not first.answer or answered_ns(x) - ended_ns(motion) > MOMENT_NS:
+    if first is None or not first.answer:
         return None
     if not differ(first.answer, x.answer, STANDSTILL):
         return PASSED
@@ -107,6 +109,8 @@ def _still_between_statuses(name: str, x: Exchange, scene: Scene) -> Judged | No
 
 def _moves_nothing(x: Exchange, scene: Scene, *, setter: str) -> Judged | None:
     """A setting between two readings of the joints moves none of them."""
+    if setter not in scene.memory.recent:
+        return None
     before = scene.memory.last(JOINTS, before_ns=x.time_ns)
     since_ns = scene.memory.idle_since_ns
     if before is None or not before.answer or not x.answer or since_ns is None:

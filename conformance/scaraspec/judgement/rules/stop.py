@@ -6,7 +6,6 @@ from scaraspec.judgement.happenings import Exchange
 from scaraspec.judgement.memory import answered_ns
 from scaraspec.judgement.rules.busy import BUSY, STATE_OF, surely_executes
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
-from scaraspec.judgement.rules.two_stage import text_of
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol.fields import show
 
@@ -20,7 +19,7 @@ def refusal_is_bare(x: Exchange, _: Scene) -> Judged | None:
     """When no stop is needed the reply is "0" (L363-366)."""
     if not x.reply or x.reply.frame.data[:1] != b"0":
         return None
-    said = text_of(x.reply)
+    said = x.reply.text
     if said == b"0":
         return PASSED
     return tolerated("A-4.17-1", "0|…", f"the stop was refused with {show(said)}")

@@ -4,7 +4,7 @@ from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, payload_of, rule, tolerated
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.fields import Name, Notes, Number, StatusCode, Text, Wrong, show
+from scaraspec.protocol.fields import Notes, Number, StatusCode, Wrong, show
 from scaraspec.protocol.payloads import (
     Acceptance,
     Answer,
@@ -16,12 +16,13 @@ from scaraspec.protocol.payloads import (
     Payload,
     tidy,
 )
+from scaraspec.protocol.secrecy import is_secret
 from scaraspec.protocol.transfer import FileData
 
 
 def observed(seen: FrameSeen) -> str:
-    """The payload's text as evidence; passwords are never shown, nor what answers them."""
-    if seen.command and seen.command.secret:
+    """The payload's text as evidence; passwords are never shown."""
+    if is_secret(seen.frame):
         return f"{len(seen.frame.data)} bytes"
     return show(seen.frame.data)
 
@@ -40,11 +41,11 @@ def _has_numbers(payload: Payload) -> bool:
 
 
 def _is_opaque(payload: Payload) -> bool:
-    """Whether it holds bytes that mean nothing to the protocol, blanks among them."""
-    return any(isinstance(field, Name | Text) for field in payload.fields)
+    return any(field.opaque for field in payload.fields)
 
 
-def _has_codes(payload: Payload) -> bool:
+def has_codes(payload: Payload) -> bool:
+    """Whether a code of table 8-1 may stand in it."""
     status = any(isinstance(field, StatusCode) for field in payload.fields)
     return status or isinstance(payload, FirstReply | FinalResult)
 
@@ -69,10 +70,8 @@ def _broken(seen: FrameSeen, text: str) -> Judged:
 @rule("T/1", on=FrameSeen, payload=_has_bars)
 def bars(seen: FrameSeen, _: Scene) -> Judged | None:
     """Fields are separated by one bar (L125, L150, L226)."""
-    payload, data = payload_of(seen), seen.frame.data
-    wrongs = [Wrong.SPACE_FOR_BAR]
-    if payload and not _is_opaque(payload):
-        wrongs.append(Wrong.BLANKS)
+    data = seen.frame.data
+    wrongs = [Wrong.SPACE_FOR_BAR, Wrong.BLANKS]
     if b"||" in data or b"|" not in data:  # with a bar each, the number of fields is not its matter
         wrongs.append(Wrong.FIELD_COUNT)
     return _without(seen, *wrongs)
@@ -128,7 +127,7 @@ def no_bar_in_names(seen: FrameSeen, _: Scene) -> Judged | None:
     return PASSED
 
 
-@rule("T/7", on=FrameSeen, sender=C2A, payload=_has_codes)
+@rule("T/7", on=FrameSeen, sender=C2A, payload=has_codes)
 def codes(seen: FrameSeen, _: Scene) -> Judged | None:
     """Codes are two characters of table 8-1 (L1014)."""
     judged, value = _without(seen, Wrong.CODE), seen.value

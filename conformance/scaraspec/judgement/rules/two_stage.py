@@ -6,7 +6,6 @@ What a busy robot answers stands in `busy`; how an emergency stop goes in `stop`
 from typing import Final
 
 from scaraspec.judgement.happenings import Exchange, FrameSeen, Unasked
-from scaraspec.judgement.rules.forms import refusal_without_code
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, rule, tolerated
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol import errors
@@ -23,17 +22,24 @@ _LONG_NS: Final = 1_000_000_000
 _TIMES: Final = 10
 
 
-def text_of(seen: FrameSeen) -> bytes:
-    """Its data, without the NUL that T/4 tolerates."""
-    return seen.frame.data.rstrip(b"\0")
-
-
 def _misses_its_form(seen: FrameSeen) -> bool:
     complaints = seen.parsed.decoded.complaints if seen.parsed else ()
     return any(c.wrong in (Wrong.FLAG, Wrong.FIELD_COUNT) for c in complaints)
 
 
 # First replies
+
+
+def _without_code(x: Exchange) -> Judged | None:
+    """A refusal of one character: the document prints its length for 0x39 alone (A-4.24-3)."""
+    assert x.reply
+    assert x.reply.parsed
+    decoded, said = x.reply.parsed.decoded, f"the refusal of {x.name} has no code"
+    if ("err_bare0", "0") in decoded.readings:
+        return tolerated("err_bare0", "0", said)
+    if any(complaint.wrong is Wrong.NO_CODE for complaint in decoded.complaints):
+        return failed(said, expected="0|code", observed=show(x.reply.frame.data))
+    return None
 
 
 @rule("4/1", on=Exchange, names=TWO_STAGE)
@@ -48,9 +54,9 @@ def first_reply(x: Exchange, _: Scene) -> Judged | None:
             expected=x.command.reply.form,
             observed=show(x.reply.frame.data),
         )
-    if x.name in NOT_STOP and text_of(x.reply) == b"0":
-        return refusal_without_code(x.reply)
-    return PASSED if x.accepted is not None else None
+    if x.accepted is False:
+        return _without_code(x) or PASSED
+    return PASSED if x.accepted else None
 
 
 @rule("4.15/3", on=Exchange, names=("run_program",))
@@ -62,9 +68,7 @@ def refusal(x: Exchange, _: Scene) -> Judged | None:
         return None
     if x.answer.code:
         return PASSED
-    if text_of(x.reply) == b"0":
-        return refusal_without_code(x.reply)
-    return failed(
+    return _without_code(x) or failed(
         f"the refusal of {x.name} has no code of table 8-1",
         expected="0|code",
         observed=show(x.reply.frame.data),
@@ -79,7 +83,7 @@ def acceptance(x: Exchange, _: Scene) -> Judged | None:
     """What can be done is answered "1" (L316, L401-404, L499-502, L696-699)."""
     if not x.reply or x.reply.frame.data[:1] != b"1":
         return None
-    if text_of(x.reply) == b"1":
+    if x.reply.text == b"1":
         return PASSED
     return failed("more than the flag 1", expected="1", observed=show(x.reply.frame.data))
 
@@ -99,8 +103,8 @@ def reply_before_execution(x: Exchange, scene: Scene) -> Judged | None:
     It came at the end where it took long, the final result was with it, and queries take less.
     Where the command was asked again it may be the answer to that.
     """
-    if not x.result or x.latency_ns is None or x.duration_ns is None:
-        return None
+    if not x.result or x.latency_ns is None or x.duration_ns is None or x.unsettled:
+        return None  # what began or ended meanwhile may have kept it waiting (A-4-2)
     if scene.memory.asked.get(x.name) is not x.request:
         return None
     if x.duration_ns > _AT_ONCE_NS or x.latency_ns < _LONG_NS:

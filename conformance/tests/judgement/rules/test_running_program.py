@@ -47,6 +47,24 @@ SECONDS = "".join(
     for second in range(50, 60)
 )
 
+RESTARTED = """
+    login
+    > run_program a.rob
+    < run_program 1
+    > get_status
+    < get_status 01
+    > emergency_stop
+    < emergency_stop 1
+    <90 run_program 00|00
+    <90 emergency_stop 11
+    > get_running_program
+    < get_running_program 0
+    > run_program a.rob
+    < run_program 1
+    > get_status
+    < get_status 01
+"""
+
 CASES = (
     ("4.9/2", "pass", during("1|a.rob|00000000")),
     ("4.9/2", "pass", during(r"\x01|a.rob|00000000")),
@@ -90,6 +108,7 @@ CASES = (
     ("4.9/10", "tolerated A-4.9-4=no", idle("0", status="02")),
     ("4.9/10", "none", idle("0", status="01", pause="+2")),
     ("4.9/10", "none", idle("0", status="12")),
+    ("4.9/10", "none", RESTARTED),
 )
 
 

@@ -31,54 +31,24 @@ READ = "> get_gripper_center\n< get_gripper_center 0|0|5"
 PROGRAM = "> run_program a\n< run_program 1\n<90 run_program 11"
 
 
-def network(value: str, answer: str, between: str = "", reply: str = "1") -> str:
-    """A network that is set and read."""
-    return SET_GET.format(
-        setter="set_network",
-        getter="get_network",
-        value=value,
-        reply=reply,
-        answer=answer,
-        between=between,
-    )
+def setting(name: str) -> Callable[..., str]:
+    """Makes sessions in which this is set and read."""
+
+    def session(value: str, answer: str, between: str = "", reply: str = "1") -> str:
+        return SET_GET.format(
+            setter=f"set_{name}",
+            getter=f"get_{name}",
+            value=value,
+            reply=reply,
+            answer=answer,
+            between=between,
+        )
+
+    return session
 
 
-def default(value: str, answer: str, between: str = "", reply: str = "1") -> str:
-    """A default program that is set and read."""
-    return SET_GET.format(
-        setter="set_default_program",
-        getter="get_default_program",
-        value=value,
-        reply=reply,
-        answer=answer,
-        between=between,
-    )
-
-
-def gripper(value: str, answer: str, between: str = "", reply: str = "1") -> str:
-    """A gripper centre that is set and read."""
-    return SET_GET.format(
-        setter="set_gripper_center",
-        getter="get_gripper_center",
-        value=value,
-        reply=reply,
-        answer=answer,
-        between=between,
-    )
-
-
-def position(value: str, answer: str, between: str = "", reply: str = "1") -> str:
-    """An initial tool position that is set and read."""
-    return SET_GET.format(
-        setter="set_initial_tool_position",
-        getter="get_initial_tool_position",
-        value=value,
-        reply=reply,
-        answer=answer,
-        between=between,
-    )
-
-
+network, default = setting("network"), setting("default_program")
+gripper, position = setting("gripper_center"), setting("initial_tool_position")
 HOME, OFFICE = "10.0.0.2|255.0.0.0|10.0.0.1", "10.0.0.3|255.0.0.0|10.0.0.1"
 
 CASES = (
