@@ -6,11 +6,12 @@ import click
 from rich.console import Console
 
 from scaraspec.cli.auditing import audit
+from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.report import html, terminal
 from scaraspec.report.words import Language
-from scaraspec_recorder.source import CaptureError
+from scaraspec_recorder.problems import CaptureError
 
 EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"
 
@@ -19,13 +20,7 @@ _PATH = click.Path(path_type=Path)
 
 @click.command(epilog=EXAMPLE)
 @click.argument("file", type=_PATH)
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=8877,
-    show_default=True,
-    help="The controller's TCP port in a pcap; 0 for any.",
-)
+@capture_port
 @click.option("--serial", is_flag=True, help="The link was serial: no login is needed (clause 2).")
 @click.option(
     "--reading",
@@ -44,7 +39,7 @@ _PATH = click.Path(path_type=Path)
 )
 def command(  # noqa: PLR0913 - one for each option
     file: Path,
-    port: int,
+    port: int | None,
     *,
     serial: bool,
     readings: tuple[str, ...],
@@ -58,7 +53,7 @@ def command(  # noqa: PLR0913 - one for each option
     """
     try:
         dialect = Dialect.parse(readings)
-        results, notes = audit(file, dialect=dialect, port=port or None, needs_login=not serial)
+        results, notes = audit(file, dialect=dialect, port=port, needs_login=not serial)
         if json_file:
             results.write(json_file)
         if html_file:

@@ -13,9 +13,11 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.options import DEFAULT_PASSWORD
+from scaraspec.cli.problems import Problem
 from scaraspec.client import Client, ClientError, LinkLost, ReplyTimeout
 from scaraspec.client.words import OPERATIONS, TRANSFERS, arguments, json_of, json_of_error, lines
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.links.connect import CONNECT_TIMEOUT_S
 from scaraspec.links.link import LinkError
 from scaraspec.links.url import Tcp, parse
@@ -25,7 +27,6 @@ from scaraspec.protocol.readings import DEFAULT
 
 EXAMPLE = "Example: scaraspec call tcp://127.0.0.1:8877 set_digital_output 8 1"
 
-_DEFAULT_PASSWORD = "password"  # noqa: S105 - the document's own (L109)
 _SILENT = (ReplyTimeout, LinkLost)
 _USAGE = (PayloadError, LinkError, OSError)
 
@@ -95,7 +96,7 @@ def _carry_out(
     if name == "login":
         password = None  # it logs in itself
     elif password is None and isinstance(parse(url), Tcp):
-        password = _DEFAULT_PASSWORD
+        password = DEFAULT_PASSWORD
     dialect = DEFAULT
     if timeout_s is not None:
         dialect = dialect.replace(reply_timeout=f"{timeout_s:.3f}")
@@ -115,7 +116,7 @@ def _carry_out(
         except KeyboardInterrupt:
             raise Problem(
                 f"{name} goes on: only the waiting for it has ended; emergency_stop stops it",
-                Exit.INCONCLUSIVE,
+                ExitStatus.INCONCLUSIVE,
             ) from None
 
 
@@ -131,10 +132,10 @@ def _transfer(client: Client, name: str, values: list[str]) -> Any:
         return getattr(client, name)(*values, progress=progress)
 
 
-def _status(error: Exception) -> Exit:
+def _status(error: Exception) -> ExitStatus:
     if isinstance(error, _SILENT):
-        return Exit.INCONCLUSIVE
-    return Exit.NONCONFORMANT if isinstance(error, ClientError) else Exit.USAGE
+        return ExitStatus.INCONCLUSIVE
+    return ExitStatus.NONCONFORMANT if isinstance(error, ClientError) else ExitStatus.USAGE
 
 
 def _sentence(error: Exception) -> str:

@@ -18,6 +18,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.controller.behaviour.settings import PASSWORD_MAX_BYTES
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.console import Console
+from scaraspec.controller.faults import faults
 from scaraspec.controller.journal import line
 from scaraspec.controller.plant import Plant
 from scaraspec.controller.serial_port import SerialPort, SerialPortError
@@ -26,11 +27,13 @@ from scaraspec.controller.store import DirectoryStore, Store, StoreError, seed
 from scaraspec.links.link import LinkError
 from scaraspec.links.url import Serial, join_host_port, parse, split_host_port
 from scaraspec.protocol.frames import Found
+from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import Dialect, ReadingError
 
 _logger = logging.getLogger("scaraspec.controller")
 _PATH = click.Path(path_type=Path)
 _SCALE = click.FloatRange(0.001, 1000)
+_LISTEN = f"127.0.0.1:{DEFAULT_PORT}"
 
 _EPILOG = """\b
 Example: a controller of another dialect on any free port
@@ -53,9 +56,9 @@ class _Options:
 @click.command(epilog=_EPILOG)
 @click.option(
     "--listen",
-    default="127.0.0.1:8877",
+    default=_LISTEN,
     metavar="HOST:PORT",
-    help="Where to serve [127.0.0.1:8877]; port 0 is any.",
+    help=f"Where to serve [{_LISTEN}]; port 0 is any.",
 )
 @click.option("--password", metavar="PASSWORD", help="What clients log in with [password].")
 @click.option("--data", type=_PATH, metavar="DIR", help="Keep programs and settings here.")
@@ -71,6 +74,7 @@ class _Options:
     metavar="KEY=OPTION",
     help="Read an open point of the document so; repeatable.",
 )
+@click.option("--fault", metavar="ID", help="Be wrong this way on purpose; see scaraspec prove.")
 @click.option("--control", is_flag=True, help="Break and drive the robot from stdin: say help.")
 @click.option("--ready-file", type=_PATH, metavar="FILE", help="Write host:port here when ready.")
 @click.option("-v", "--verbose", is_flag=True, help="Log every exchange, passwords masked.")
@@ -83,6 +87,7 @@ def command(  # noqa: PLR0913 - one for each option
     serial: str | None,
     readings: tuple[str, ...],
     time_scale: float,
+    fault: str | None,
     control: bool,
     ready_file: Path | None,
     verbose: bool,
@@ -104,8 +109,19 @@ def command(  # noqa: PLR0913 - one for each option
     except (LinkError, ReadingError, StoreError) as error:
         raise Problem(f"{error}") from None
     now = datetime.now(UTC).replace(tzinfo=None)  # the robot's zone (A-4.5-1)
-    brain = Brain(Plant(now, now_s=0.0), store, dialect, _log if verbose else _pass)
+    brain = _brain(fault)(Plant(now, now_s=0.0), store, dialect, _log if verbose else _pass)
     asyncio.run(_serve(brain, options))
+
+
+def _brain(fault: str | None) -> type[Brain]:
+    if fault is None:
+        return Brain
+    try:
+        return faults()[fault].brain
+    except KeyError:
+        raise Problem(
+            f"--fault {fault}: there is no such fault; scaraspec prove lists them"
+        ) from None
 
 
 def _serial(text: str | None) -> Serial | None:

@@ -5,14 +5,17 @@ from pathlib import Path
 
 import click
 
-from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.options import capture_port
+from scaraspec.cli.problems import Problem
 from scaraspec.judgement.judge import Judge
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.capture import draw_capture
 from scaraspec_recorder.deriver import Deriver
 from scaraspec_recorder.mcap_file import McapSink
 from scaraspec_recorder.pcap_writing import PcapngWriter
-from scaraspec_recorder.source import CaptureError, open_capture
+from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.source import open_capture
 
 EXAMPLE = "Example: scaraspec convert field.pcapng field.mcap"
 
@@ -46,14 +49,8 @@ _WRITERS: dict[str, Callable[[Iterable[WireEvent], Path], None]] = {
 @click.command(epilog=EXAMPLE)
 @click.argument("source", metavar="IN", type=_PATH)
 @click.argument("target", metavar="OUT", type=_PATH)
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=8877,
-    show_default=True,
-    help="The controller's TCP port where IN is a pcap; 0 for any.",
-)
-def command(source: Path, target: Path, port: int) -> None:
+@capture_port
+def command(source: Path, target: Path, port: int | None) -> None:
     """Write the capture IN again as OUT, whose ending says how: .mcap, .pcapng or .rrd.
 
     IN is MCAP, pcap or pcapng; OUT must not exist. MCAP is decoded anew. In .pcapng the packets
@@ -64,7 +61,7 @@ def command(source: Path, target: Path, port: int) -> None:
     if not write:
         raise Problem(f"{target} says no format: end it in {', '.join(_WRITERS)}")
     try:
-        capture = open_capture(source, port=port or None)
+        capture = open_capture(source, port=port)
         target.touch(exist_ok=False)
     except CaptureError as error:
         raise Problem(f"{error}") from None
@@ -86,4 +83,4 @@ def command(source: Path, target: Path, port: int) -> None:
     for note in capture.summary.notes:
         click.echo(f"{source}: {note}", err=True)
     if capture.summary.notes:
-        raise SystemExit(Exit.INCONCLUSIVE)
+        raise SystemExit(ExitStatus.INCONCLUSIVE)

@@ -16,17 +16,18 @@ from rich.console import Console
 
 from scaraspec.cli import demo_session
 from scaraspec.cli.auditing import audit
-from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer, open_viewer
 from scaraspec.client import Client, ClientError
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.links.url import join_host_port, split_host_port
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report import html, terminal
 from scaraspec_recorder.capture import capture_sink
 from scaraspec_recorder.live import live_sink
+from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recording import record
 from scaraspec_recorder.routes import Upstream
-from scaraspec_recorder.source import CaptureError
 
 EXAMPLE: Final = "Example: scaraspec demo --out demo"
 
@@ -61,9 +62,9 @@ def command(out: Path, *, live: bool) -> None:
         results.write(out / "results.json")
         html.write(results, out / "report.html")
     except (ClientError, CaptureError, ValueError) as error:
-        raise Problem(f"the demo did not succeed: {error}", Exit.INCONCLUSIVE) from None
+        raise Problem(f"the demo did not succeed: {error}", ExitStatus.INCONCLUSIVE) from None
     except OSError as error:
-        raise Problem(f"the demo did not succeed: {error}", Exit.INCONCLUSIVE) from None
+        raise Problem(f"the demo did not succeed: {error}", ExitStatus.INCONCLUSIVE) from None
     for note in notes:
         click.echo(note, err=True)
     terminal.show(results, Console())
@@ -86,7 +87,7 @@ async def _play(out: Path, viewer: str | None) -> None:
         await asyncio.to_thread(_work, url, out)
     if not recording.progress.finished or recording.progress.problems:
         problems = "; ".join(recording.progress.problems) or "not everything was written in time"
-        raise Problem(f"the recording is not whole: {problems}", Exit.INCONCLUSIVE)
+        raise Problem(f"the recording is not whole: {problems}", ExitStatus.INCONCLUSIVE)
 
 
 def _work(url: str, out: Path) -> None:
@@ -108,7 +109,9 @@ async def _controller() -> AsyncIterator[tuple[str, int]]:
             async with asyncio.timeout(_READY_S):
                 while not ready.exists():
                     if process.returncode is not None:
-                        raise Problem("the virtual controller does not start", Exit.INCONCLUSIVE)
+                        raise Problem(
+                            "the virtual controller does not start", ExitStatus.INCONCLUSIVE
+                        )
                     await asyncio.sleep(_POLL_S)
             yield split_host_port(ready.read_text().strip())
         finally:

@@ -2,7 +2,8 @@
 
 import click
 
-from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.problems import Problem
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.protocol.commands import read
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.fields import show
@@ -47,4 +48,4 @@ def command(hexadecimal: tuple[str, ...]) -> None:
             wrong = wrong or parsed is None or bool(parsed.decoded.complaints)
             click.echo("\n".join(_explain(item)))
     if wrong:
-        raise SystemExit(Exit.NONCONFORMANT)
+        raise SystemExit(ExitStatus.NONCONFORMANT)

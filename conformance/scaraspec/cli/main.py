@@ -15,11 +15,15 @@ from scaraspec.cli.problems import Problem
 COMMANDS = {
     "audit": "Judge a capture: MCAP, pcap or pcapng.",
     "call": "Send one command to a controller.",
+    "certify": "Certify an implementation against the document.",
+    "client-driver": "Drive the reference client by JSON Lines.",
     "controller": "Run the virtual controller.",
     "convert": "Write a capture again in another format.",
     "demo": "Record and judge a whole session, controller and client included.",
+    "driver-check": "Say what is wrong with a client's driver.",
     "frame": "Read frames from hexadecimal digits.",
     "program": "List, check or convert user program files.",
+    "prove": "Run the suite against seeded faults.",
     "record": "Record the traffic between a client and a controller.",
     "recover": "Repair recordings whose recorder was killed.",
     "replay": "Send what a recorded client sent to a controller again.",
@@ -38,7 +42,7 @@ class _Lazy(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002 - click's signature
         if cmd_name not in COMMANDS:
             return None
-        module = importlib.import_module(f"scaraspec.cli.{cmd_name}")
+        module = importlib.import_module(f"scaraspec.cli.{cmd_name.replace('-', '_')}")
         command = module.command
         assert isinstance(command, click.Command)
         return command

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.problems import Problem
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.protocol.programs import (
     LAYOUTS,
     MAX_FILE_BYTES,
@@ -37,7 +38,7 @@ def _parse(file: Path) -> tuple[bytes, Program]:
     try:
         return data, parse(data)
     except ProgramError as error:
-        raise Problem(f"{file} is no user program: {error}", Exit.NONCONFORMANT) from None
+        raise Problem(f"{file} is no user program: {error}", ExitStatus.NONCONFORMANT) from None
 
 
 @click.group(epilog=EXAMPLE)
@@ -72,7 +73,7 @@ def check(file: Path) -> None:
     if layouts:
         click.echo(f"{file}: layout {layouts[0].name}")
     if any(finding.severity is Severity.ERROR for finding in findings):
-        raise SystemExit(Exit.NONCONFORMANT)
+        raise SystemExit(ExitStatus.NONCONFORMANT)
 
 
 @command.command(epilog="Example: scaraspec program convert old.rob new.rob --layout packed")

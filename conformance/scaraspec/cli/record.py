@@ -16,8 +16,9 @@ import click
 from rich.console import Console
 
 from scaraspec.cli.grouped import GroupedCommand
-from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import has_viewer, open_viewer
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.links.url import (
     Rfcomm,
     Serial,
@@ -28,6 +29,7 @@ from scaraspec.links.url import (
     split_host_port,
 )
 from scaraspec_recorder import relay, rules
+from scaraspec_recorder.children import Child
 from scaraspec_recorder.config import (
     DEFAULT_LISTEN,
     DEFAULT_OUT,
@@ -38,17 +40,19 @@ from scaraspec_recorder.config import (
     read_robot,
 )
 from scaraspec_recorder.dashboard import Dashboard, Display, Lines
-from scaraspec_recorder.inject import is_loopback
 from scaraspec_recorder.live import live_sink
 from scaraspec_recorder.recording import record
 from scaraspec_recorder.routes import Mode, Route, route
 from scaraspec_recorder.seams import safe_name
 from scaraspec_recorder.sinks import SinkFactory
 from scaraspec_recorder.status import Status, Watch
+from scaraspec_recorder.tcp import is_loopback
+from scaraspec_recorder.triggers import SIGNAL
 
 EXAMPLE = "Example: scaraspec record tcp://192.168.1.2 --listen 0.0.0.0:8877 --live"
 
 
+_LISTEN: Final = DEFAULT_LISTEN[Mode.EXPLICIT]
 _DRAIN_S: Final = 1800.0
 """After weeks the last file may take minutes to be drawn; a second Ctrl-C ends the waiting."""
 
@@ -66,7 +70,7 @@ _OF_ALL: Final = ("config", "live", "metrics", "print_rules")  # these say nothi
 
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
 @click.argument("url", required=False)
-@click.option("--listen", metavar="HOST:PORT", help=f"Where clients connect [{DEFAULT_LISTEN}].")
+@click.option("--listen", metavar="HOST:PORT", help=f"Where clients connect [{_LISTEN}].")
 @click.option("--mode", type=click.Choice(list(MODES)), help="How they come there [port].")
 @click.option("--print-rules", is_flag=True, help="Print the mode's nftables rules, and end.")
 @click.option("--config", metavar="FILE", help="Several robots, from TOML; no URL then.")
@@ -234,14 +238,21 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
             whole.cancel()
         stopped.set()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(NotImplementedError):  # not on every system
+    writers: list[Child] = []
+
+    def press() -> None:
+        if not [writer for writer in writers if writer.send_signal(signal.SIGUSR1)]:
+            click.echo("SIGUSR1 does nothing: no recording is under way with --trigger signal")
+
+    with contextlib.suppress(NotImplementedError, AttributeError):  # not on every system
+        for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, end)
+        loop.add_signal_handler(signal.SIGUSR1, press)
     showing = loop.create_task(_show(watches, stopped))
     try:
         async with asyncio.TaskGroup() as group:
             for plan in plans:
-                group.create_task(_record_one(plan, viewer, watches, stopped))
+                group.create_task(_record_one(plan, viewer, watches, writers, stopped))
     except* Problem as problems:
         raise problems.exceptions[0] from None
     except* asyncio.CancelledError:
@@ -252,8 +263,13 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
 
 
 async def _record_one(
-    plan: _Plan, viewer: str | None, watches: list[Watch], stopped: asyncio.Event
+    plan: _Plan,
+    viewer: str | None,
+    watches: list[Watch],
+    writers: list[Child],
+    stopped: asyncio.Event,
 ) -> None:
+    """Record one robot; `writers` takes what writes incidents on a signal."""
     robot = plan.robot
     try:
         async with (
@@ -264,6 +280,8 @@ async def _record_one(
         ):
             recording.drain_s = _DRAIN_S
             watches.append(Watch(robot.name, recording, robot.out))
+            if SIGNAL in robot.triggers:
+                writers.append(recording.scribe)
             click.echo(f"recording {where} to {robot.url} in {robot.out}; Ctrl-C ends it")
             await stopped.wait()
     except OSError as error:
@@ -296,6 +314,8 @@ def _tell(statuses: Sequence[Status]) -> None:
                 f"{count.recorded_bytes} recorded + {count.gap_bytes} in {count.gaps} gaps"
             )
         files = ", ".join(progress.files) or "none"
+        if progress.earlier_files:
+            files = f"{progress.earlier_files} others, {files}"
         click.echo(f"{progress.connections} connections; files: {files}")
         for problem in progress.problems:
             click.echo(f"scaraspec: {problem}", err=True)
@@ -304,4 +324,4 @@ def _tell(statuses: Sequence[Status]) -> None:
             click.echo(f"scaraspec: {status.out_dir} is not finished: {rest}", err=True)
         lost = lost or bool(progress.problems or status.gaps or not progress.finished)
     if lost:
-        raise SystemExit(Exit.INCONCLUSIVE)
+        raise SystemExit(ExitStatus.INCONCLUSIVE)

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import click
 
-from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec_recorder.leftovers import hold, is_drawn, redraw
+from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recover import Report, recover
-from scaraspec_recorder.source import CaptureError
 
 EXAMPLE = "Example: scaraspec recover captures/*.mcap"
 
@@ -45,7 +46,7 @@ def command(files: tuple[Path, ...]) -> None:
         except OSError as error:
             raise Problem(f"{file} cannot be repaired: {error.strerror or error}") from None
     if not whole:
-        raise SystemExit(Exit.INCONCLUSIVE)
+        raise SystemExit(ExitStatus.INCONCLUSIVE)
 
 
 def _tell(report: Report) -> None:

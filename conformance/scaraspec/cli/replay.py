@@ -5,7 +5,9 @@ from pathlib import Path
 
 import click
 
-from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.options import DEFAULT_PASSWORD, capture_port
+from scaraspec.cli.problems import Problem
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.links.connect import connect
 from scaraspec.links.link import Link, LinkError
 from scaraspec.links.url import Tcp, parse
@@ -14,12 +16,12 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
+from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.replay import LinkEndedError, Step, play, steps
-from scaraspec_recorder.source import CaptureError, open_capture
+from scaraspec_recorder.source import open_capture
 
 EXAMPLE = "Example: scaraspec replay capture.mcap tcp://127.0.0.1:8877 --allow state"
 
-_DEFAULT_PASSWORD = "password"  # noqa: S105 - the document's own (L109)
 _MOST_SHOWN = 20
 _LOGIN = BY_NAME["login"]
 
@@ -58,9 +60,9 @@ class _Tally:
         if self._different > len(self._shown):
             click.echo(f"  and {self._different - len(self._shown)} more")
         if not self._sent:
-            raise SystemExit(Exit.NOTHING_TESTED)
+            raise SystemExit(ExitStatus.NOTHING_TESTED)
         if self._different:
-            raise SystemExit(Exit.NONCONFORMANT)
+            raise SystemExit(ExitStatus.NONCONFORMANT)
 
 
 @click.command(epilog=EXAMPLE)
@@ -82,7 +84,7 @@ class _Tally:
 @click.option(
     "--password",
     envvar="SCARASPEC_PASSWORD",
-    default=_DEFAULT_PASSWORD,
+    default=DEFAULT_PASSWORD,
     help="What to log in with over TCP; else SCARASPEC_PASSWORD, else 'password'.",
 )
 @click.option(
@@ -93,13 +95,7 @@ class _Tally:
     metavar="S",
     help="How long to wait for a reply (5 s).",
 )
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=8877,
-    show_default=True,
-    help="The controller's TCP port in a pcap; 0 for any.",
-)
+@capture_port
 def command(  # noqa: PLR0913, PLR0917 - a command line's options are its arguments
     capture: Path,
     url: str,
@@ -108,7 +104,7 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     connection: str,
     password: str,
     timeout_s: float,
-    port: int,
+    port: int | None,
 ) -> None:
     """Send what the client in CAPTURE sent to the controller at URL, in the same order.
 
@@ -120,7 +116,7 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     """
     allowed = _hazards(allow)
     try:
-        source = open_capture(capture, port=port or None)
+        source = open_capture(capture, port=port)
         link = connect(url)
         try:
             if isinstance(parse(url), Tcp):
@@ -134,7 +130,7 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     except (CaptureError, PayloadError) as error:
         raise Problem(f"{error}") from None
     except (LinkEndedError, LinkError) as error:
-        raise Problem(f"{url}: {error}", Exit.INCONCLUSIVE) from None
+        raise Problem(f"{url}: {error}", ExitStatus.INCONCLUSIVE) from None
     tally.tell(connection)
 
 
@@ -152,4 +148,6 @@ def _log_in(link: Link, password: str, timeout_s: float) -> None:
     (step,) = play((Step("login", 0, frame),), link, reply_timeout_s=timeout_s)
     if step.answered != "yes":
         what = "refuses the password" if step.answered else "does not answer the login"
-        raise Problem(f"the controller {what}: name another with --password", Exit.INCONCLUSIVE)
+        raise Problem(
+            f"the controller {what}: name another with --password", ExitStatus.INCONCLUSIVE
+        )

@@ -1,6 +1,7 @@
-"""`scaraspec requirements`: the catalogue, and which rules judge each requirement."""
+"""`scaraspec requirements`: the catalogue, and what tests each requirement, or why nothing does."""
 
 import json
+from collections import Counter
 
 import click
 from rich.console import Console
@@ -16,20 +17,51 @@ from scaraspec.judgement.requirements import (
     select,
 )
 from scaraspec.judgement.rules import RULES
+from scaraspec.judgement.rules.undecided import UNDECIDED
+from scaraspec.suite.plan import Options
+from scaraspec.suite.run import collect
 
 EXAMPLE = "Example: scaraspec requirements --clause 4.15,3/31"
 
-_RULES = {rule.requirement for rule in RULES}
+_HARM = "no network tool can test it without harm, or without Bluetooth"
+_RULES = Counter(rule.requirement for rule in RULES)
 
 
-def _passive(requirement: Requirement) -> str:
-    """Whether a capture decides it: yes, no, or not yet."""
-    if Method.PASSIVE not in requirement.testable:
-        return "no"
-    return "yes" if requirement.id in _RULES else "no rule"
+class Coverage:
+    """What tests each requirement."""
+
+    def __init__(self) -> None:
+        self._cases: dict[str, list[str]] = {}
+        for case in collect(Options()):
+            for requirement in case.requirements:
+                self._cases.setdefault(requirement, []).append(case.id)
+
+    def of(self, requirement: Requirement) -> dict[str, object]:
+        """Rules and cases by method; the reason where there are none."""
+        told: dict[str, object] = {}
+        if Method.PASSIVE in requirement.testable:
+            told["capture"] = _RULES[requirement.id] or UNDECIDED.get(requirement.id, "no rule")
+        if Method.ACTIVE_CONTROLLER in requirement.testable:
+            told["controller"] = self._cases.get(requirement.id, "no case")
+        if Method.ACTIVE_CLIENT in requirement.testable:
+            told["client"] = "no case"
+        if Method.STATIC in requirement.testable:
+            told["file"] = "scaraspec program check"
+        return told or {"untested": _HARM}
+
+    def missing(self, requirement: Requirement) -> bool:
+        """Whether it could be tested in a way in which it is not, for no reason."""
+        return any(what in ("no rule", "no case") for what in self.of(requirement).values())
 
 
-def _as_json(requirement: Requirement) -> dict[str, object]:
+def _told(what: object) -> str:
+    """One way of testing, in words."""
+    if isinstance(what, int):
+        return f"{what} rule" + "s" * (what > 1)
+    return ", ".join(what) if isinstance(what, list) else str(what)
+
+
+def _as_json(requirement: Requirement, coverage: Coverage) -> dict[str, object]:
     return {
         "id": requirement.id,
         "where": requirement.where,
@@ -41,31 +73,33 @@ def _as_json(requirement: Requirement) -> dict[str, object]:
         "strength": requirement.strength.value,
         "basis": requirement.basis.value,
         "register": list(requirement.register),
-        "passive_rule": requirement.id in _RULES,
+        "coverage": coverage.of(requirement),
     }
 
 
 @click.command(epilog=EXAMPLE)
 @click.option("--clause", metavar="LIST", help="Clauses or ids, separated by commas.")
 @click.option(
-    "--uncovered", is_flag=True, help="Only those that a capture could decide and no rule does."
+    "--uncovered", is_flag=True, help="Only those that could be tested in a way, and are not."
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, with the document's words.")
 def command(clause: str | None, *, uncovered: bool, as_json: bool) -> None:
-    """Show the requirements of the document, numbered by clause."""
+    """Show the requirements of the document, and what tests them or why nothing does."""
     try:
         chosen = select(clause) if clause else tuple(REQUIREMENTS.values())
     except UnknownRequirementError as unknown:
         raise Problem(f"--clause: {unknown}") from None
+    coverage = Coverage()
     if uncovered:
-        chosen = tuple(r for r in chosen if _passive(r) == "no rule")
+        chosen = tuple(r for r in chosen if coverage.missing(r))
     if as_json:
-        click.echo(json.dumps([_as_json(r) for r in chosen], ensure_ascii=False, indent=1))
+        told = [_as_json(r, coverage) for r in chosen]
+        click.echo(json.dumps(told, ensure_ascii=False, indent=1))
         return
     console = Console(highlight=False)
     for r in chosen:
         facts = (r.where, r.binds.value, r.strength.value, r.hazard.value)
-        told = ", ".join(fact for fact in facts if fact)
-        console.print(f"[bold]{r.id}[/]  {told}; from a capture: {_passive(r)}")
-        console.print(Padding(Text(r.sentence), (0, 0, 0, 8)))
+        console.print(f"[bold]{r.id}[/]  {', '.join(fact for fact in facts if fact)}")
+        tested = "; ".join(f"{way}: {_told(what)}" for way, what in coverage.of(r).items())
+        console.print(Padding(Text(f"{r.sentence}\n{tested}"), (0, 0, 0, 8)))
     click.echo(f"{len(chosen)} of {len(REQUIREMENTS)} requirements")

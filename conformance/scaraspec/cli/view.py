@@ -9,12 +9,15 @@ from typing import Final
 
 import click
 
-from scaraspec.cli.problems import Exit, Problem
+from scaraspec.cli.options import capture_port
+from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec_recorder.capture import draw_capture
 from scaraspec_recorder.leftovers import hold, is_drawn, redraw
+from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recover import recover
-from scaraspec_recorder.source import CaptureError, McapCapture, open_capture
+from scaraspec_recorder.source import McapCapture, open_capture
 
 EXAMPLE = "Example: scaraspec view captures/capture.mcap"
 
@@ -23,14 +26,8 @@ _RRD_MAGIC: Final = b"RRF2"
 
 @click.command(epilog=EXAMPLE)
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=8877,
-    show_default=True,
-    help="The controller's TCP port in a pcap; 0 for any.",
-)
-def command(file: Path, port: int) -> None:
+@capture_port
+def command(file: Path, port: int | None) -> None:
     """Open FILE in the Rerun viewer: a recording (.mcap, .rrd), or a pcap or pcapng.
 
     What is not drawn yet is drawn first: a recording into the .rrd file beside it, all else for
@@ -41,7 +38,7 @@ def command(file: Path, port: int) -> None:
         raise Problem(NO_VIEWER)
     with tempfile.TemporaryDirectory(prefix="scaraspec-") as scratch:
         try:
-            drawn = _drawn(file, port or None, Path(scratch) / f"{file.stem}.rrd")
+            drawn = _drawn(file, port, Path(scratch) / f"{file.stem}.rrd")
         except CaptureError as error:
             raise Problem(f"{error}") from None
         except OSError as error:
@@ -81,4 +78,6 @@ def _show(drawn: Path) -> None:
             [sys.executable, "-m", "rerun", *arguments], stderr=subprocess.DEVNULL, check=False
         )
         if done.returncode:
-            raise Problem("the Rerun viewer does not open: is there a screen?", Exit.INCONCLUSIVE)
+            raise Problem(
+                "the Rerun viewer does not open: is there a screen?", ExitStatus.INCONCLUSIVE
+            )

@@ -14,6 +14,7 @@ NO_VIEWER: Final = "the viewer needs the extra view: pip install 'scaraspec[view
 _HOST: Final = "127.0.0.1"
 _START_S: Final = 20.0
 _TRY_S: Final = 0.1
+_OPTIONS: Final = ("--hide-welcome-screen",)
 
 
 def has_viewer() -> bool:
@@ -31,9 +32,12 @@ def open_viewer() -> str:
         raise Problem(NO_VIEWER)
     with socket.create_server((_HOST, 0)) as free:
         port = free.getsockname()[1]
-    arguments = ("--bind", _HOST, "--port", str(port), "--hide-welcome-screen")
+    arguments = ("--bind", _HOST, "--port", str(port), *_OPTIONS)
     viewer = subprocess.Popen(  # noqa: S603 - our own interpreter and arguments
-        [sys.executable, "-m", "rerun", *arguments], stderr=subprocess.DEVNULL
+        [sys.executable, "-m", "rerun", *arguments],
+        stdout=subprocess.DEVNULL,  # whoever reads what the recorder says gets to its end
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # Ctrl-C ends the recording, and the viewer shows it still
     )
     until_s = time.monotonic() + _START_S
     while time.monotonic() < until_s and viewer.poll() in (None, 0):

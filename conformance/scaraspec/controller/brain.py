@@ -60,8 +60,6 @@ class Brain(Behaviour):
         self._queue: deque[tuple[Session, Frame]] = deque()
         # Replies bear names of the length that clients chose (A-4.9-5).
         self._own = dialect.replace(name_max="255")
-        # Only the refusal of 4.24 is drawn with a length that has no room for its code (A-4.24-3).
-        self._coded = self._own.replace(err_bare0="0|code")
 
     # ------------------------------------------------------------------ what happens
 
@@ -207,7 +205,11 @@ class Brain(Behaviour):
         """Send one frame; nothing if its client is gone (A-2-9)."""
         if self.sessions.get(session.connection) is session:
             self._watch(session.connection, frame)
-            self._actions.append(Send(session.connection, frame.encode()))
+            self.transmit(session, frame.encode())
+
+    def transmit(self, session: Session, data: bytes) -> None:
+        """Send bytes as they are."""
+        self._actions.append(Send(session.connection, data))
 
     def _reply(self, session: Session, command: Command, frame: Frame, answer: Any) -> None:
         """Send a first reply under the opcode of its request, unless printed otherwise."""
@@ -216,8 +218,7 @@ class Brain(Behaviour):
         opcode = frame.opcode
         if command.reply_also is not None and self.dialect["op_temp_reply"] == "0x0E":
             opcode = command.reply_also
-        dialect = self._own if command.clause == "4.24" else self._coded
-        self.emit(session, Frame(C2A, opcode, command.reply.encode(answer, dialect)))
+        self.emit(session, Frame(C2A, opcode, command.reply.encode(answer, self._own)))
 
     def _send_later(self) -> None:
         later, self._later = self._later, []

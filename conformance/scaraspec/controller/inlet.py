@@ -25,6 +25,11 @@ class Inlet:
         self._framer = self._new_framer()
 
     @property
+    def held_bytes(self) -> int:
+        """How many bytes of an unfinished frame are held."""
+        return self._framer.held_bytes
+
+    @property
     def deadline_s(self) -> float | None:
         """When silence ends the wait for the rest of a frame; None if none is awaited."""
         if self._timeout_s is None or not self._framer.held_bytes:

@@ -4,6 +4,7 @@ from scaraspec.protocol.commands import BY_OPCODE, Command
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Found, Frame, Skipped
+from scaraspec.protocol.secrecy import is_secret
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
 
 _MASK = "••••"
@@ -24,7 +25,7 @@ def line(connection: int, seen: Found) -> str:
 
 def _said(command: Command | None, frame: Frame) -> str:
     payload = command.payload(frame) if command else None
-    if command is not None and command.secret and frame.direction is A2C:
+    if is_secret(frame):
         return _MASK
     if payload is FILE_DATA:
         chunk: Chunk | None = FILE_DATA.decode(frame.data).value

@@ -211,7 +211,8 @@ class _Client(asyncio.Protocol):
         self._serve()
 
     def send(self, data: bytes) -> None:
-        self._transport.write(data)
+        if not self._transport.is_closing():  # asyncio warns of every write to whom has gone
+            self._transport.write(data)
 
     def finish(self) -> None:
         self._transport.close()

@@ -57,8 +57,8 @@ def from_audit(
         verdict=judge.conclusion,
         counts=dict.fromkeys(Verdict, 0) | Counter(c.verdict for cs in cases.values() for c in cs),
         readings={
-            "client": _readings(judge, A2C, {}),
-            "controller": _readings(judge, C2A, claims or {}),
+            "client": readings_of(judge, A2C, {}),
+            "controller": readings_of(judge, C2A, claims or {}),
         },
         requirements=tuple(
             RequirementResult(
@@ -88,6 +88,7 @@ def _cases(requirement: str, tally: Tally, exhibits: Exhibits, replay: str) -> I
         first = findings[0]
         unkept = tally.counts[first.verdict] > kept[first.verdict]
         places = dict.fromkeys(place for finding in findings for place in finding.evidence)
+        wire = tuple(exhibits.evidence(place) for place in islice(places, _SHOWN_PLACES))
         yield Case(
             id=requirement if number == 1 else f"{requirement}.{number}",
             requirements=(requirement,),
@@ -97,7 +98,8 @@ def _cases(requirement: str, tally: Tally, exhibits: Exhibits, replay: str) -> I
             expected=first.expected,
             observed=first.observed or " = ".join(first.reading or ()),
             replay=replay,
-            wire=tuple(exhibits.evidence(place) for place in islice(places, _SHOWN_PLACES)),
+            wire=wire,
+            passing=exhibits.passing(wire) if first.verdict is Verdict.FAIL else (),
         )
 
 
@@ -112,9 +114,10 @@ def _times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
 
 
-def _readings(
+def readings_of(
     judge: Judge, party: Direction, claims: Mapping[str, str]
 ) -> Mapping[str, ReadingSeen]:
+    """What a party does at the open points, by key; `claims` are its statement's."""
     seen, mixed = judge.dialect_seen.of(party), judge.dialect_seen.mixed(party)
     return {
         key: ReadingSeen(

@@ -5,20 +5,25 @@ looked for among the frames of the happening just judged and the last few hundre
 for a bounded number of findings. Passwords are hidden here, before anything can show them.
 """
 
-import re
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import Final
 
-from scaraspec.judgement.happenings import Exchange, FrameSeen, Happening, Transfer, Undecodable
-from scaraspec.judgement.verdicts import Finding
+from scaraspec.judgement.happenings import (
+    Ending,
+    Exchange,
+    FrameSeen,
+    Happening,
+    Transfer,
+    Undecodable,
+)
+from scaraspec.judgement.verdicts import Finding, Verdict
 from scaraspec.judgement.wire import Place
-from scaraspec.protocol.commands import COMMANDS
-from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Answer, FinalResult, FirstReply, NameList, Payload
+from scaraspec.protocol.secrecy import is_secret, mask, mask_loose
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.report.model import Evidence, FrameField
 
@@ -26,9 +31,6 @@ _RECENT_FRAMES: Final = 256
 _FINDINGS_PER_REQUIREMENT: Final = 50
 _SHOWN_BYTES: Final = 512
 
-_SECRET: Final = bytes(command.opcode for command in COMMANDS if command.secret)
-_SECRET_HEAD: Final = re.compile(b"[\xaa\xcc][%b]" % re.escape(_SECRET))
-_HIDDEN: Final = b"*"
 _HIDDEN_VALUE: Final = "(hidden)"
 
 
@@ -40,14 +42,23 @@ class Exhibits:
         self._last: tuple[FrameSeen, ...] = ()
         self._kept: dict[Place, Evidence] = {}
         self._findings: Counter[str] = Counter()
+        self._exchange: Exchange | None = None  # judged just now, and nothing wrong with it so far
+        self._sound: dict[str, tuple[FrameSeen, ...]] = {}
 
     def add(self, item: Happening | Finding) -> None:
         """Take the next thing; a finding follows the happening that it judges."""
+        if isinstance(item, Finding):
+            if item.verdict is Verdict.FAIL:
+                self._exchange = None
+        elif self._exchange:
+            self._sound[self._exchange.name] = self._exchange.frames
+            self._exchange = None
         match item:
             case FrameSeen() | Undecodable():
                 self._recent.append(item)
             case Exchange():
                 self._last = item.frames
+                self._exchange = item if item.ending is Ending.ANSWERED else None
             case Transfer():
                 self._last = item.opening.frames if item.opening else ()
             case Finding():
@@ -56,6 +67,11 @@ class Exhibits:
     def evidence(self, place: Place) -> Evidence:
         """What is at a place, with its bytes where they were kept."""
         return self._kept.get(place) or _evidence(place)
+
+    def passing(self, wire: Sequence[Evidence]) -> tuple[Evidence, ...]:
+        """The last right exchange of the command that evidence ends with; empty without one."""
+        name = next((evidence.note.partition(",")[0] for evidence in reversed(wire)), "")
+        return tuple(exhibit(seen) for seen in self._sound.get(name, ()))
 
     def _keep(self, finding: Finding) -> None:
         self._findings[finding.requirement] += 1
@@ -70,10 +86,10 @@ class Exhibits:
 def exhibit(seen: FrameSeen | Undecodable) -> Evidence:
     """A frame, or bytes that are none, as evidence; passwords are hidden."""
     if isinstance(seen, Undecodable):
-        return _evidence(seen.place, f"no frame: {seen.why.value}", _without_secrets(seen.data))
+        return _evidence(seen.place, f"no frame: {seen.why.value}", mask_loose(seen.data))
     frame = seen.frame
-    if frame.opcode in _SECRET and (frame.direction is A2C or len(frame.data) > 1):
-        frame = frame._replace(data=_HIDDEN * len(frame.data))
+    if is_secret(frame):
+        frame = frame._replace(data=mask(frame.data))
     note = f"undefined opcode {frame.opcode:02X}"
     if seen.parsed:
         part = "final result" if frame.tagged else seen.parsed.part
@@ -94,13 +110,6 @@ def _evidence(
         data[:_SHOWN_BYTES].hex().upper(),
         fields,
     )
-
-
-def _without_secrets(data: bytes) -> bytes:
-    """Hide all behind what looks like the head of a frame with a password."""
-    found = _SECRET_HEAD.search(data)
-    shown = found.end() if found else len(data)
-    return data[:shown] + _HIDDEN * (len(data) - shown)
 
 
 def _fields(seen: FrameSeen, frame: Frame) -> Iterator[FrameField]:

@@ -149,6 +149,7 @@ class Case:
         duration_s: How long it took, in seconds; 0 for what was found in a capture.
         replay: One command line that shows it again.
         wire: The evidence, in order of time within each occurrence.
+        passing: Of a failure: the last exchange of the same command that was right.
     """
 
     id: str
@@ -162,6 +163,7 @@ class Case:
     duration_s: float = 0.0
     replay: str = ""
     wire: tuple[Evidence, ...] = ()
+    passing: tuple[Evidence, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -125,6 +125,7 @@ WORDS: Final[Mapping[str, Words]] = MappingProxyType(
         "register": Words("Open points", "相关疑点"),
         "expected": Words("Expected", "应为"),
         "observed": Words("Observed", "实为"),
+        "passing": Words("The same command when it was right", "同一命令正确时的情形"),
         "cause": Words("Responsible", "责任方"),
         "cause_subject": Words("the subject", "被测对象"),
         "cause_set-up": Words("the set-up", "测试条件"),

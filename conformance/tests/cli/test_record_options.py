@@ -93,6 +93,38 @@ def test_a_ring_writes_incidents_alone(processes: Any, controller: str, tmp_path
     assert len(list(tmp_path.glob("*.mcap"))) == 1
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGUSR1")
+def test_who_asks_gets_an_incident(processes: Any, controller: str, tmp_path: Path) -> None:
+    """The signal is for the process that the user started; early or late, it is not lost."""
+    recorder = processes.start(
+        *("record", controller, *LOCAL, "--out", str(tmp_path)),
+        *("--ring", "60s", "--trigger", "signal"),
+    )
+    url = url_in(recorder.stdout.readline())
+    recorder.send_signal(signal.SIGUSR1)  # the writing process has hardly begun
+    first = next(line for line in recorder.stdout if "asked for by SIGUSR1" in line)
+    ask(url)
+    told = end(recorder)
+    assert recorder.returncode == 0, told
+    (incident,) = tmp_path.glob("*_signal.mcap")
+    assert first == f"signal (asked for by SIGUSR1): recorded in {incident.name}\n"
+    assert sum(len(event.data) for event in open_capture(incident, port=None)) > 20
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGUSR1")
+def test_a_signal_that_means_nothing_ends_nothing(
+    processes: Any, controller: str, tmp_path: Path
+) -> None:
+    """Its default would be to kill the recorder."""
+    recorder = processes.start("record", controller, *LOCAL, "--out", str(tmp_path))
+    url = url_in(recorder.stdout.readline())
+    recorder.send_signal(signal.SIGUSR1)
+    assert any(line.startswith("SIGUSR1 does nothing: ") for line in recorder.stdout)
+    ask(url)
+    end(recorder)
+    assert recorder.returncode == 0
+
+
 def test_several_robots_and_their_metrics(processes: Any, controller: str, tmp_path: Path) -> None:
     """Each robot has a listener, a folder and metrics of its own."""
     config = tmp_path / "lines.toml"
@@ -141,9 +173,10 @@ def test_a_second_signal_ends_the_waiting(processes: Any, controller: str, tmp_p
     recorder = processes.start(*arguments)
     url = url_in(recorder.stdout.readline())
     ask(url)
-    for child in children(recorder.pid):
-        if "scribe" in name_of(child):
-            os.kill(child, signal.SIGSTOP)
+    until_s = time.monotonic() + DEADLINE_S
+    while not (scribe := [c for c in children(recorder.pid) if name_of(c) == "scara-scribe"]):
+        assert time.monotonic() < until_s, "there is no scribe"
+    os.kill(scribe[0], signal.SIGSTOP)
     recorder.send_signal(signal.SIGINT)
     assert recorder.stdout.readline().startswith("ending: ")
     told = end(recorder, signal.SIGINT)
@@ -165,8 +198,8 @@ def children(pid: int) -> list[int]:
 
 
 def name_of(pid: int) -> str:
-    """What a process was started as."""
-    return Path(f"/proc/{pid}/cmdline").read_text()
+    """What a process is called in lists of processes."""
+    return Path(f"/proc/{pid}/comm").read_text().strip()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo terminal")
@@ -249,6 +282,22 @@ def test_rules(processes: Any) -> None:
 
 
 @pytest.mark.parametrize(
+    ("mode", "says"),
+    [
+        ("port", "clients connect to 127.0.0.1:8877"),
+        ("redirect", "redirect to :8878"),
+        ("tproxy", "tproxy to 127.0.0.1:8878"),
+    ],
+)
+def test_each_mode_has_a_place_to_listen(processes: Any, mode: str, says: str) -> None:
+    """One with which its rules work, where the user names none."""
+    done = processes.run("record", "tcp://192.168.1.2", "--mode", mode, "--print-rules")
+    assert done.returncode == 0, done.stderr
+    assert says in done.stdout
+    assert "While no recorder runs" in done.stdout
+
+
+@pytest.mark.parametrize(
     ("arguments", "says"),
     [
         ((), "no controller"),
@@ -259,6 +308,11 @@ def test_rules(processes: Any) -> None:
         (("tcp://127.0.0.1", "--ring", "9s"), "--ring writes nothing without a trigger"),
         (("tcp://127.0.0.1", "--metrics", "192.0.2.7:9100"), "for this machine alone"),
         (("tcp://127.0.0.1", "--mode", "redirect", "--listen", "[::1]:1", "--print-rules"), "IPv4"),
+        (("tcp://robot", "--mode", "redirect", "--print-rules"), "'robot' is none"),
+        (
+            ("tcp://10.0.0.2", "--mode", "tproxy", "--listen", "0.0.0.0:1", "--print-rules"),
+            "listen on 127.0.0.1",
+        ),
         (("serial:///dev/ttyX", "--mode", "tproxy"), "no serial lines"),
         (("serial:///dev/ttyX", "--print-rules"), "no rules"),
         (("tcp://127.0.0.1", "--listen", "tcp://127.0.0.1"), "no place to listen"),

@@ -37,7 +37,8 @@ def test_requirements_as_json() -> None:
     (entry,) = json.loads(run("requirements", "--clause", "4.8/3", "--json").output)
     assert entry["strength"] == "firm"
     assert "空闲" in entry["original"]
-    assert entry["passive_rule"] is True
+    assert entry["coverage"]["capture"] > 0
+    assert entry["coverage"]["controller"]
 
 
 def test_unknown_clause(

@@ -106,7 +106,7 @@ def test_the_shape_is_the_promised_one(full: Results) -> None:
         case.keys()
         == {
             *("id", "requirements", "verdict", "cause", "hazard", "message", "expected"),
-            *("observed", "duration_s", "replay", "wire"),
+            *("observed", "duration_s", "replay", "wire", "passing"),
         }
         for case in plain["cases"]
     )

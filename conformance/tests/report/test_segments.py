@@ -33,3 +33,12 @@ def test_a_long_part_is_cut_and_says_so() -> None:
 def test_what_is_no_hex_is_no_frame() -> None:
     """Results of another writer cost no page."""
     assert segments(Evidence("1", A2C, 0, 0, 0, frame_hex="<b>")) == []
+
+
+def test_what_differs_from_a_right_frame_is_marked() -> None:
+    """Held against the passing frame of the same kind, and against no other."""
+    flag = FrameField("flag", 0, 1, "1")
+    wrong = evidence(b"1|x", flag, FrameField("code", 2, 1, "x"))
+    right = evidence(b"1|y", flag, FrameField("code", 2, 1, "y"))
+    assert [s.differs for s in segments(wrong, [right])] == [False, False, True]
+    assert not any(s.differs for s in segments(wrong))

@@ -33,7 +33,13 @@ def list_parts(names: list[bytes]) -> Iterator[NameListPart]:
 
 
 class Programs(Base):
-    """What is done with user programs."""
+    """What is done with user programs.
+
+    Attributes:
+        interpreter: What runs them.
+    """
+
+    interpreter: type[Run] = Run
 
     def get_running_program(self, request: Request) -> RunningProgram | None:
         """4.9: a simulated run counts (A-4.9-4)."""
@@ -99,16 +105,22 @@ class Programs(Base):
         program = self._program(request.value)
         if program is None:
             return refused(MISSING)
-        run = Run(program, self.dialect, self.plant, simulated=simulated, now_s=request.now_s)
+        run = self.interpreter(
+            program, self.dialect, self.plant, simulated=simulated, now_s=request.now_s
+        )
         self.robot.task = Task(request, state, run, program=request.value)
         return ACCEPTED
 
     def _program(self, name: bytes | None) -> Program | None:
-        """A program that may run; a damaged one is as good as none (A-4.15-2)."""
+        """A program that may run."""
         if name is None or not self.is_program(name):
             return None
+        return self.understood(self.store.read(name))
+
+    def understood(self, data: bytes) -> Program | None:
+        """The program that a file holds; a damaged one is as good as none (A-4.15-2)."""
         try:
-            program = parse(self.store.read(name))
+            program = parse(data)
         except ProgramError:
             return None
         return program if runnable(program, self.dialect) else None

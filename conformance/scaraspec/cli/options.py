@@ -1,0 +1,19 @@
+"""What several commands take from their user, said once."""
+
+from typing import Final
+
+import click
+
+from scaraspec.protocol.port import DEFAULT_PORT
+
+DEFAULT_PASSWORD: Final = "password"  # noqa: S105 - the document's own (L109)
+
+capture_port: Final = click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=DEFAULT_PORT,
+    show_default=True,
+    callback=lambda _context, _option, port: port or None,
+    help="The controller's TCP port in a pcap; 0 for any.",
+)
+"""Which connections of a packet capture are read; None where any are."""

@@ -1,0 +1,173 @@
+"""`scaraspec prove`: the suite against seeded faults, and the matrix of what found what."""
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Final
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from scaraspec.cli.problems import Problem
+from scaraspec.cli.proving import Proof, alarm_of, dialects, proof_of, prove
+from scaraspec.controller.faults import Fault, faults
+from scaraspec.judgement.requirements import UnknownRequirementError, select
+from scaraspec.judgement.verdicts import Conclusion, ExitStatus
+from scaraspec.report.files import write_whole
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import collect
+
+EXAMPLE = "Example: scaraspec prove --only 4.15 --out proof"
+
+_PATH = click.Path(path_type=Path)
+MATRIX: Final = "kill-matrix.controller.json"
+
+
+@click.command(epilog=EXAMPLE)
+@click.option(
+    "--role", type=click.Choice(["controller"]), default="controller", help="What is faulty."
+)
+@click.option("--fault", "names", multiple=True, metavar="ID", help="Only this one; repeatable.")
+@click.option("--only", metavar="LIST", help="Only faults and cases of these requirements.")
+@click.option(
+    "--quick", is_flag=True, help="Run against each fault only the cases of what it violates."
+)
+@click.option(
+    "--every", type=click.IntRange(1), default=1, metavar="N", help="Only every Nth of the faults."
+)
+@click.option(
+    "--dialects",
+    "other_dialects",
+    is_flag=True,
+    help="No faults: the faultless controller under every reading, and every pair of them.",
+)
+@click.option(
+    "--examples",
+    type=click.IntRange(1, 100_000),
+    default=20,
+    show_default=True,
+    help="How many values a drawn case tries.",
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    default=os.cpu_count() or 1,
+    show_default=True,
+    help="How many processes work.",
+)
+@click.option("--out", type=_PATH, metavar="DIR", help=f"Write {MATRIX} here.")
+def command(  # noqa: PLR0913 - one for each option
+    *,
+    role: str,
+    names: tuple[str, ...],
+    only: str | None,
+    quick: bool,
+    every: int,
+    other_dialects: bool,
+    examples: int,
+    jobs: int,
+    out: Path | None,
+) -> None:
+    """Show that the suite bites: run it against the virtual controller with each seeded fault.
+
+    A fault is killed where a case fails of a requirement that it violates. Exit status 0 where
+    every fault is killed and the faultless controller conformant, 1 where not.
+    """
+    del role
+    options = Options(only=_requirements(only), allowed=ALL, undefined=True, examples=examples)
+    if other_dialects:
+        _prove_dialects(options, jobs)
+        return
+    chosen = _chosen(names, options)[::every]
+    sound = prove(options)
+    click.echo(f"without a fault: {sound.verdict.value}, {len(sound.cases)} cases")
+    proofs = list(_shown(_proofs(chosen, options, jobs, quick=quick), len(chosen)))
+    survived = [proof for proof in proofs if not proof.killers]
+    for proof in survived:
+        click.echo(f"SURVIVED {proof.fault}: {proof.sentence} ({', '.join(proof.requirements)})")
+    idle = _idle(options, proofs) if not names and not quick and every == 1 else []
+    for case in idle:
+        click.echo(f"kills nothing: {case}")
+    click.echo(f"{len(proofs) - len(survived)} of {len(proofs)} faults killed")
+    if out:
+        out.mkdir(parents=True, exist_ok=True)
+        matrix = {"role": "controller", "faults": [proof.plain() for proof in proofs], "idle": idle}
+        write_whole(out / MATRIX, json.dumps(matrix, ensure_ascii=False, indent=1) + "\n")
+    if survived or sound.verdict is not Conclusion.CONFORMANT:
+        raise SystemExit(ExitStatus.NONCONFORMANT)
+
+
+def _requirements(only: str | None) -> frozenset[str] | None:
+    try:
+        return frozenset(r.id for r in select(only)) if only else None
+    except UnknownRequirementError as error:
+        raise Problem(f"--only: {error}") from None
+
+
+def _chosen(names: Sequence[str], options: Options) -> list[Fault]:
+    known = faults()
+    for name in names:
+        if name not in known:
+            raise Problem(f"--fault {name}: there is no such fault; --out lists them all")
+    only = options.only
+    return [
+        fault
+        for name, fault in known.items()
+        if (not names or name in names) and (only is None or only & set(fault.requirements))
+    ]
+
+
+def _proofs(
+    chosen: Iterable[Fault], options: Options, jobs: int, *, quick: bool
+) -> Iterator[Proof]:
+    """What the suite finds of each fault, in order, on several processes."""
+    with _pool(jobs) as pool:
+        names = [fault.name for fault in chosen]
+        yield from pool.map(partial(proof_of, options=options, quick=quick), names)
+
+
+def _pool(jobs: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(jobs, get_context("forkserver"))
+
+
+def _prove_dialects(options: Options, jobs: int) -> None:
+    """Show that no conforming controller is failed, whatever readings it follows."""
+    spoken = list(dialects())
+    wrong = 0
+    with _pool(jobs) as pool:
+        alarms = pool.map(partial(alarm_of, options=options), spoken)
+        for number, alarm in enumerate(alarms, 1):
+            wrong += alarm.false
+            click.echo(f"{number}/{len(spoken)} {alarm.verdict} {' '.join(alarm.readings)}")
+            for case, message in alarm.cases.items():
+                click.echo(f"    {case}: {message}")
+    click.echo(f"{len(spoken) - wrong} of {len(spoken)} dialects conformant")
+    if wrong:
+        raise SystemExit(ExitStatus.NONCONFORMANT)
+
+
+def _shown(proofs: Iterator[Proof], count: int) -> Iterator[Proof]:
+    """The same, with progress: a bar on a terminal, lines elsewhere."""
+    console = Console()
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(
+        *columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("proving", total=count)
+        for number, proof in enumerate(proofs, 1):
+            bar.update(task, advance=1, description=proof.fault)
+            if not console.is_terminal:
+                by = ", ".join(proof.killers) or "nothing"
+                click.echo(f"{number}/{count} {proof.fault}: killed by {by}")
+            yield proof
+
+
+def _idle(options: Options, proofs: Iterable[Proof]) -> list[str]:
+    """Cases that fail under no fault."""
+    failed = {case for proof in proofs for case in proof.failures}
+    return [case.id for case in collect(options) if case.id not in failed]

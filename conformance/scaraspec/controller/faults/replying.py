@@ -1,0 +1,58 @@
+"""What faulty controllers of clause 4 have in common: they answer or read one command otherwise.
+
+No fault stands here.
+"""
+
+from typing import Any, ClassVar
+
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.session import Session
+from scaraspec.protocol.commands import Command
+from scaraspec.protocol.frames import Frame
+
+
+class AltersReplies(Brain):
+    """The first replies to one command hold something else."""
+
+    opcode: ClassVar[int]
+
+    def altered(self, data: bytes) -> bytes:
+        """What is sent in place of this data."""
+        raise NotImplementedError
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Send something else."""
+        if frame.opcode == self.opcode and not frame.tagged:
+            frame = frame._replace(data=self.altered(frame.data))
+        super().emit(session, frame)
+
+
+class AltersLengths(Brain):
+    """The replies to one command have a length byte that does not count their data."""
+
+    opcode: ClassVar[int]
+
+    def length(self, size_bytes: int) -> int:
+        """The length byte of so much data."""
+        raise NotImplementedError
+
+    def transmit(self, session: Session, data: bytes) -> None:
+        """Put another length in."""
+        if data[1] == self.opcode:
+            data = data[:2] + bytes((self.length(data[2]) % 256,)) + data[3:]
+        super().transmit(session, data)
+
+
+class Mends(Brain):
+    """The requests of one command are read as if they were better than they are."""
+
+    command: ClassVar[str]
+
+    def mended(self, data: bytes) -> bytes:
+        """What is read in place of this data."""
+        raise NotImplementedError
+
+    def _value(self, command: Command, frame: Frame) -> Any:
+        if command.name == self.command:
+            frame = frame._replace(data=self.mended(frame.data))
+        return super()._value(command, frame)

@@ -1,0 +1,297 @@
+"""Bracket: runs each case between positive controls, and keeps what came of it.
+
+pytest collects and calls, hypothesis draws; verdicts are made here from what a case raised, what it
+tolerated, and whether its subject was alive before and after. What the judge saw meanwhile is
+joined to it in `run`.
+"""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import pytest
+from _pytest.runner import runtestprotocol
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis.errors import Flaky
+
+from scaraspec.judgement.happenings import FrameSeen, Undecodable
+from scaraspec.judgement.verdicts import Cause, Verdict
+from scaraspec.suite.case import Case, case_of, declare_mark, is_case
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.line import Line
+from scaraspec.suite.plan import Options, wanted, why_not
+from scaraspec.suite.subject import Subject
+
+_NS: Final = 1e9
+_SENTENCE: Final = 500
+_ALIVE: Final = "3/31"
+"""The requirement that a subject which does not survive a case violates."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of a case.
+
+    Attributes:
+        case: The case.
+        verdict: ``none`` where it did not run.
+        requirement: Which of its requirements was violated; empty where none was.
+        cause: Who is responsible where it is no pass.
+        message: One sentence.
+        expected: What the document leads to expect.
+        observed: What was there instead.
+        duration_s: How long it took, on the subject's clock.
+        frames: What passed last.
+    """
+
+    case: Case
+    verdict: Verdict
+    requirement: str = ""
+    cause: Cause | None = None
+    message: str = ""
+    expected: str = ""
+    observed: str = ""
+    duration_s: float = 0.0
+    frames: tuple[FrameSeen | Undecodable, ...] = ()
+
+
+class Bracket:
+    """A pytest plugin object for one run against one subject.
+
+    Args:
+        subject: The subject; None to collect only.
+        options: What the tester asks for.
+        tell: Called with each outcome as it comes, and how many cases there are.
+        loud: Whether pytest reports by itself, too.
+
+    Attributes:
+        before_last: Called ahead of the first case behind which the subject may be gone.
+    """
+
+    def __init__(
+        self,
+        subject: Subject | None,
+        options: Options,
+        tell: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
+        *,
+        loud: bool = False,
+    ) -> None:
+        self.options = options
+        self._subject = subject
+        self.outcomes: list[Outcome] = []
+        self.cases: list[Case] = []
+        self.mistakes: list[str] = []
+        self._tell, self._loud = tell, loud
+        self.before_last: Callable[[], None] = lambda: None
+        self._dead = ""
+        self._profile = settings.get_current_profile_name()
+        self._at_last = False
+        self._failed: set[str] = set()
+        self._raised: BaseException | None = None
+
+    # ------------------------------------------------------------------ pytest's hooks
+
+    def pytest_configure(self, config: pytest.Config) -> None:
+        """Name the mark."""
+        declare_mark(config)
+
+    def pytest_sessionstart(self) -> None:
+        """Settle how hypothesis draws, as long as the session lasts."""
+        self._profile = settings.get_current_profile_name()
+        settings.register_profile(
+            "scaraspec-suite",
+            max_examples=self.options.examples,
+            deadline=None,
+            database=None,
+            phases=(Phase.explicit, Phase.generate, Phase.shrink),
+            suppress_health_check=list(HealthCheck),
+            print_blob=False,
+        )
+        settings.load_profile("scaraspec-suite")
+
+    def pytest_sessionfinish(self) -> None:
+        """Let hypothesis draw as before."""
+        settings.load_profile(self._profile)
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Keep what is wanted, those that end the subject last; a team's own tests stay."""
+        own = [item for item in items if not is_case(item)]
+        cases = {item: case_of(item) for item in items if is_case(item)}
+        ids = [case.id for case in cases.values()]
+        if twice := {i for i in ids if ids.count(i) > 1}:
+            self.mistakes.append(f"cases of the same name: {', '.join(sorted(twice))}")
+        chosen = [item for item in cases if wanted(cases[item], self.options)]
+        chosen.sort(key=lambda item: cases[item].last)
+        self.cases = [cases[item] for item in chosen]
+        items[:] = own + chosen
+        if self._subject is None:
+            items.clear()
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        """A file of the suite that cannot be read is a mistake of the suite."""
+        if report.failed:
+            self.mistakes.append(str(report.longrepr))
+
+    def pytest_runtest_protocol(
+        self, item: pytest.Item, nextitem: pytest.Item | None
+    ) -> bool | None:
+        """Run one case, or say why not."""
+        if not is_case(item):
+            return None
+        case = case_of(item)
+        self.subject.observer.begin(case.id)
+        outcome = self._why_not(case)
+        if outcome is None:
+            outcome = self._run(case, item, nextitem)
+        else:  # pytest has to tear down what it had set up for this one
+            item.add_marker(pytest.mark.skip(reason=outcome.message))
+            runtestprotocol(item, log=self._loud, nextitem=nextitem)
+        if outcome.requirement:
+            self._failed.add(outcome.requirement)
+        self.outcomes.append(outcome)
+        self._tell(outcome, len(self.cases))
+        return True
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item, call: pytest.CallInfo[None]
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """Keep what a case raised first, as it was raised; what did not run was skipped."""
+        report = yield
+        if call.excinfo is not None and self._raised is None:
+            self._raised = call.excinfo.value
+            if isinstance(_innermost(self._raised), Undecided):
+                report.outcome = "skipped"
+                report.longrepr = (str(item.path), 0, f"Skipped: {self._raised}")
+        return report
+
+    # ------------------------------------------------------------------ fixtures
+
+    @property
+    def subject(self) -> Subject:
+        """The controller under test."""
+        assert self._subject is not None, "nothing runs without a subject"
+        return self._subject
+
+    @pytest.fixture(name="subject")
+    def _the_subject(self) -> Subject:
+        """The controller under test."""
+        return self.subject
+
+    @pytest.fixture(name="line")
+    def _a_line(self) -> Line:
+        """A connection that has logged in."""
+        return self.subject.open()
+
+    # ------------------------------------------------------------------ one case
+
+    def _why_not(self, case: Case) -> Outcome | None:
+        why = why_not(case, self.options, self.subject.statement)
+        if not why and case.requirements[0] in self._failed and not self.options.exhaustive:
+            why = f"{case.requirements[0]} has failed already: --exhaustive goes on"
+        if why:
+            return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=why)
+        if self._dead:
+            return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.DEPENDENCY, message=self._dead)
+        return None
+
+    def _run(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
+        subject = self.subject
+        if case.last and not self._at_last:
+            self._at_last = True
+            self.before_last()
+        begun_ns = subject.now_ns
+        subject.tolerated.clear()
+        self._raised = None
+        runtestprotocol(item, log=self._loud, nextitem=nextitem)
+        outcome = self._outcome(case)
+        frames = tuple(subject.observer.recent)
+        if not case.last:
+            outcome = self._afterwards(case, outcome)
+        duration_s = (subject.now_ns - begun_ns) / _NS
+        return replace(outcome, duration_s=duration_s, frames=outcome.frames or frames)
+
+    def _outcome(self, case: Case) -> Outcome:
+        """The verdict of what the case raised."""
+        raised = _innermost(self._raised)
+        match raised:
+            case None:
+                pass
+            case NotRun():
+                return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=f"{raised}")
+            case Undecided():
+                return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=f"{raised}")
+            case Unmet():
+                return Outcome(
+                    case,
+                    Verdict.FAIL,
+                    raised.requirement or case.requirements[0],
+                    Cause.SUBJECT,
+                    f"{raised}",
+                    raised.expected,
+                    raised.observed,
+                )
+            case _:
+                message = f"the case broke down: {type(raised).__name__}: {raised}"[:_SENTENCE]
+                return Outcome(case, Verdict.ERROR, cause=Cause.SUITE, message=message)
+        if self.subject.tolerated:
+            _, key, option, message = self.subject.tolerated[0]
+            observed = f"{key} = {option}"
+            return Outcome(case, Verdict.TOLERATED, message=message, observed=observed)
+        return Outcome(case, Verdict.PASS, message=case.sentence)
+
+    def _afterwards(self, case: Case, outcome: Outcome) -> Outcome:
+        """The positive control behind a case: the subject is alive and at rest again."""
+        subject = self.subject
+        try:
+            subject.settle()
+        except (NoAnswer, Unmet) as error:
+            self._revive(case)
+            if outcome.verdict is Verdict.FAIL:
+                return outcome
+            message = f"the subject did not survive the case: {error}"
+            observed = error.observed
+            expected = "a login and get_status are answered afterwards"
+            frames = tuple(subject.observer.recent)
+            return Outcome(
+                case,
+                Verdict.FAIL,
+                _ALIVE,
+                Cause.SUBJECT,
+                message,
+                expected,
+                observed,
+                frames=frames,
+            )
+        except Undecided as error:
+            self._revive(case)
+            if outcome.verdict in (Verdict.FAIL, Verdict.ERROR):
+                return outcome
+            return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=f"{error}")
+        return outcome
+
+    def give_up(self, why: str) -> None:
+        """The subject is dead: no further case can find out anything."""
+        self._dead = why
+
+    def _revive(self, case: Case) -> None:
+        """Start the subject anew, where a hook can."""
+        subject = self.subject
+        subject.created.clear()
+        subject.close_lines()
+        try:
+            if subject.has_hook("restart"):
+                subject.hook("restart")
+            subject.settle()
+        except (Unmet, Undecided):
+            self.give_up(f"the subject was dead before this case, since case {case.id}")
+
+
+def _innermost(raised: BaseException | None) -> BaseException | None:
+    """What a case raised, out of what hypothesis wraps it in where it does not recur."""
+    if isinstance(raised, BaseExceptionGroup):
+        inner = [_innermost(each) for each in raised.exceptions]
+        return next((each for each in inner if isinstance(each, Unmet | Undecided)), inner[0])
+    if isinstance(raised, Flaky) and raised.__cause__:
+        return _innermost(raised.__cause__)
+    return raised

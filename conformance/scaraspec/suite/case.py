@@ -1,0 +1,112 @@
+"""Case: what a test of the suite says of itself, so that a plan can be made before anything runs.
+
+A case names the requirements that it judges, the worst that it can do to a real robot, and what it
+needs beyond a link. Nothing is run here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeVar
+
+import pytest
+
+from scaraspec.judgement.requirements import Method, requirement
+from scaraspec.protocol.hazard import Hazard
+
+MARK: Final = "scaraspec_case"
+
+_GRAVITY: Final = (Hazard.READ_ONLY, Hazard.STATE, Hazard.MOTION, Hazard.DESTRUCTIVE)
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One thing that the suite tries.
+
+    Attributes:
+        id: Its first requirement, with a short suffix where that has several cases.
+        requirements: What it judges, the ids of the catalogue.
+        hazards: What it may do to a real robot; each of them has to be allowed.
+        needs: Hooks of the statement of conformance without which it cannot run.
+        sentence: What it tries, in one line.
+        undefined: It sends opcodes that nobody defined.
+        last: The subject may be gone afterwards.
+    """
+
+    id: str
+    requirements: tuple[str, ...]
+    hazards: frozenset[Hazard]
+    needs: tuple[str, ...] = ()
+    sentence: str = ""
+    undefined: bool = False
+    last: bool = False
+
+    @property
+    def hazard(self) -> Hazard:
+        """The worst of its hazards."""
+        return max(self.hazards, key=_GRAVITY.index)
+
+
+def case(
+    *requirements: str,
+    name: str = "",
+    hazards: tuple[Hazard, ...] = (),
+    needs: tuple[str, ...] = (),
+    undefined: bool = False,
+    last: bool = False,
+) -> Callable[[F], F]:
+    """Make a test function a case.
+
+    Args:
+        requirements: What it judges; its id is the first of them.
+        name: The suffix of its id where the first requirement has several cases.
+        hazards: What it may do to a real robot; by default the catalogue's hazards.
+        needs: Hooks without which it cannot run.
+        undefined: It sends undefined opcodes.
+        last: It ends the subject.
+
+    Raises:
+        UnknownRequirementError: A requirement does not exist.
+        ValueError: A requirement cannot be tested on a controller.
+    """
+    entries = [requirement(r) for r in requirements]
+    for entry in entries:
+        if Method.ACTIVE_CONTROLLER not in entry.testable:
+            raise ValueError(f"{entry.id} cannot be tested by playing the client")
+    worst = frozenset(hazards or (entry.hazard for entry in entries)) | {Hazard.READ_ONLY}
+    identity = f"{requirements[0]}.{name}" if name else requirements[0]
+    made = Case(identity, requirements, worst, needs, undefined=undefined, last=last)
+
+    def mark(function: F) -> F:
+        told = replace(made, sentence=(function.__doc__ or "").strip().partition("\n")[0])
+        return getattr(pytest.mark, MARK)(told)(function)  # type: ignore[no-any-return] # pytest returns what it marks
+
+    return mark
+
+
+def declare_mark(config: pytest.Config) -> None:
+    """Tell pytest of the mark that cases bear."""
+    config.addinivalue_line("markers", f"{MARK}(case): a case of the suite")
+
+
+def is_case(item: pytest.Item) -> bool:
+    """Whether a collected test is a case of the suite."""
+    return item.get_closest_marker(MARK) is not None
+
+
+def case_of(item: pytest.Item) -> Case:
+    """The case of a collected test, named apart where it has parameters.
+
+    Raises:
+        TypeError: The test is no case.
+    """
+    mark = item.get_closest_marker(MARK)
+    if mark is None:
+        raise TypeError(f"{item.nodeid} is no case: give it @case")
+    made: Case = mark.args[0]
+    parameters = getattr(item, "callspec", None)
+    if parameters is None or not parameters.id:
+        return made
+    dot = "." if "." not in made.id.partition("/")[2] else "-"
+    return replace(made, id=f"{made.id}{dot}{parameters.id}")

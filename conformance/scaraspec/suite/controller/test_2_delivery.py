@@ -1,0 +1,130 @@
+"""Clause 2: TCP carries a stream; how it is cut into segments means nothing (L79; A-2-6)."""
+
+from typing import Final
+
+from hypothesis import given
+
+from scaraspec.suite.carriers import GET_STATUS, GET_TIME, GET_VERSION
+from scaraspec.suite.case import case
+from scaraspec.suite.delivery import (
+    SEGMENT_S,
+    SLOWEST_S,
+    ask_together,
+    pieces,
+    send_in,
+    some_cuts,
+    takes_one_at_a_time,
+)
+from scaraspec.suite.expect import NoAnswer
+from scaraspec.suite.line import Line
+from scaraspec.suite.queries import Query, known_to, some_queries
+from scaraspec.suite.subject import Subject
+
+_BURST: Final = 100  # more requests than any receiver's first buffer holds
+_CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
+
+
+@case("2/5")
+def test_cut_at_every_byte(subject: Subject) -> None:
+    """Every carrier, and the login, is cut at every byte into two segments."""
+    line = subject.open()
+    for name in ("get_time", "get_version", "get_status"):
+        frame = line.request(name).encode()
+        for cut in range(1, len(frame)):
+            send_in(line, (frame[:cut], frame[cut:]), subject, SEGMENT_S)
+            line.reply(name)
+    line.close()
+    for cut in range(1, len(_login(subject, line)) if subject.access.needs_login else 0):
+        line = subject.open(login=False)
+        frame = _login(subject, line)
+        send_in(line, (frame[:cut], frame[cut:]), subject, SEGMENT_S)
+        line.reply("login")
+        line.close()
+
+
+@case("2/5", name="slowly")
+def test_slowly(subject: Subject) -> None:
+    """A request comes byte by byte, and a login in three pieces, with almost 1 s between them."""
+    if subject.access.needs_login:
+        line = subject.open(login=False)
+        send_in(line, pieces(_login(subject, line), (1, 5)), subject, SLOWEST_S)
+        line.reply("login")
+    else:
+        line = subject.open()
+    send_in(line, pieces(GET_STATUS, (1, 1, 1)), subject, SLOWEST_S)
+    line.reply("get_status")
+
+
+@case("2/5", name="random")
+@given(queries=some_queries, sizes=some_cuts)
+def test_random_cuts(subject: Subject, queries: list[Query], sizes: list[int]) -> None:
+    """Queries that follow each other come in segments of random sizes."""
+    line = subject.open()
+    if takes_one_at_a_time(subject):
+        for query in known_to(subject, queries):
+            ask_together(subject, line, [query], sizes)
+    else:
+        ask_together(subject, line, queries, sizes)
+    line.close()
+
+
+@case("2/5", "2/6", name="across")
+def test_segments_across_frames(subject: Subject, line: Line) -> None:
+    """Each segment ends one frame and begins the next, at every byte."""
+    for cut in range(1, 4):
+        parts = pieces(b"".join(_CARRIERS * 2), (cut, *[4] * 5))
+        send_in(line, parts, subject, SEGMENT_S)
+        for name in ("get_time", "get_version", "get_status") * 2:
+            line.reply(name)
+
+
+@case("2/6")
+@given(queries=some_queries)
+def test_several_in_one_segment(subject: Subject, queries: list[Query]) -> None:
+    """One segment brings several queries, and each is answered."""
+    line = subject.open()
+    _served_together(subject, line, queries)
+    line.close()
+
+
+@case("2/6", name="burst")
+def test_burst(subject: Subject, line: Line) -> None:
+    """One segment brings a hundred requests, and each is answered."""
+    names = ("get_time", "get_version", "get_status")
+    _served_together(subject, line, [Query(names[n % 3]) for n in range(_BURST)])
+
+
+@case("2/6", name="login")
+def test_login_and_more(subject: Subject) -> None:
+    """One segment brings the login and a query, which is served because the login comes first."""
+    line = subject.open(login=False)
+    login = _login(subject, line) if subject.access.needs_login else b""
+    line.send_bytes(login + GET_STATUS)
+    if login:
+        line.reply("login")
+    _or_one_at_a_time(subject, line, "get_status")
+
+
+def _login(subject: Subject, line: Line) -> bytes:
+    return line.request("login", subject.password).encode()
+
+
+def _served_together(subject: Subject, line: Line, queries: list[Query]) -> None:
+    """Each of these is answered, or only the first where the subject claims so (A-3-14)."""
+    if not takes_one_at_a_time(subject):
+        ask_together(subject, line, queries)
+        return
+    first = known_to(subject, queries)[:1]
+    line.send_bytes(b"".join(query.frame(line).encode() for query in known_to(subject, queries)))
+    for query in first:
+        line.reply(query.name)
+    subject.tolerate("2/6", "pipelining", "one", "only the first request of a segment is served")
+
+
+def _or_one_at_a_time(subject: Subject, line: Line, name: str) -> None:
+    try:
+        line.reply(name)
+    except NoAnswer:
+        if not takes_one_at_a_time(subject) or line.ending is not None:
+            raise
+        subject.tolerate("2/6", "pipelining", "one", f"{name} behind another one was not served")

@@ -1,0 +1,243 @@
+"""Clause 2: over the network, nothing is done for whom has not logged in (L83, L104; A-4-4).
+
+Whether such a client hears nothing, hears the failure form or is cut off is a reading; what counts
+is that nothing has changed. What is sent is chosen so that a subject which does it does no harm.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any, Final
+
+from scaraspec.protocol.commands import PasswordChange, Point, PortValue
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import Acceptance, JogDirection
+from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
+from scaraspec.suite.files import upload
+from scaraspec.suite.line import Line
+from scaraspec.suite.motion import STANDSTILL, farthest, joints_of
+from scaraspec.suite.ports import outputs, outputs_kept
+from scaraspec.suite.programs import wait_program
+from scaraspec.suite.subject import OTHER_PASSWORDS, SILENCE_S, Subject
+from scaraspec.suite.tasks import stored
+
+if TYPE_CHECKING:
+    from scaraspec.judgement.happenings import FrameSeen
+
+_AHEAD: Final = timedelta(days=3000)
+_BETWEEN_S: Final = 0.02
+_CENTRE: Final = Point(11.5, -7.5, 3.5)
+_WRONG: Final = b"zs-wrong"
+_RUNS_S: Final = 60
+
+Requests = list[tuple[str, Any]]
+
+
+class _Stranger:
+    """A client that sends requests without a login, on a new connection where it is cut off.
+
+    Attributes:
+        granted: What was answered with yes.
+    """
+
+    def __init__(self, subject: Subject, *, wrong_login: bool = False) -> None:
+        if not subject.access.needs_login:
+            raise NotRun("on this link no login is needed (L83)")
+        self.granted: list[FrameSeen] = []
+        self._subject, self._wrong_login = subject, wrong_login
+
+    def ask(self, *requests: tuple[str, Any]) -> None:
+        """Connect, send requests, and listen for a moment."""
+        line = self._connect()
+        for name, value in requests:
+            try:
+                line.send(name, value)
+            except NoAnswer:
+                line = self._connect()
+                line.send(name, value)
+            self._hear(line, _BETWEEN_S)
+            if line.ending is not None:
+                line = self._connect()
+        self._hear(line, SILENCE_S)
+        line.close()
+
+    def _connect(self) -> Line:
+        line = self._subject.open(login=False)
+        if self._wrong_login:
+            self._wrong_login = False  # once is enough (A-4.1-2)
+            said = line.ask("login", _WRONG)
+            expect(said.accepted is False, "a wrong password opens", requirement="4.1/3")
+        return line
+
+    def _hear(self, line: Line, for_s: float) -> None:
+        line.wait(for_s)
+        self.granted += [seen for seen in line.heard if _grants(seen.value)]
+        line.heard.clear()
+
+    def expect_nothing(self) -> None:
+        """Fail the subject if anything was answered with yes.
+
+        Raises:
+            Unmet: It was.
+        """
+        for seen in self.granted:
+            expect(
+                condition=False,
+                message=f"{seen.name} was accepted on a connection that had not logged in",
+                expected="silence, a refusal or the end of the connection",
+                observed=f"{seen.frame}",
+            )
+
+
+def _grants(value: Any) -> bool:
+    return value is True or (isinstance(value, Acceptance) and value.accepted)
+
+
+@contextmanager
+def _unchanged(subject: Subject, *settings: tuple[str, str]) -> Iterator[dict[str, Any]]:
+    """See that values stay as they are; what has changed is put back.
+
+    Args:
+        subject: The subject.
+        settings: What asks for each value, and what sets it.
+    """
+    before = _values(subject, settings)
+    yield before
+    after = _values(subject, settings)
+    line = subject.open()
+    for name, setter in settings:
+        if after[name] != before[name]:
+            line.ask(setter, before[name])
+    line.close()
+    expect_equal(after, before, "settings were changed without a login")
+
+
+def _values(subject: Subject, settings: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    line = subject.open()
+    values = {name: line.ask(name).value for name, _ in settings}
+    line.close()
+    if None in values.values():
+        raise Undecided("the subject does not say how it is set")
+    return values
+
+
+_GRIPPER: Final = ("get_gripper_center", "set_gripper_center")
+_HOME: Final = ("get_initial_tool_position", "set_initial_tool_position")
+
+
+@case("2/11", hazards=(Hazard.STATE,))
+def test_settings(subject: Subject) -> None:
+    """Positions, the clock and files are set without a login; none of it happens."""
+    name = subject.new_name()
+    stranger = _Stranger(subject)
+    with _unchanged(subject, _GRIPPER, _HOME) as before, _clock_kept(subject) as time:
+        pose = before["get_initial_tool_position"]
+        stranger.ask(
+            ("set_gripper_center", _CENTRE),
+            ("set_initial_tool_position", pose._replace(z=pose.z + 1)),
+            ("set_time", time + _AHEAD),
+            ("upload_name", name),
+            ("upload_chunk", Chunk(4, 0, 4, b"none")),
+        )
+    stranger.expect_nothing()
+    is_there = subject.open().ask("download_name", name).accepted
+    expect(not is_there, "a file was stored without a login", observed="1 to 0x54")
+
+
+@contextmanager
+def _clock_kept(subject: Subject) -> Iterator[datetime]:
+    """Give the subject's time; see that it is not set, and if it is, put it back."""
+    line = subject.open()
+    before: datetime | None = line.ask("get_time").value
+    line.close()
+    if before is None:
+        raise Undecided("the subject does not say its time")
+    yield before
+    line = subject.open()
+    after: datetime | None = line.ask("get_time").value
+    was_set = after is not None and abs(after - before) > _AHEAD / 2
+    if was_set:
+        line.ask("set_time", before)
+    line.close()
+    expect(not was_set, "the clock was set without a login", observed=f"{after}")
+
+
+@case("2/11", name="wrong-login", hazards=(Hazard.STATE,))
+def test_wrong_login(subject: Subject) -> None:
+    """After a wrong password a setting is tried; it does not take effect."""
+    with _unchanged(subject, _GRIPPER):
+        stranger = _Stranger(subject, wrong_login=True)
+        stranger.ask(("set_gripper_center", _CENTRE))
+    stranger.expect_nothing()
+
+
+@case("2/11", name="beside", hazards=(Hazard.STATE,))
+def test_beside_another(subject: Subject) -> None:
+    """While one client is logged in, another one that is not tries a setting."""
+    subject.several()
+    subject.open()
+    with _unchanged(subject, _GRIPPER):
+        stranger = _Stranger(subject)
+        stranger.ask(("set_gripper_center", _CENTRE))
+    stranger.expect_nothing()
+
+
+@case("2/11", name="motion", hazards=(Hazard.MOTION, Hazard.STATE))
+def test_motion(subject: Subject) -> None:
+    """A run, a jog and an output are asked for without a login; nothing happens."""
+    subject.moved = True
+    line = subject.open()
+    name = stored(subject, line, _RUNS_S)
+    before, joints = outputs(line), joints_of(line)
+    line.close()
+    stranger = _Stranger(subject)
+    port = len(before)
+    stranger.ask(
+        ("set_digital_output", PortValue(port, int(not before[-1]))), ("run_program", name)
+    )
+    stranger.ask(("jog", JogDirection.PLUS_X))
+    line = subject.open()
+    status = line.ask("get_status").value
+    moved = farthest(joints_of(line), joints)
+    with outputs_kept(line) as after:
+        line.send("set_digital_output", PortValue(port, int(before[-1])))
+        line.fence()
+    expect_equal(after, before, "an output was set without a login")
+    expect_equal(status, "00", "a command executes that came without a login")
+    expect(moved <= STANDSTILL, "the arm has moved without a login", observed=f"by {moved:.2f}")
+    stranger.expect_nothing()
+
+
+@case("2/11", name="loss", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE))
+def test_loss(subject: Subject) -> None:
+    """A file is deleted, the password and the network are set without a login; all stays."""
+    line = subject.open()
+    name = subject.new_name()
+    upload(line, name, wait_program(subject.dialect, 1))
+    network = line.ask("get_network").value
+    line.close()
+    stranger = _Stranger(subject)
+    other = PasswordChange(subject.password, OTHER_PASSWORDS[0])
+    stranger.ask(("delete_program", name), ("set_network", network), ("set_password", other))
+    line = subject.open(login=False)
+    opens = line.ask("login", subject.password).accepted
+    if not opens:
+        subject.log_in(line, other.new)
+        line.ask("set_password", PasswordChange(other.new, other.old))
+    expect(opens, "the password was changed without a login", observed="0 to the old one")
+    is_there = line.ask("download_name", name).accepted
+    expect(is_there, "a file was deleted without a login", observed="0 to 0x54")
+    stranger.expect_nothing()
+
+
+@case("2/11", name="shutdown", hazards=(Hazard.DESTRUCTIVE,), last=True)
+def test_shutdown(subject: Subject) -> None:
+    """A shutdown is asked for without a login; the subject goes on."""
+    stranger = _Stranger(subject)
+    stranger.ask(("shutdown", None))
+    line = subject.open()
+    line.ask("get_status")
+    line.close()
+    stranger.expect_nothing()

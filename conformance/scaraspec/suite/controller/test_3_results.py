@@ -1,0 +1,189 @@
+"""Clause 3: the final results of two-stage commands: tagged, behind the first reply, exactly one.
+
+What a command does is judged with its own clause; here it is only brought to its end.
+"""
+
+from typing import Any, Final
+
+import pytest
+
+from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.protocol.commands import BY_NAME, MoveTarget
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import TAG
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import FinalResult
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect
+from scaraspec.suite.line import Line
+from scaraspec.suite.queries import ask_all
+from scaraspec.suite.subject import Subject
+from scaraspec.suite.tasks import (
+    JOG,
+    MOVE,
+    RUN,
+    SIMULATE,
+    STOP,
+    TWO_STAGE,
+    finish,
+    harmless,
+    has,
+    lasting,
+    offered,
+    perform,
+    start_program,
+)
+
+_MOTION: Final = (Hazard.MOTION, Hazard.STATE)
+_LATER_S: Final = 0.4  # for how long a second result is looked for
+_TIMES: Final = 12
+_FAR: Final = MoveTarget(1, 9e5, 9e5, 9e5, 0.0, 0.0, 0.0)
+
+
+# ---------------------------------------------------------------------- one, and tagged
+
+
+@pytest.mark.parametrize("name", TWO_STAGE)
+@case("3/12", "3/14", "3/16", "3/18", hazards=_MOTION)
+def test_one_tagged_result(subject: Subject, line: Line, name: str) -> None:
+    """A command ends with one final result, behind the tag and behind its first reply."""
+    try:
+        performed = perform(subject, line, name)
+    finally:
+        _expect_tagged(subject, name)
+    first, result = performed.first, performed.result
+    if result is None:
+        return
+    expect(
+        first.seen.place.offset_bytes < result.seen.place.offset_bytes,
+        f"the final result of {name} came ahead of its first reply",
+        expected="the first reply first",
+        observed="the final result first",
+        requirement="3/16",
+    )
+    line.wait(_LATER_S)
+    _no_result(line, name, f"{name} ended a second time", "3/18")
+
+
+def _expect_tagged(subject: Subject, name: str) -> None:
+    """Look among what has just passed for a final result that came without its tag."""
+    for seen in subject.observer.recent:
+        if (
+            isinstance(seen, FrameSeen)
+            and seen.frame.direction is C2A
+            and seen.frame.opcode == BY_NAME[name].opcode
+            and not seen.frame.tagged
+            and FinalResult().decode(seen.frame.data).value is not None
+        ):
+            raise Unmet(
+                f"the final result of {name} came without the tag",
+                expected=f"{TAG:02X} {seen.frame.opcode:02X}",
+                observed=f"{seen.frame}",
+                requirement="3/12",
+            )
+
+
+def _no_result(line: Line, name: str, message: str, requirement: str) -> None:
+    for seen in line.heard:
+        if _is_result(seen, name):
+            raise Unmet(
+                message, expected="no result", observed=f"{seen.frame}", requirement=requirement
+            )
+
+
+def _is_result(seen: FrameSeen, name: str) -> bool:
+    return seen.frame.tagged and seen.frame.opcode == BY_NAME[name].opcode
+
+
+@case("3/14")
+def test_queries_bear_no_tag(subject: Subject, line: Line) -> None:
+    """The replies of queries bear no tag; one that does is undocumented (A-3-6)."""
+    try:
+        ask_all(subject, line)
+    except NoAnswer:
+        tagged = next((seen for seen in line.heard if seen.frame.tagged), None)
+        if tagged is None:
+            raise
+        raise Unmet(
+            "a query was answered behind the tag of final results",
+            expected="no tag",
+            observed=f"{tagged.frame}",
+        ) from None
+
+
+@case("3/18", "3/16", name="again", hazards=_MOTION)
+def test_again_and_again(subject: Subject, line: Line) -> None:
+    """A program runs a dozen times, asked about meanwhile; each run has its one result."""
+    program = start_program(subject, line, RUN, 0).program
+    finish(subject, line, RUN)
+    for _ in range(_TIMES):
+        first = line.ask(RUN, program)
+        expect(first.accepted, "a program that ran is refused", requirement="4.15/4")
+        line.ask("get_status")
+        result = finish(subject, line, RUN)
+        expect(
+            first.seen.place.offset_bytes < result.seen.place.offset_bytes,
+            "a final result came ahead of its first reply",
+            requirement="3/16",
+        )
+        line.heard[:0] = line.fence()
+        _no_result(line, RUN, "a run ended a second time", "3/18")
+
+
+@case("3/18", name="own-connection", hazards=_MOTION)
+def test_result_for_whom_asked(subject: Subject, line: Line) -> None:
+    """While another client is connected, the result comes to the one that asked."""
+    subject.several()
+    other = subject.open()
+    start_program(subject, line, RUN, 1)
+    other.ask("get_status")
+    finish(subject, line, RUN)
+    other.fence()
+
+
+# ---------------------------------------------------------------------- none
+
+
+@case("3/17", hazards=_MOTION)
+def test_no_result_of_what_is_refused(subject: Subject, line: Line) -> None:
+    """Programs that are not there, a pose out of reach and a jog nowhere are refused, and end."""
+    subject.moved = True
+    missing = subject.new_name()
+    requests: list[tuple[str, Any, bytes | None]] = [
+        (RUN, missing, None),
+        (SIMULATE, missing, None),
+        (MOVE, _FAR, None),
+        (JOG, None, b"9"),
+        (STOP, None, None),
+    ]
+    refused = []
+    for name, value, data in requests:
+        if name in subject.statement.lacks:
+            continue
+        answer = offered(line, name, value, data=data)
+        if answer is None or answer.accepted is False:
+            refused.append(name)
+    _stay_without_result(line, refused)
+
+
+@case("3/17", name="busy", hazards=_MOTION)
+def test_no_result_of_what_came_while_busy(subject: Subject, line: Line) -> None:
+    """While a program runs, other commands are refused, and none of them has a result."""
+    if subject.dialect["busy_reply"] == "queue":
+        raise NotRun("the subject claims to execute afterwards what comes while it is busy")
+    has(subject, RUN)
+    requests = harmless(subject, line)
+    with lasting(subject, line, RUN) as task:
+        refused = []
+        for name, value in requests.items():
+            answer = offered(line, name, value)
+            task.lasts()
+            if name != RUN and (answer is None or answer.accepted is False):
+                refused.append(name)
+    _stay_without_result(line, refused)
+
+
+def _stay_without_result(line: Line, names: list[str]) -> None:
+    line.wait(_LATER_S)
+    for name in names:
+        _no_result(line, name, f"a final result of {name} came, which was refused", "3/17")

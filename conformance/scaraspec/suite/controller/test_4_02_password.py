@@ -1,0 +1,104 @@
+"""Clause 4.2: a new password (0x03, L121-141)."""
+
+from scaraspec.protocol.commands import PasswordChange
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import Unmet, expect
+from scaraspec.suite.keeping import password_kept
+from scaraspec.suite.line import Answer, Line
+from scaraspec.suite.malformed import malformed, offer
+from scaraspec.suite.subject import OTHER_PASSWORDS, Subject
+
+_LONG, _SHORT = OTHER_PASSWORDS
+_EMPTY_FIELDS = ("empty in old", "empty in new")
+_TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
+"""Malformed pairs that are tried: few, as each may count for an attempt with a wrong password."""
+
+
+def _change(line: Line, old: bytes, new: bytes) -> Answer:
+    return line.ask("set_password", PasswordChange(old, new))
+
+
+def _expect_changed(line: Line, old: bytes, new: bytes) -> None:
+    answer = _change(line, old, new)
+    expect(
+        answer.accepted,
+        "a new password was refused although the old one was right",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.2/2",
+    )
+
+
+def _expect_login(
+    subject: Subject, password: bytes, message: str, requirement: str, *, opens: bool = True
+) -> None:
+    """Log in on a new connection, or be refused."""
+    line = subject.open(login=False)
+    answer = line.ask("login", password)
+    expect(
+        bool(answer.accepted) is opens,
+        message,
+        expected="1" if opens else "0",
+        observed=f"{answer}",
+        requirement=requirement,
+    )
+    line.close()
+
+
+@case("4.2/4", "4.2/2")
+def test_changed(subject: Subject) -> None:
+    """A new password opens the next login and the old one does not, change after change."""
+    first = subject.password
+    with password_kept(subject):
+        for old, new in ((first, _LONG), (_LONG, _SHORT), (_SHORT, first)):
+            line = subject.open(login=False)
+            subject.log_in(line, old)
+            _expect_changed(line, old, new)
+            line.close()
+            _expect_login(subject, new, "the new password does not open the next login", "4.2/4")
+            if old == first:  # one wrong attempt is enough (A-4.1-2)
+                message = "the old password still opens a login"
+                _expect_login(subject, old, message, "4.2/4", opens=False)
+
+
+@case("4.2/3", "4.2/5")
+def test_wrong_old_password(subject: Subject, line: Line) -> None:
+    """With a wrong old password the change is refused and the password remains."""
+    right = subject.password
+    with password_kept(subject):
+        for wrong in (right.swapcase() if right.swapcase() != right else right + b"x", right[:-1]):
+            if not wrong:
+                continue
+            answer = _change(line, wrong, _SHORT)
+            expect(
+                answer.accepted is False,
+                "a new password with a wrong old one was not answered 0",
+                expected="0",
+                observed=f"{answer}",
+            )
+        line.close()
+        message = "after a refused change the password does not log in any more"
+        _expect_login(subject, right, message, "4.2/5")
+
+
+@case("4.2/6", "4.2/5", name="malformed")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """A pair without separator or with an empty field changes nothing."""
+    right = subject.password
+    with password_kept(subject):
+        for wrong in malformed("set_password", PasswordChange(right, _SHORT)):
+            if f"{wrong}" not in _TRIED:
+                continue
+            offered = offer(subject, line, "set_password", wrong)
+            line = offered.line
+            if not offered.accepted:
+                continue
+            if f"{wrong}" == "empty in new":
+                line.ask("set_password", data=b"|" + right)
+            if f"{wrong}" in _EMPTY_FIELDS:  # split at the first bar (A-4.2-3)
+                subject.tolerate("4.2/6", "A-4.2-3", "split", f"{wrong} was accepted")
+                continue
+            raise Unmet(f"{wrong} was accepted", expected="0", observed=f"{offered}")
+        line.close()
+        message = "after a malformed change the password does not log in any more"
+        _expect_login(subject, right, message, "4.2/5")

@@ -1,0 +1,111 @@
+"""Clause 4.8: the status of the robot (0x09, L205-217)."""
+
+from typing import Final
+
+from scaraspec.protocol import errors
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.case import case
+from scaraspec.suite.executing import begin, expect_status, finish, store_wait_program
+from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect_equal
+from scaraspec.suite.line import Line
+from scaraspec.suite.motion import quieten
+from scaraspec.suite.queries import known_to
+from scaraspec.suite.subject import Subject
+from scaraspec.suite.tasks import JOG, MOVE, RESET, lasting
+
+_IDLE: Final = "00"
+_TIMES: Final = 100
+_WAIT_S: Final = 2
+_STEP_S: Final = 0.25
+
+
+def _expect_idle(line: Line, message: str) -> None:
+    answer = line.ask("get_status")
+    code = errors.lookup(answer.value) if isinstance(answer.value, str) else None
+    if code is None:
+        message = "the status is no code of table 8-1"
+        raise Unmet(message, expected="00", observed=f"{answer}", requirement="4.8/2")
+    if code.kind is errors.Kind.FAULT:
+        raise Undecided(f"the robot reports {code.text}, {code.meaning}")
+    expect_equal(code.text, _IDLE, message, requirement="4.8/3")
+
+
+@case("4.8/2", "4.8/3", "4.8/9")
+def test_idle(subject: Subject, line: Line) -> None:
+    """The status of a robot at rest is 00, however often it is asked for, whatever else is."""
+    for _ in range(_TIMES):
+        _expect_idle(line, "the status of a robot at rest is not 00")
+    for query in known_to(subject):
+        line.ask(*query)
+        _expect_idle(line, f"the status of a robot at rest is not 00 behind {query.name}")
+    line.close()
+    _expect_idle(subject.open(), "another connection is not told that the robot is at rest")
+
+
+@case("4.8/3", "4.8/9", name="refused", hazards=(Hazard.MOTION,))
+def test_idle_once_refused(subject: Subject, line: Line) -> None:
+    """A robot that has refused a program which is not stored is still at rest."""
+    missing = subject.new_name()
+    subject.created.remove(missing)
+    subject.moved = True
+    for command in ("run_program", "simulate_program"):
+        if line.ask(command, missing).accepted:  # it may fail late (A-4.15-1)
+            line.result(command)
+        message = f"the status is not 00 once {command} was refused"
+        _expect_idle(line, message)
+
+
+@case("4.8/4", "4.8/3", "4.8/10")
+def test_running(subject: Subject, line: Line) -> None:
+    """While a program runs the status is 01, before and behind it 00."""
+    _watch_program(subject, line, "run_program", "01", "4.8/4")
+
+
+@case("4.8/5", "4.8/3", "4.8/10")
+def test_simulating(subject: Subject, line: Line) -> None:
+    """While a program is simulated the status is 02, before and behind it 00."""
+    _watch_program(subject, line, "simulate_program", "02", "4.8/5")
+
+
+def _watch_program(subject: Subject, line: Line, command: str, code: str, requirement: str) -> None:
+    name = store_wait_program(subject, line, _WAIT_S)
+    _expect_idle(line, "the status of a robot at rest is not 00")
+    try:
+        begin(subject, line, command, name)
+        if not expect_status(subject, line, command, code, requirement):
+            raise NotRun(f"{command} was over before the status could be asked for")
+        for _ in range(int(_WAIT_S / _STEP_S) - 1):
+            line.wait(_STEP_S / subject.statement.time_scale)
+            if not expect_status(subject, line, command, code, requirement):
+                break
+        else:
+            finish(subject, line, command)
+    finally:
+        quieten(subject, line)
+
+
+@case("4.8/6", "4.8/10")
+def test_resetting(subject: Subject, line: Line) -> None:
+    """While the robot resets the status is 03."""
+    _watch(subject, line, RESET, "4.8/6")
+
+
+@case("4.8/7", "4.8/10")
+def test_moving(subject: Subject, line: Line) -> None:
+    """While the arm moves by a step the status is 04."""
+    _watch(subject, line, MOVE, "4.8/7")
+
+
+@case("4.8/7", "4.8/10", name="jogging")
+def test_jogging(subject: Subject, line: Line) -> None:
+    """While the arm jogs the status is 04, until it is stopped."""
+    _watch(subject, line, JOG, "4.8/7")
+
+
+def _watch(subject: Subject, line: Line, command: str, requirement: str) -> None:
+    with lasting(subject, line, command) as task:
+        if not expect_status(subject, line, command, task.state, requirement):
+            raise NotRun(f"{command} was over before the status could be asked for")
+        line.wait(subject.statement.motion.jog_s / 2)
+        expect_status(subject, line, command, task.state, requirement)
+    _expect_idle(line, f"the robot is not idle although {command} is over")

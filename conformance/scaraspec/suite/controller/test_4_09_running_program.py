@@ -1,0 +1,191 @@
+"""Clause 4.9: what the robot says of the program that runs (0x0A, L219-237)."""
+
+from typing import Final
+
+from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.fields import NAME_MAX_BYTES
+from scaraspec.suite.case import case
+from scaraspec.suite.executing import (
+    ask_busy,
+    begin,
+    ended,
+    expect_rest,
+    store_wait_program,
+)
+from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect, expect_equal
+from scaraspec.suite.keeping import patient
+from scaraspec.suite.line import Answer, Line
+from scaraspec.suite.motion import quieten
+from scaraspec.suite.program_list import long_name, store_program
+from scaraspec.suite.subject import Subject
+
+_NONE: Final = (b"0", b"0||", b"\0", b"\0||")
+"""No program runs; the ways to say so (A-4.9-2, A-T-1)."""
+_WAIT_S: Final = 4
+_STEP_S: Final = 0.8
+_LAG_S: Final = 0.3
+_SLACK_S: Final = 2.0
+_DRIFT: Final = 0.01
+_MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
+_NS: Final = 1e9
+
+
+def _expect_none(line: Line, message: str) -> None:
+    answer = line.ask("get_running_program")
+    text = answer.frame.data if answer.frame.data in _NONE else answer.frame.data.rstrip(b"\0")
+    expect(text in _NONE, message, expected="0", observed=f"{answer}", requirement="4.9/6")
+
+
+def _told(subject: Subject, line: Line, command: str, name: bytes) -> RunningProgram | None:
+    """What is told of a program while it runs; None where it has ended.
+
+    Raises:
+        Unmet: It is told wrongly.
+    """
+    answer = ask_busy(subject, line, "get_running_program", command)
+    told = answer.value
+    if not isinstance(told, RunningProgram):
+        if ended(line, command, _LAG_S) is not None:
+            return None
+        if command == "simulate_program" and answer.frame.data in _NONE:
+            message = "a simulated program is not told as running"
+            subject.tolerate("4.9/10", "A-4.9-4", "no", message)
+            return None
+        message = "the program that runs is not told"
+        expected = f"1|{name.decode()}|DDHHMMSS"
+        raise Unmet(message, expected=expected, observed=f"{answer}", requirement="4.9/2")
+    expect_equal(
+        told.name, name, "another program is told than the one that runs", requirement="4.9/4"
+    )
+    _expect_form(answer)
+    return told
+
+
+def _expect_form(answer: Answer) -> None:
+    """Eight digits, of which hours, minutes and seconds are such (A-4.9-3)."""
+    text = answer.frame.data.rstrip(b"\0").rpartition(b"|")[2]
+    carried = text[2:4] < b"24" and text[4:6] < b"60" and text[6:] < b"60"
+    expect(
+        len(text) == len("DDHHMMSS") and text.isdigit() and carried,
+        "the run time is not DDHHMMSS with hours, minutes and seconds that are carried over",
+        expected="DDHHMMSS",
+        observed=f"{answer}",
+        requirement="4.9/3",
+    )
+
+
+def _expect_grown(
+    subject: Subject, first: tuple[int, float], then: tuple[int, float], what: str
+) -> None:
+    """Hold two run times against the time between them."""
+    passed_s = (then[1] - first[1]) * subject.statement.time_scale
+    grown_s = then[0] - first[0]
+    expect(
+        abs(grown_s - passed_s) <= _SLACK_S + _DRIFT * passed_s,
+        f"the run time does not grow as time passes{what}",
+        expected=f"{passed_s:.1f} s more than {first[0]} s",
+        observed=f"{then[0]} s",
+        requirement="4.9/5",
+    )
+
+
+def _now_s(subject: Subject) -> float:
+    return subject.now_ns / _NS
+
+
+@case("4.9/6", "4.9/7")
+def test_none(subject: Subject, line: Line) -> None:
+    """While no program runs the reply is 0, without name and time, on every connection."""
+    _expect_none(line, "a program is told although none runs")
+    line.close()
+    _expect_none(subject.open(), "a program is told to another connection although none runs")
+
+
+@case("4.9/2", "4.9/3", "4.9/4", "4.9/5", "4.9/6", "4.9/8", "4.9/9", "4.9/10")
+def test_running(subject: Subject, line: Line) -> None:
+    """One of two programs runs: it is told, all 30 bytes of its name, and its run time grows."""
+    store_program(subject, line)
+    name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
+    try:
+        begin(subject, line, "run_program", name)
+        first = None
+        for _ in range(int(_WAIT_S / _STEP_S)):
+            told = _told(subject, line, "run_program", name)
+            if told is None:
+                break
+            now = told.run_time_s, _now_s(subject)
+            if first is not None:
+                _expect_grown(subject, first, now, "")
+            first = first or now
+            _expect_flag_and_status(line)
+            line.wait(_STEP_S / subject.statement.time_scale)
+        else:
+            line.result("run_program")
+        expect_rest(subject, line, "the robot is not idle although run_program has ended")
+        _expect_none(line, "a program is told to run although it has ended")
+        if first is None:
+            raise NotRun("the program was over before it could be asked about")
+    finally:
+        quieten(subject, line)
+
+
+def _expect_flag_and_status(line: Line) -> None:
+    """The flag is 1 between two statuses 01 (4.9/10)."""
+    before = line.ask("get_status").value
+    answer = line.ask("get_running_program")
+    if before == line.ask("get_status").value == "01":
+        expect(
+            isinstance(answer.value, RunningProgram),
+            "no program is told although the status is 01",
+            expected="1|name|DDHHMMSS",
+            observed=f"{answer}",
+            requirement="4.9/10",
+        )
+
+
+@case("4.9/4", "4.9/6", "4.9/10", name="simulated")
+def test_simulated(subject: Subject, line: Line) -> None:
+    """While a program is simulated it is told by its name, or not at all."""
+    name = store_wait_program(subject, line, _WAIT_S)
+    try:
+        begin(subject, line, "simulate_program", name)
+        _told(subject, line, "simulate_program", name)
+    finally:
+        quieten(subject, line)
+    _expect_none(line, "a program is told to run although its simulation has ended")
+
+
+@case("4.9/3", "4.9/5", name="minute")
+def test_minute(subject: Subject, line: Line) -> None:
+    """The run time goes over into minutes."""
+    _watch_carries(subject, line, (_MINUTE_S,))
+
+
+@case("4.9/3", "4.9/5", name="day")
+def test_day(subject: Subject, line: Line) -> None:
+    """The run time goes over into minutes, hours and days."""
+    marks = (_MINUTE_S, 10 * _MINUTE_S, _HOUR_S, 10 * _HOUR_S, _DAY_S, _DAY_S + _HOUR_S)
+    _watch_carries(subject, line, marks)
+
+
+def _watch_carries(subject: Subject, line: Line, marks_s: tuple[int, ...]) -> None:
+    """Run a program past these run times, and look at it just before and just behind each."""
+    lasts_s = marks_s[-1] + 5
+    patient(subject, lasts_s)
+    name = store_wait_program(subject, line, lasts_s)
+    scale = subject.statement.time_scale
+    try:
+        begun_s = _now_s(subject)
+        begin(subject, line, "run_program", name)
+        first = None
+        for at_s in (s for mark_s in marks_s for s in (mark_s - 2, mark_s + 2)):
+            line.wait(max(begun_s + at_s / scale - _now_s(subject), 0.0))
+            told = _told(subject, line, "run_program", name)
+            if told is None:
+                raise Undecided("a program ended that should still wait")
+            now = told.run_time_s, _now_s(subject)
+            if first is not None:
+                _expect_grown(subject, first, now, f" past {marks_s[-1]} s")
+            first = first or now
+    finally:
+        quieten(subject, line)

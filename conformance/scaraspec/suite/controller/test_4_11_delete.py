@@ -1,0 +1,168 @@
+"""Clause 4.11: deleting a program (0x0C, L253-263).
+
+Only what the suite itself has uploaded is deleted, and no name is tried that something else could
+bear.
+"""
+
+from typing import Any, Final
+
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
+from scaraspec.suite.files import expect_stored, upload
+from scaraspec.suite.line import Line
+from scaraspec.suite.malformed import Malformed, malformed, offer
+from scaraspec.suite.motion import quieten
+from scaraspec.suite.program_list import program_names, store_program
+from scaraspec.suite.programs import wait_program
+from scaraspec.suite.subject import Subject
+
+_TIMES: Final = 3
+_STATE: Final = ("get_network", "get_gripper_center", "get_initial_tool_position", "get_version")
+
+
+def _delete(line: Line, name: bytes) -> None:
+    answer = line.ask("delete_program", name)
+    expect(
+        answer.accepted,
+        "a program that is stored was not deleted with the answer 1",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.11/2",
+    )
+
+
+def _expect_refused(subject: Subject, line: Line, wrong: Malformed, requirement: str) -> Line:
+    """Fail the subject if it says that it has deleted what is not there.
+
+    Returns:
+        The connection to go on with.
+    """
+    offered = offer(subject, line, "delete_program", wrong)
+    expect(
+        not offered.accepted,
+        f"{wrong.kind} was deleted with the answer 1",
+        expected="0",
+        observed=f"{offered} to {show(wrong.data)}",
+        requirement=requirement,
+    )
+    return offered.line
+
+
+@case("4.11/3", "4.11/2")
+def test_gone(subject: Subject, line: Line) -> None:
+    """What was deleted is neither listed nor downloadable, and its name is free again."""
+    content = wait_program(subject.dialect, 1)
+    other, name = store_program(subject, line), store_program(subject, line)
+    for _ in range(_TIMES):
+        _delete(line, name)
+        expect(
+            name not in program_names(subject, line),
+            "a program that was deleted is still listed",
+            expected="not in the list",
+            observed=show(name),
+        )
+        expect(
+            not line.ask("download_name", name).accepted,
+            "a program that was deleted can be downloaded",
+            expected="0",
+            observed="1",
+        )
+        expect(
+            not line.ask("delete_program", name).accepted,
+            "a program that was deleted before was deleted with the answer 1",
+            expected="0",
+            observed="1",
+            requirement="4.11/4",
+        )
+        upload(line, name, content)
+    _delete(line, name)
+    expect_stored(line, other, content, "4.11/3")
+
+
+@case("4.11/3", name="run", hazards=(Hazard.DESTRUCTIVE, Hazard.MOTION))
+def test_not_run(subject: Subject, line: Line) -> None:
+    """What was deleted can be neither run nor simulated."""
+    name = store_program(subject, line)
+    _delete(line, name)
+    try:
+        for command in ("run_program", "simulate_program"):
+            subject.moved = True
+            answer = line.ask(command, name)
+            if answer.accepted:  # it may fail late (A-4.15-1)
+                answer = line.result(command)
+            expect(
+                not (answer.done or answer.accepted),
+                f"{command} still finds a program that was deleted",
+                expected="0|20",
+                observed=f"{answer}",
+            )
+    finally:
+        quieten(subject, line)
+
+
+@case("4.11/4", "4.11/2")
+def test_missing(subject: Subject, line: Line) -> None:
+    """A name that is not stored is not answered 1, however like a stored one it is."""
+    name, content = store_program(subject, line), wait_program(subject.dialect, 1)
+    stem, dot, extension = name.rpartition(b".")
+    free = subject.new_name()
+    subject.created.remove(free)
+    for wrong in (
+        free,
+        name[:-1],
+        stem,
+        stem[:-1] + dot + extension,
+        name + b"x",
+        name[1:],
+        stem + b"*" + dot + extension,
+        stem[:-1] + b"?" + dot + extension,
+    ):
+        line = _expect_refused(
+            subject, line, Malformed("a program that is not stored", wrong), "4.11/4"
+        )
+    expect_stored(line, name, content, "4.11/4")
+
+
+@case("4.11/6", "4.11/4")
+def test_paths(subject: Subject, line: Line) -> None:
+    """A name with path elements deletes nothing, and changes nothing else either."""
+    name, content = store_program(subject, line), wait_program(subject.dialect, 1)
+    before = _state(line)
+    for wrong in (
+        b"../" + name,
+        b"./" + name,
+        b"..\\" + name,
+        b"/" + name,
+        b"programs/" + name,
+        b"../../../" + name,
+        b"zs/../" + name,
+        name + b"/",
+    ):
+        line = _expect_refused(
+            subject, line, Malformed("a name with path elements", wrong), "4.11/6"
+        )
+        expect_stored(line, name, content, "4.11/6")
+    after = _state(line)
+    expect(
+        before == after,
+        "names with path elements have changed something else",
+        expected=f"{before}",
+        observed=f"{after}",
+    )
+
+
+def _state(line: Line) -> list[Any]:
+    return [line.ask(name).value for name in _STATE]
+
+
+@case("4.11/4", name="malformed")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """Names that are none delete nothing, and what is stored remains."""
+    name, content = store_program(subject, line), wait_program(subject.dialect, 1)
+    for wrong in malformed("delete_program", name):
+        if b".." in wrong.data or wrong.data == b".":
+            continue  # what is there is not the suite's
+        line = _expect_refused(subject, line, wrong._replace(kind=f"a name with {wrong}"), "4.11/4")
+    expect_stored(line, name, content, "4.11/4")

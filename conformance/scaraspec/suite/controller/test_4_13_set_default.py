@@ -1,0 +1,92 @@
+"""Clause 4.13: setting the default program (0x0E, L277-287)."""
+
+from scaraspec.protocol.fields import NAME_MAX_BYTES
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.case import case
+from scaraspec.suite.defaults import default_kept, expect_default
+from scaraspec.suite.expect import Unmet, expect
+from scaraspec.suite.line import Line
+from scaraspec.suite.malformed import malformed, offer
+from scaraspec.suite.motion import IDLE, STANDSTILL, farthest, joints_of, quieten
+from scaraspec.suite.program_list import long_name, store_program
+from scaraspec.suite.subject import Subject
+
+_SOON_S = 0.3
+
+
+def _set(line: Line, name: bytes) -> None:
+    answer = line.ask("set_default_program", name)
+    expect(
+        answer.accepted,
+        "a program that is stored cannot be made the default one",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.13/2",
+    )
+
+
+@case("4.13/3", "4.13/2")
+def test_set(subject: Subject, line: Line) -> None:
+    """The program that was named last is the default one, for every connection."""
+    with default_kept(subject, line):
+        names = [subject.new_name(), long_name(subject, NAME_MAX_BYTES), subject.new_name("a")]
+        for name in names:
+            store_program(subject, line, name)
+        for name in names:
+            _set(line, name)
+            expect_default(subject, line, name, "4.13/3")
+        line.close()
+        expect_default(subject, subject.open(), name, "4.13/3")
+
+
+@case("4.13/5", "4.13/4")
+def test_missing(subject: Subject, line: Line) -> None:
+    """A program that is not stored does not become the default one, and the former one stays."""
+    with default_kept(subject, line):
+        name = store_program(subject, line)
+        _set(line, name)
+        missing = subject.new_name()
+        subject.created.remove(missing)
+        answer = line.ask("set_default_program", missing)
+        if answer.accepted:
+            message = "a program that is not stored can be made the default one"
+            subject.tolerate("4.13/4", "A-4.13-1", "accepted", message)
+        else:
+            expect_default(subject, line, name, "4.13/5")
+
+
+@case("4.13/5", "4.13/2", name="malformed")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """A name that is none and was refused leaves the default program as it was."""
+    with default_kept(subject, line):
+        name = store_program(subject, line)
+        _set(line, name)
+        for wrong in malformed("set_default_program", name):
+            offered = offer(subject, line, "set_default_program", wrong)
+            line = offered.line
+            if offered.accepted:
+                _set(line, name)
+            else:
+                expect_default(subject, line, name, "4.13/5")
+
+
+@case("4.13/6", "4.13/2", hazards=(Hazard.STATE, Hazard.MOTION))
+def test_moves_nothing(subject: Subject, line: Line) -> None:
+    """To name a default program starts nothing."""
+    with default_kept(subject, line):
+        name = store_program(subject, line)
+        before = joints_of(line)
+        subject.moved = True
+        _set(line, name)
+        try:
+            statuses = [line.ask("get_status").value]
+            line.wait(_SOON_S)
+            statuses.append(line.ask("get_status").value)
+            if any(status != IDLE for status in statuses):
+                message = "the program that was made the default one was started"
+                raise Unmet(message, expected=IDLE, observed=", ".join(map(str, statuses)))
+            if farthest(joints_of(line), before) > STANDSTILL:
+                message = "the arm moved after set_default_program"
+                subject.tolerate("4.13/6", "A-4.12-3", "moves", message)
+        finally:
+            quieten(subject, line)

@@ -1,0 +1,240 @@
+"""Clause 4.17: the emergency stop (0x32, L356-383), which is no safety function (A-4.17-3)."""
+
+import pytest
+
+from scaraspec.protocol.commands import MoveTarget
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, expect
+from scaraspec.suite.line import Answer, Line
+from scaraspec.suite.motion import (
+    BUSY,
+    SLOWEST_PERCENT,
+    STANDSTILL,
+    await_rest,
+    begin_step_somewhere,
+    farthest,
+    joints_of,
+    quieten,
+    returning,
+    target,
+)
+from scaraspec.suite.refusals import text_of
+from scaraspec.suite.subject import SILENCE_S, Subject
+from scaraspec.suite.tasks import (
+    JOG,
+    MOVE,
+    RESET,
+    RUN,
+    SIMULATE,
+    STATES,
+    STOP,
+    Task,
+    accepted,
+    done,
+    finish,
+    has,
+    interrupted,
+    lasting,
+    perform,
+    start_program,
+    stored,
+)
+
+_MOTION = (Hazard.STATE, Hazard.MOTION)
+_AGAIN = 15
+
+
+def expect_stopped(subject: Subject, line: Line, answer: Answer) -> Answer:
+    """Fail the subject unless the stop was accepted and has succeeded; its result."""
+    accepted(STOP, answer)
+    expect(
+        text_of(answer) == b"1",
+        "the first reply to the stop is more than the flag 1",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.17/3",
+    )
+    return done(subject, line, STOP)
+
+
+@case("4.17/2", hazards=(Hazard.MOTION,))
+def test_nothing_to_stop(subject: Subject, line: Line) -> None:
+    """An idle robot answers "0", or follows the reading that it always stops; nothing changes."""
+    has(subject, STOP)
+    subject.moved = True
+    for _ in range(3):
+        answer = line.ask(STOP)
+        if answer.accepted:
+            subject.tolerate("4.17/2", "A-4.17-1", "always 1", "a stop of an idle robot succeeds")
+            finish(subject, line, STOP)
+            quieten(subject, line)
+            continue
+        expect(
+            answer.accepted is False and answer.frame.data[:1] == b"0",
+            "a stop where nothing is to be stopped is neither refused nor accepted",
+            expected="0",
+            observed=f"{answer}",
+        )
+    line.no_result(STOP, for_s=0.1)
+    status = line.ask("get_status")
+    expect(
+        status.value not in BUSY,
+        "a robot that was told to stop when it was idle executes something",
+        expected="00",
+        observed=f"{status}",
+    )
+
+
+@pytest.mark.parametrize("name", STATES)
+@case("4.17/6", "4.17/3", "4.17/4", "4.17/8", "3/18", hazards=_MOTION)
+def test_stop(subject: Subject, line: Line, name: str) -> None:
+    """Each command is stopped while it executes: "1", "11", and its own result once at most."""
+    with lasting(subject, line, name, queries=False) as task:
+        answer = line.ask(STOP)
+        if not answer.accepted and task.over:
+            task.lasts()
+        expect(
+            answer.accepted,
+            f"the stop is refused while {name} executes",
+            expected="1",
+            observed=f"{answer}",
+        )
+        expect_stopped(subject, line, answer)
+        _expect_interrupted(line, task)
+
+
+def _expect_interrupted(line: Line, task: Task) -> None:
+    own = interrupted(line, task.name)
+    expect(
+        own is None or not own.done or task.name == JOG,
+        f"{task.name} ended with 11 although a stop had interrupted it",
+        expected="00|code",
+        observed=f"{own}",
+        requirement="4.17/8",
+    )
+    status = line.ask("get_status")
+    expect(
+        status.value not in BUSY,
+        f"{task.name} goes on behind the stop",
+        expected="00",
+        observed=f"{status}",
+        requirement="4.17/4",
+    )
+    line.no_result(task.name, for_s=0)
+
+
+@pytest.mark.parametrize("name", [RUN, SIMULATE, MOVE])
+@case("4.17/6", "4.17/3", "4.17/8", name="at-once", hazards=_MOTION)
+def test_stop_behind_the_start(subject: Subject, line: Line, name: str) -> None:
+    """A stop that is sent before the start was answered stops what has been started."""
+    perform(subject, line, name)
+    with returning(subject, line):
+        value = _step_there_and_back(subject, line) if name == MOVE else stored(subject, line)
+        subject.moved = True
+        start, halt = line.request(name, value), line.request(STOP)
+        line.send_bytes(start.encode() + halt.encode())
+        accepted(name, line.reply(name))
+        try:
+            answer = line.reply(STOP)
+        except NoAnswer:
+            message = "a request was lost that was sent before the answer to the one before"
+            subject.tolerate("4.17/6", "pipelining", "one", message)
+            answer = line.ask(STOP)
+        task = Task(name, line)
+        if not answer.accepted and task.over:
+            task.lasts()
+        expect_stopped(subject, line, answer)
+        _expect_interrupted(line, task)
+
+
+def _step_there_and_back(subject: Subject, line: Line) -> MoveTarget:
+    """A step that the arm can go, found by going it."""
+    with returning(subject, line):
+        there, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+    return target(there, SLOWEST_PERCENT)
+
+
+@case("4.17/4", name="twice", hazards=_MOTION)
+def test_stop_twice(subject: Subject, line: Line) -> None:
+    """Two stops at once are two answers, and one result for each that says "1"."""
+    with lasting(subject, line, RUN, queries=False):
+        line.send(STOP)
+        line.send(STOP)
+        answers = [line.reply(STOP)]
+        try:
+            answers.append(line.reply(STOP))
+        except NoAnswer:
+            message = "a request was lost that was sent before the answer to the one before"
+            subject.tolerate("4.17/4", "pipelining", "one", message)
+        expect(
+            answers[0].accepted,
+            "the first of two stops is refused while a program runs",
+            expected="1",
+            observed=f"{answers[0]}",
+            requirement="4.17/6",
+        )
+        for answer in answers:
+            if answer.accepted:
+                done(subject, line, STOP)
+        line.no_result(STOP, for_s=0.1)
+    start_program(subject, line, RUN, seconds=0)
+    done(subject, line, RUN)
+
+
+@case("4.17/3", name="again", hazards=_MOTION)
+def test_stop_again_and_again(subject: Subject, line: Line) -> None:
+    """A program is stopped as often as it is run; each time it begins anew."""
+    with lasting(subject, line, RUN, queries=False):  # which finds the layout
+        pass
+    program = stored(subject, line)
+    for _ in range(_AGAIN):
+        accepted(RUN, line.ask(RUN, program))
+        expect_stopped(subject, line, line.ask(STOP))
+        shown = line.ask("get_running_program")
+        expect(
+            shown.value is None,
+            "a program that was stopped is still said to run",
+            expected="0",
+            observed=f"{shown}",
+            requirement="4.9/6",
+        )
+        quieten(subject, line)
+
+
+@pytest.mark.parametrize("name", [MOVE, JOG])
+@case("4.17/7", hazards=_MOTION)
+def test_standstill(subject: Subject, line: Line, name: str) -> None:
+    """Behind the stop's "11" the joints stand still where the stop has met them."""
+    with lasting(subject, line, name, queries=False) as task:
+        line.wait(0.1)
+        answer = line.ask(STOP)
+        if not answer.accepted:
+            task.lasts()
+        expect_stopped(subject, line, answer)
+        first = joints_of(line)
+        for _ in range(3):
+            line.wait(0.1)
+            now = joints_of(line)
+            expect(
+                farthest(first, now) <= STANDSTILL,
+                "the arm goes on moving behind the emergency stop",
+                expected=f"{first}",
+                observed=f"{now}",
+            )
+
+
+@case("4.17/8", name="results", hazards=_MOTION)
+def test_interrupted_results(subject: Subject, line: Line) -> None:
+    """What a stop interrupts fails, or has no result; time passes and none comes as success."""
+    for name in (RUN, RESET, MOVE):
+        with lasting(subject, line, name, queries=False) as task:
+            answer = line.ask(STOP)
+            if not answer.accepted:
+                continue
+            done(subject, line, STOP)
+            _expect_interrupted(line, task)
+            await_rest(subject, line)
+            line.no_result(name, for_s=SILENCE_S)

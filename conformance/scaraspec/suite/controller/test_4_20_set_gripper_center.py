@@ -1,0 +1,120 @@
+"""Clause 4.20: setting the gripper centre (0x35, L433-443)."""
+
+from typing import Final
+
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import Point
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
+from scaraspec.suite.keeping import kept
+from scaraspec.suite.line import Line
+from scaraspec.suite.malformed import malformed, offer
+from scaraspec.suite.motion import STANDSTILL, farthest, joints_of
+from scaraspec.suite.poses import expect_numbers, gripper_of
+from scaraspec.suite.subject import Subject
+
+_EXAMPLE: Final = Point(200, 300, 456)  # L438
+_PLAIN: Final = Point(1.5, -2, 30.5)
+_OTHER: Final = Point(7.5, -8, 9)
+_SOON_S: Final = 0.2
+
+_tenths = st.integers(-1000, 1000).map(lambda tenths: tenths / 10)
+_thousandths = st.integers(-100_000, 100_000).map(lambda thousandths: thousandths / 1000)
+
+
+def _set(line: Line, wanted: Point) -> None:
+    answer = line.ask("set_gripper_center", wanted)
+    expect(
+        answer.accepted,
+        "a gripper centre was not answered 1",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.20/2",
+    )
+
+
+def _expect_shown(line: Line, wanted: Point) -> None:
+    message = "0x34 does not give the gripper centre that was set"
+    expect_numbers(gripper_of(line), wanted, message, "4.20/3")
+
+
+@case("4.20/3", "4.20/2")
+def test_set(subject: Subject, line: Line) -> None:
+    """The gripper centre that was set is read back, sign and first decimal included."""
+
+    @example(Point(0, 0, 0))
+    @example(Point(-0.1, 0.1, -100))
+    @example(Point(99.9, -99.9, 5))
+    @given(st.builds(Point, _tenths, _tenths, _tenths))
+    def each(wanted: Point) -> None:
+        _set(line, wanted)
+        _expect_shown(line, wanted)
+
+    with kept(subject, line, "gripper centre"):
+        each()
+        line.close()
+        fresh = subject.open()
+        _set(fresh, _PLAIN)
+        fresh.close()
+        _expect_shown(subject.open(), _PLAIN)
+
+
+@case("4.20/3", name="decimals")
+def test_decimals(subject: Subject, line: Line) -> None:
+    """Numbers with more decimals, and the example of the document, are read back as set."""
+
+    @example(_EXAMPLE)
+    @given(st.builds(Point, _thousandths, _thousandths, _thousandths))
+    def each(wanted: Point) -> None:
+        before = gripper_of(line)
+        answer = line.ask("set_gripper_center", wanted)
+        if answer.accepted:
+            _expect_shown(line, wanted)
+            return
+        message = "a gripper centre was refused and has changed all the same"
+        expect_numbers(gripper_of(line), before, message, "4.20/2")
+
+    with kept(subject, line, "gripper centre"):
+        each()
+
+
+@case("4.20/4", "4.20/3")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """What is not three numbers is not answered 1, and changes nothing."""
+    with kept(subject, line, "gripper centre"):
+        _set(line, _PLAIN)
+        for wrong in malformed("set_gripper_center", _OTHER, subject.dialect):
+            offered = offer(subject, line, "set_gripper_center", wrong)
+            line = offered.line
+            expect(
+                not (offered.accepted and wrong.firm),
+                f"{wrong} was accepted as a gripper centre",
+                expected="0",
+                observed=f"{offered}",
+            )
+            if offered.accepted:
+                _set(line, _PLAIN)
+            message = f"a gripper centre with {wrong} was refused and has changed it"
+            expect_numbers(gripper_of(line), _PLAIN, message, "4.20/3")
+
+
+@case("4.20/5", "4.20/2", hazards=(Hazard.STATE, Hazard.MOTION))
+def test_moves_nothing(subject: Subject, line: Line) -> None:
+    """To set the gripper centre moves no joint."""
+    with kept(subject, line, "gripper centre"):
+        for wanted in (Point(0, 0, 50), Point(20, -20, 0)):
+            before = joints_of(line)
+            subject.moved = True
+            _set(line, wanted)
+            line.wait(_SOON_S)
+            after = joints_of(line)
+            expect(
+                farthest(before, after) <= STANDSTILL,
+                "the arm moved when the gripper centre was set",
+                expected=f"{tuple(before)}",
+                observed=f"{tuple(after)}",
+                requirement="4.20/5",
+            )

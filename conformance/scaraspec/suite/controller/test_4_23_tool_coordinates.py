@@ -1,0 +1,67 @@
+"""Clause 4.23: the tool coordinates (0x38, L469-479; 7.1, L1004-1006)."""
+
+import math
+from typing import Final
+
+from scaraspec.protocol.commands import Point
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NotRun, expect
+from scaraspec.suite.keeping import kept
+from scaraspec.suite.line import Line
+from scaraspec.suite.motion import STANDSTILL, farthest, pose_of
+from scaraspec.suite.subject import Subject
+
+_TIMES: Final = 8
+_PAUSE_S: Final = 0.05
+_OFFSETS: Final = (Point(0, 0, 30), Point(20, 0, 0))
+
+
+@case("4.23/2", "4.23/5")
+def test_coordinates(subject: Subject, line: Line) -> None:
+    """The coordinates are six numbers between bars, which do not change while the robot is idle."""
+    if line.ask("get_status").value != "00":
+        raise NotRun("the robot is not idle")
+    first = pose_of(line)
+    for _ in range(_TIMES):
+        line.wait(_PAUSE_S)
+        now = pose_of(line)
+        if line.ask("get_status").value != "00":
+            raise NotRun("the robot is not idle")
+        expect(
+            farthest(first, now) <= STANDSTILL,
+            "the coordinates changed although the robot is idle",
+            expected=f"{tuple(first)}",
+            observed=f"{tuple(now)}",
+            requirement="4.23/5",
+        )
+    line.close()
+    expect(
+        farthest(first, pose_of(subject.open())) <= STANDSTILL,
+        "another connection is told other coordinates",
+        requirement="4.23/5",
+    )
+
+
+@case("4.23/3", hazards=(Hazard.STATE,))
+def test_screw_end(subject: Subject, line: Line) -> None:
+    """The gripper centre is not part of the coordinates, or the coordinates are those of it."""
+    with kept(subject, line, "gripper centre"):
+        if not line.ask("set_gripper_center", Point(0, 0, 0)).accepted:
+            raise NotRun("the gripper centre cannot be set")
+        screw_end = pose_of(line)
+        for offset in _OFFSETS:
+            if not line.ask("set_gripper_center", offset).accepted:
+                continue
+            shown = pose_of(line)
+            away_mm, offset_mm = math.dist(shown[:3], screw_end[:3]), math.hypot(*offset)
+            if away_mm > STANDSTILL and abs(away_mm - offset_mm) <= STANDSTILL:
+                message = "the coordinates are those of the gripper's centre"
+                subject.tolerate("4.23/3", "pose_point", "gripper", message)
+                away_mm = 0
+            expect(
+                away_mm <= STANDSTILL and abs(shown.theta_x - screw_end.theta_x) <= STANDSTILL,
+                "the coordinates are neither those of the screw's end nor of the gripper's centre",
+                expected=f"{tuple(screw_end)}, or {offset_mm:g} mm from there",
+                observed=f"{tuple(shown)}",
+            )

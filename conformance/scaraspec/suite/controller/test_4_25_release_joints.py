@@ -1,0 +1,97 @@
+"""Clause 4.25: the joints are released (0x3A, L518-549); they are locked again at once."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, Unmet, expect
+from scaraspec.suite.line import Line
+from scaraspec.suite.refusals import expect_first_reply, text_of
+from scaraspec.suite.subject import SILENCE_S, Subject
+from scaraspec.suite.tasks import (
+    LOCK,
+    MOVE,
+    RELEASE,
+    RUN,
+    STATES,
+    begin,
+    has,
+    lasting,
+    offered,
+    perform,
+)
+
+_MOTION = (Hazard.STATE, Hazard.MOTION)
+
+
+@contextmanager
+def _locked_again(line: Line) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        with suppress(Unmet):
+            line.ask(LOCK)
+            line.result(LOCK, within_s=SILENCE_S)
+
+
+@case("4.25/2", hazards=_MOTION)
+def test_first_reply(subject: Subject, line: Line) -> None:
+    """A release is answered "1", and one of released joints with "1" or "0|code"."""
+    has(subject, RELEASE, LOCK)
+    with _locked_again(line):
+        answer = begin(subject, line, RELEASE)
+        expect(
+            text_of(answer) == b"1",
+            "the first reply to a release is more than the flag 1",
+            expected="1",
+            observed=f"{answer}",
+        )
+        with suppress(NoAnswer):  # A-4.25-2
+            line.result(RELEASE, within_s=SILENCE_S)
+        again = offered(line, RELEASE)
+        if again is not None:
+            expect_first_reply(RELEASE, again)
+            if again.accepted is False:
+                message = "released joints were not released again"
+                subject.tolerate("4.25/2", "A-4.25-3", "0|code", message)
+
+
+@case("4.25/3", hazards=_MOTION)
+def test_end_of_a_release(subject: Subject, line: Line) -> None:
+    """A release ends with "11": at once, or when the joints are locked again (A-4.25-2)."""
+    has(subject, RELEASE, LOCK)
+    for _ in range(2):
+        performed = perform(subject, line, RELEASE)
+        result = performed.result
+        expect(
+            result is not None and text_of(result) == b"11",
+            "a release does not end with success",
+            expected="11",
+            observed=f"{result}",
+        )
+    perform(subject, line, MOVE)
+
+
+@pytest.mark.parametrize("name", STATES)
+@case("4.25/5", hazards=_MOTION)
+def test_not_during_motion(subject: Subject, line: Line, name: str) -> None:
+    """While a program or a move executes a release is refused, and does not happen later."""
+    has(subject, RELEASE, LOCK)
+    if subject.dialect["busy_reply"] == "queue":
+        return
+    with _locked_again(line), lasting(subject, line, name) as task:
+        answer = offered(line, RELEASE)
+        task.lasts()
+        expect(
+            answer is None or not answer.accepted,
+            f"the joints were released while {name} executed",
+            expected=f"0|{task.state}",
+            observed=f"{answer}",
+        )
+        if answer is not None:
+            expect_first_reply(RELEASE, answer)
+    if name == RUN:
+        perform(subject, line, MOVE)

@@ -1,0 +1,73 @@
+"""Clause 4.31: the digital inputs (0x42, L639-651)."""
+
+import re
+from typing import Final
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
+from scaraspec.suite.line import Line
+from scaraspec.suite.ports import Bits, expect_inputs, inputs_driven
+from scaraspec.suite.programs import wait
+from scaraspec.suite.subject import Subject
+
+_FORM: Final = re.compile(rb"1\|[01]{8}")
+_ERROR: Final = b"0"
+_INPUTS: Final = 8
+
+
+def _expect_form(subject: Subject, line: Line) -> None:
+    answer = line.ask("get_digital_inputs")
+    data = answer.seen.text
+    if data == _ERROR:
+        subject.tolerate(
+            "4.31/2", "A-4.31-4", "0", "the digital inputs are answered with an error (L646)"
+        )
+        return
+    expect(
+        _FORM.fullmatch(data),
+        "the digital inputs are not one digit a port",
+        expected="1| and eight digits, each 0 or 1: ten bytes",
+        observed=f"{answer}",
+    )
+
+
+@case("4.31/2", "4.31/4")
+def test_form(subject: Subject, line: Line) -> None:
+    """The reply is "1|" and eight digits, ten bytes in all, however often it is asked for."""
+    for _ in range(3):
+        _expect_form(subject, line)
+
+
+@case("4.31/2", "4.31/4", name="while-running", hazards=PROGRAMS)
+def test_form_while_running(subject: Subject, line: Line) -> None:
+    """The reply is the same while a program runs."""
+    with bench(subject, line) as robot:
+        robot.start(wait(robot.theirs_s(5)))
+        _expect_form(subject, line)
+
+
+@case("4.31/2", name="driven", needs=("set_input",))
+def test_driven(subject: Subject, line: Line) -> None:
+    """Each input that is driven shows at its digit, the highest port first, and at no other."""
+    with inputs_driven(subject, line) as drive:
+        for port in range(1, _INPUTS + 1):
+            drive(port, on=not drive.now[port - 1])
+            expect_inputs(line, drive.now, f"input {port} was driven", requirement="4.31/3")
+
+
+@case("4.31/2", name="patterns", needs=("set_input",))
+def test_patterns(subject: Subject, line: Line) -> None:
+    """Any pattern of the inputs shows as it is driven."""
+    with inputs_driven(subject, line) as drive:
+
+        @given(st.tuples(*[st.booleans()] * _INPUTS))
+        def shows(pattern: Bits) -> None:
+            for port, on in enumerate(pattern, 1):
+                drive(port, on=on)
+            expect_inputs(line, pattern, "all inputs were driven", requirement="4.31/3")
+
+        shows()

@@ -1,0 +1,181 @@
+"""Clause 4.32: setting a digital output (0x43, L653-663), which 0x49 shows (4.34)."""
+
+from typing import Final
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import PortValue
+from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect, expect_equal, expect_in
+from scaraspec.suite.line import Line
+from scaraspec.suite.malformed import malformed
+from scaraspec.suite.ports import (
+    ALL_OUTPUTS,
+    Bits,
+    digits,
+    expect_outputs,
+    outputs,
+    outputs_kept,
+    set_output,
+    settable,
+    with_port,
+)
+from scaraspec.suite.programs import wait
+from scaraspec.suite.subject import Subject
+
+_FLAGS: Final = (b"0", b"1")
+_NO_PORTS: Final = (
+    *(b"0", b"00", b"41", b"42", b"50", b"99", b"255", b"256"),
+    *(b"257", b"272", b"65537", b"4294967297", b"-1", b"-255"),
+)
+"""The latter are a port in fewer bits than they have, or without their sign."""
+
+
+@case("4.32/6", "4.32/4")
+def test_each_output(line: Line) -> None:
+    """What is answered "1" shows at once at its port and nowhere else; all else changes nothing."""
+    settable(line)
+    with outputs_kept(line) as before:
+        now = before
+        for port in ALL_OUTPUTS:
+            for on in (not now[port - 1], now[port - 1]):
+                answer = set_output(line, port, on=on)
+                if answer.accepted:
+                    now = with_port(now, port, on=on)
+                told = f"output {port} was set to {on:d}, which was answered {answer}"
+                expect_outputs(line, now, told)
+
+
+@case("4.32/6", name="sequences")
+def test_sequences(line: Line) -> None:
+    """After any sequence of settings 0x49 shows the last of each port."""
+    ports = settable(line)
+    setting = st.tuples(st.sampled_from(ports), st.booleans())
+
+    @given(st.lists(setting, min_size=1, max_size=6))
+    def shows(settings: list[tuple[int, bool]]) -> None:
+        now = outputs(line)
+        for port, on in settings:
+            if set_output(line, port, on=on).accepted:
+                now = with_port(now, port, on=on)
+        expect_outputs(line, now, "outputs were set one after the other")
+
+    with outputs_kept(line):
+        shows()
+
+
+@case("4.32/6", name="all-at-once")
+def test_all_on_and_off(line: Line) -> None:
+    """All outputs can be on together, and off together."""
+    ports = settable(line)
+    with outputs_kept(line) as before:
+        now = before
+        for on in (True, False):
+            for port in ports:
+                if set_output(line, port, on=on).accepted:
+                    now = with_port(now, port, on=on)
+            expect_outputs(line, now, f"all outputs were set to {on:d}")
+
+
+@case("4.32/6", name="held")
+def test_held(subject: Subject, line: Line) -> None:
+    """An output keeps its value when the connection that set it has ended."""
+    port = settable(line)[-1]
+    on = not outputs(line)[port - 1]
+    due = with_port(outputs(line), port, on=on)
+    set_output(line, port, on=on)
+    line.close()
+    subject.pause(0.2)
+    again = subject.open()
+    try:
+        expect_outputs(again, due, f"output {port} was set on a connection that has ended")
+    finally:
+        set_output(again, port, on=not on)
+
+
+@case("4.32/4", "4.32/6", name="while-running", hazards=PROGRAMS)
+def test_while_running(subject: Subject, line: Line) -> None:
+    """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
+    port = settable(line)[-1]
+    with bench(subject, line) as robot:
+        robot.start(wait(robot.theirs_s(5)))
+        on = not robot.before[port - 1]
+        answer = set_output(line, port, on=on)
+        due = with_port(robot.before, port, on=on) if answer.accepted else robot.before
+        expect_outputs(
+            line, due, f"output {port} was set while a program ran", requirement="4.32/6"
+        )
+
+
+@case("4.32/4", name="flags")
+def test_flags(line: Line) -> None:
+    """The reply is "1" or "0" and nothing else, for every port of 1 to 40."""
+    with outputs_kept(line) as now:
+        for port in range(1, 41):
+            on = now[port - 1] if port in ALL_OUTPUTS else False
+            data = set_output(line, port, on=on).seen.text
+            expect_in(data, _FLAGS, f"port {port} is answered with something else than a flag")
+        expect_outputs(line, now, "outputs were set to what they were", requirement="4.32/6")
+
+
+@case("4.32/5")
+def test_no_such_port(line: Line) -> None:
+    """A port 0, or one above 40, is not set, and no output changes in its place."""
+    with outputs_kept(line) as before:
+        for port in _NO_PORTS:
+            for value in (b"1", b"0"):
+                said, now = _try(line, port + b"|" + value)
+                told = f"port {port.decode()} set to {value.decode()}"
+                expect(said != b"1", f"{told} is answered as done", expected="0", observed="1")
+                expect_equal(digits(now), digits(before), f"{told} has changed an output")
+
+
+@case("4.32/7")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """No output changes on a payload that is no port and value, nor is one said to be set."""
+    ports = settable(line)
+    other, port = ports[0], ports[-1]
+    with outputs_kept(line):
+        set_output(line, other, on=True)  # so that there is something to switch off
+        before = outputs(line)
+        value = PortValue(port, int(not before[port - 1]))
+        for wrong in malformed("set_digital_output", value, subject.dialect):
+            said, now = _try(line, wrong.data)
+            if not wrong.firm and now != before:  # what is taken for the good one sets its port
+                set_output(line, port, on=before[port - 1])
+                now = with_port(now, port, on=before[port - 1])
+            expect_equal(digits(now), digits(before), f"an output has changed on {wrong}")
+            expect(
+                said != b"1" or not wrong.firm,
+                f"{wrong} is answered as done",
+                expected="0",
+                observed="1",
+            )
+
+
+def _try(line: Line, data: bytes) -> tuple[bytes | None, Bits]:
+    """What 0x43 with these data is answered, if anything, and what 0x49 shows then."""
+    opcode = line.send("set_digital_output", data=data).opcode
+    now = outputs(line)
+    replies = [seen for seen in line.heard if seen.frame.opcode == opcode]
+    line.heard.clear()
+    return (replies[0].text if replies else None), now
+
+
+@case("4.32/7", name="values")
+def test_other_values(subject: Subject, line: Line) -> None:
+    """A value other than 0 and 1 sets nothing; that it counts for 1 is tolerated (A-4.32-4)."""
+    port = settable(line)[-1]
+    with outputs_kept(line) as before:
+        set_output(line, port, on=False)
+        due = with_port(before, port, on=False)
+        for value in (b"2", b"9", b"10", b"255", b"256"):
+            _, now = _try(line, b"%d|" % port + value)
+            if now != due:
+                subject.tolerate(
+                    "4.32/7", "A-4.32-4", "non-zero = 1", f"the value {value.decode()} counts for 1"
+                )
+                set_output(line, port, on=False)
+            expect_outputs(line, due, f"another output changed on the value {value.decode()}")

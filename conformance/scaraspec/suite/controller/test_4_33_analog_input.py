@@ -1,0 +1,94 @@
+"""Clause 4.33: the analog inputs (0x44, L665-675)."""
+
+import re
+from typing import Final
+
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
+from scaraspec.suite.line import Line
+from scaraspec.suite.subject import Subject
+
+_FORM: Final = re.compile(rb"1\|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)")
+_ERROR: Final = b"0"
+_ANALOG: Final = range(1, 9)  # those that there are by default (A-4.32-3)
+_NO_PORTS: Final = (b"00", b"41", b"42", b"49", b"50", b"88", b"99")
+_VALUES: Final = (0, 1, 2.5, 100)
+
+
+def _value(line: Line, port: int) -> float | None:
+    """The value of an analog input; None where the subject says that it has none."""
+    answer = line.ask("get_analog_input", port)
+    data = answer.seen.text
+    if data == _ERROR:
+        return None
+    expect(
+        _FORM.fullmatch(data),
+        f"analog input {port} is answered with something else than a number",
+        expected="1| and a number, or 0",
+        observed=f"{answer}",
+    )
+    return float(data[2:])
+
+
+@case("4.33/2")
+def test_form(line: Line) -> None:
+    """Every port from 1 to 40 is answered "1|" and a number, or "0"."""
+    for port in range(1, 41):
+        _value(line, port)
+
+
+@case("4.33/2", name="driven", needs=("set_analog",))
+def test_driven(subject: Subject, line: Line) -> None:
+    """An analog input that is driven shows it, 0 as "1|0", and the others do not change."""
+    before = [_value(line, port) for port in _ANALOG]
+    try:
+        for port in _ANALOG:
+            _shows(subject, line, port)
+            subject.hook("set_analog", port=port, value=before[port - 1] or 0)
+    finally:
+        for port, value in zip(_ANALOG, before, strict=True):
+            subject.hook("set_analog", port=port, value=value or 0)
+
+
+def _shows(subject: Subject, line: Line, port: int) -> None:
+    """Values in any unit (A-4.33-1): they differ, and all in the same proportion."""
+    other = _ANALOG[port % len(_ANALOG)]
+    unmoved = _value(line, other)
+    said = []
+    for value in _VALUES:
+        subject.hook("set_analog", port=port, value=value)
+        said.append(_value(line, port))
+    expect(
+        None not in said,
+        f"analog input {port} is driven, and answered with an error",
+        expected="1| and a number",
+        observed="0",
+    )
+    zero, one, *others = [value or 0.0 for value in said]
+    scale = one - zero
+    shown = [zero + scale * value for value in _VALUES[2:]]
+    expect(
+        scale and all(abs(a - b) <= abs(scale) for a, b in zip(others, shown, strict=True)),
+        f"analog input {port} does not follow what drives it",
+        expected=f"values in proportion to {_VALUES}",
+        observed=f"{said}",
+    )
+    expect(
+        _value(line, other) == unmoved,
+        f"analog input {other} changes when input {port} is driven",
+        expected=f"{unmoved}",
+        observed=f"{_value(line, other)}",
+    )
+
+
+@case("4.33/3")
+def test_no_such_port(line: Line) -> None:
+    """A port 0, or one above 40, is answered "0"."""
+    for port in _NO_PORTS:
+        answer = line.ask("get_analog_input", data=port)
+        expect(
+            answer.seen.text == _ERROR,
+            f"port {port.decode()}, which cannot be, is read",
+            expected="0",
+            observed=f"{answer}",
+        )

@@ -1,0 +1,58 @@
+"""Clause 4.34: the states of the digital outputs (0x49, L677-687)."""
+
+import re
+from typing import Final
+
+from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
+from scaraspec.suite.line import Line
+from scaraspec.suite.ports import expect_outputs, outputs_kept, set_output, settable, with_port
+from scaraspec.suite.programs import wait
+from scaraspec.suite.subject import Subject
+
+_FORM: Final = re.compile(rb"1\|[01]{16}")
+_ERROR: Final = b"0"
+
+
+def _expect_form(subject: Subject, line: Line) -> None:
+    answer = line.ask("get_digital_outputs")
+    data = answer.seen.text
+    if data == _ERROR:
+        subject.tolerate(
+            "4.34/2", "A-4.34-1", "0", "the digital outputs are answered with an error (L682)"
+        )
+        return
+    expect(
+        _FORM.fullmatch(data),
+        "the digital outputs are not one digit a port",
+        expected="1| and sixteen digits, each 0 or 1: eighteen bytes",
+        observed=f"{answer}",
+    )
+
+
+@case("4.34/2", "4.34/4")
+def test_form(subject: Subject, line: Line) -> None:
+    """The reply is "1|" and sixteen digits, eighteen bytes in all, however often it is asked."""
+    for _ in range(3):
+        _expect_form(subject, line)
+
+
+@case("4.34/2", "4.34/4", name="while-running", hazards=PROGRAMS)
+def test_form_while_running(subject: Subject, line: Line) -> None:
+    """The reply is the same while a program runs."""
+    with bench(subject, line) as robot:
+        robot.start(wait(robot.theirs_s(5)))
+        _expect_form(subject, line)
+
+
+@case("4.34/2", name="order")
+def test_order(line: Line) -> None:
+    """The highest port stands first: the lowest and the highest output show at the two ends."""
+    ports = settable(line)
+    for port in {ports[0], ports[-1]}:
+        with outputs_kept(line) as before:
+            on = not before[port - 1]
+            set_output(line, port, on=on)
+            due = with_port(before, port, on=on)
+            expect_outputs(line, due, f"output {port} was set", requirement="4.34/3")

@@ -1,0 +1,77 @@
+"""Clause 6.4: user variables, and the value with which each begins (L859-872)."""
+
+from typing import Final
+
+from scaraspec.protocol.programs import Opt
+from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.case import case
+from scaraspec.suite.line import Line
+from scaraspec.suite.ports import expect_outputs, outputs
+from scaraspec.suite.program_model import (
+    Assign,
+    Calculate,
+    Flip,
+    If,
+    State,
+    Statement,
+    nodes_of,
+    variables_of,
+)
+from scaraspec.suite.programs import OUTPUTS, number, variable
+from scaraspec.suite.subject import Subject
+
+_GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_VALUES: Final = {5: 1, 0: -1, -7: 0, 2_000_000_000: 40_000, 9: 2_147_483_647, 1: -2_147_483_648}
+"""Values by key: small and large, of either sign, under keys in no order."""
+
+
+def _are(values: dict[int, int]) -> list[Statement]:
+    """Flip an output for each variable that has another value."""
+    return [
+        If(variable(key), Opt.EQUAL, number(value), [], [Flip(_BAD)])
+        for key, value in values.items()
+    ]
+
+
+@case("6.4/5", hazards=PROGRAMS)
+def test_initial_values(subject: Subject, line: Line) -> None:
+    """Each variable begins with the value of the file, whatever its key and its place."""
+    with bench(subject, line) as robot:
+        robot.performs([*_are(_VALUES), Flip(_GOOD)], _VALUES)
+
+
+@case("6.4/5", name="many", hazards=PROGRAMS)
+def test_many_variables(subject: Subject, line: Line) -> None:
+    """The last of many variables begins with its value as the first does."""
+    values = {key: 3 * key - 7 for key in range(40)}
+    few = {key: values[key] for key in (0, 19, 39)}
+    with bench(subject, line) as robot:
+        robot.performs([*_are(few), Flip(_GOOD)], values)
+
+
+@case("6.4/5", name="again", hazards=PROGRAMS)
+def test_initial_values_again(subject: Subject, line: Line) -> None:
+    """A second run begins with the values of the file again, not with those the first one left."""
+    values = {3: 10, 4: 20}
+    block: list[Statement] = [
+        If(variable(3), Opt.EQUAL, number(10), [Flip(OUTPUTS[0])], [Flip(OUTPUTS[1])]),
+        Calculate(3, variable(3), Opt.ADD, number(1)),
+        Assign(4, number(0)),
+    ]
+    with bench(subject, line) as robot:
+        initial = outputs(line)
+        name = robot.start(nodes_of(block, initial), variables_of(values))
+        robot.finish()
+        robot.restart(name)
+        robot.finish()
+        state = State(initial, (), dict(values))
+        state.execute(block)
+        expect_outputs(line, state.outputs, "the second run of a program differs from the first")
+
+
+@case("6.4/5", name="of-another", hazards=PROGRAMS)
+def test_values_of_another_program(subject: Subject, line: Line) -> None:
+    """A program begins with its own values, not with what another left under the same keys."""
+    with bench(subject, line) as robot:
+        robot.performs([Assign(1, number(77)), Flip(_GOOD)], {1: 70})
+        robot.performs([*_are({1: 5, 2: 6}), Flip(_GOOD)], {1: 5, 2: 6})

@@ -1,0 +1,177 @@
+"""Clause 6.5: which nodes are executed, and in which order: all, one branch, a loop again."""
+
+from typing import Final
+
+from hypothesis import Phase, assume, given, settings
+
+from scaraspec.protocol.programs import Opt
+from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import Undecided, expect, expect_equal
+from scaraspec.suite.line import Line
+from scaraspec.suite.ports import digits, expect_outputs, outputs, with_port
+from scaraspec.suite.program_model import (
+    Block,
+    Calculate,
+    Flip,
+    If,
+    Put,
+    Statement,
+    Wait,
+    is_told,
+    nodes_of,
+    variables_of,
+)
+from scaraspec.suite.program_strategies import blocks, variables
+from scaraspec.suite.programs import OUTPUTS, loop, number, variable
+from scaraspec.suite.subject import Subject
+
+_GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_MANY: Final = 258
+"""Nodes: more than a byte counts."""
+_LATE_S: Final = 0.5
+"""By how much a wait may be late, in the subject's seconds (6.5/20)."""
+
+
+@case("6.5/19", hazards=PROGRAMS)
+def test_output_nodes(subject: Subject, line: Line) -> None:
+    """An output node sets its port to 1 and to 0, whatever it was, and no other port."""
+    with bench(subject, line) as robot:
+        for _ in range(2):
+            robot.performs([Flip(port) for port in OUTPUTS])
+
+
+@case("6.5/19", name="one-by-one", hazards=PROGRAMS)
+def test_output_node_alone(subject: Subject, line: Line) -> None:
+    """A program of one output node sets that port alone."""
+    with bench(subject, line) as robot:
+        for port in (OUTPUTS[0], OUTPUTS[-1]):
+            robot.performs([Flip(port)])
+
+
+@case("6.5/19", "6.5/26", name="in-time", hazards=PROGRAMS)
+def test_output_node_in_time(subject: Subject, line: Line) -> None:
+    """An output changes when the program gets to its node, not before and not at the end."""
+    first, second = OUTPUTS[:2]
+    with bench(subject, line) as robot:
+        pause_s = robot.theirs_s(1)
+        robot.start(nodes_of([Flip(first), Wait(pause_s), Flip(second)], robot.before))
+        on = not robot.before[first - 1]
+        expect(
+            robot.until(first, on=on, within_s=pause_s / 2),
+            f"output {first} is not set although the program has come to its node",
+            expected=f"{on:d}",
+            observed=f"{not on:d}",
+        )
+        due = with_port(robot.before, first, on=on)
+        now = outputs(line)
+        if robot.since_s() >= robot.ours_s(pause_s):
+            raise Undecided("the outputs were not told before the program could go on")
+        expect_equal(
+            digits(now), digits(due), "outputs are set before the program comes to their nodes"
+        )
+        robot.finish(lasts_s=pause_s)
+        due = with_port(due, second, on=not robot.before[second - 1])
+        expect_outputs(line, due, "the outputs are not as the program left them")
+
+
+@case("6.5/23", hazards=PROGRAMS)
+def test_loop(subject: Subject, line: Line) -> None:
+    """The nodes of a loop are executed again, the first as well as the last but one."""
+    first, last = OUTPUTS[:2]
+    body: list[Statement] = []
+    for key, port in ((1, first), (2, last)):
+        body.append(Calculate(key, variable(key), Opt.ADD, number(1)))
+        body.append(If(variable(key), Opt.EQUAL, number(2), [Flip(port)]))
+    with bench(subject, line) as robot:
+        nodes = nodes_of([*body, Wait(1)], robot.before)
+        robot.start(loop(subject.dialect, nodes), variables_of({1: 0, 2: 0}))
+        for port in (first, last):
+            expect(
+                robot.until(port, on=not robot.before[port - 1], within_s=1 + _LATE_S),
+                "a node of a loop is not executed the second time",
+                expected=f"output {port} changes then",
+                observed="it does not",
+            )
+
+
+_BRANCHES: Final[tuple[Block, ...]] = (
+    [If(number(1), Opt.LESS, number(2), [Flip(OUTPUTS[0])], [Flip(_BAD)])],
+    [If(number(2), Opt.LESS, number(1), [Flip(_BAD)], [Flip(OUTPUTS[1])])],
+    [If(number(1), Opt.LESS, number(2), [Flip(OUTPUTS[2])])],
+    [If(number(2), Opt.LESS, number(1), [Flip(_BAD)])],
+    [
+        If(
+            number(1),
+            Opt.EQUAL,
+            number(1),
+            [If(number(1), Opt.EQUAL, number(2), [Flip(_BAD)], [Flip(OUTPUTS[3])])],
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)], [Flip(_BAD)])],
+        )
+    ],
+    [
+        If(
+            number(1),
+            Opt.GREATER,
+            number(1),
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)]), Flip(_BAD)],
+            [Put(OUTPUTS[4], number(0)), Flip(OUTPUTS[4])],
+        )
+    ],
+)
+"""Of what holds and what does not, with ELSE and without, and one inside the other."""
+
+
+@case("6.5/24", hazards=PROGRAMS)
+def test_branches(subject: Subject, line: Line) -> None:
+    """The branch of what holds is executed and the other is not, and what follows it is."""
+    with bench(subject, line) as robot:
+        robot.performs([statement for block in _BRANCHES for statement in block])
+
+
+@case("6.5/24", name="apart", hazards=PROGRAMS)
+def test_branches_apart(subject: Subject, line: Line) -> None:
+    """The same for each in a program of its own, which the ENDIF ends."""
+    with bench(subject, line) as robot:
+        for block in _BRANCHES[:4]:
+            robot.performs(block)
+
+
+@case("6.5/26", hazards=PROGRAMS)
+def test_every_node(subject: Subject, line: Line) -> None:
+    """The last node of a program is executed as the first is, be they one, two or seven."""
+    with bench(subject, line) as robot:
+        for count in (1, 2, len(OUTPUTS)):
+            robot.performs([Flip(port) for port in OUTPUTS[:count]])
+
+
+@case("6.5/26", name="many", hazards=PROGRAMS)
+def test_many_nodes(subject: Subject, line: Line) -> None:
+    """So it is in a program of more nodes than a byte counts."""
+    with bench(subject, line) as robot:
+        filling = [Put(_BAD, number(0)), Put(_BAD, number(1))] * (_MANY // 2)
+        robot.performs([*filling, Flip(_BAD), Flip(_GOOD)])
+
+
+@case(
+    "6.5/26",
+    "6.4/5",
+    "6.5/19",
+    "6.5/24",
+    "6.6a/11",
+    "6.6a/12",
+    "6.6a/13",
+    name="drawn",
+    hazards=PROGRAMS,
+)
+def test_drawn_programs(subject: Subject, line: Line) -> None:
+    """Programs drawn at random leave the outputs that the document makes of them."""
+    with bench(subject, line) as robot:
+        # Programs are short as they are drawn; to shorten one takes hundreds of runs.
+        @settings(max_examples=max(1, settings().max_examples // 2), phases=(Phase.generate,))
+        @given(blocks, variables)
+        def performs(block: Block, values: dict[int, int]) -> None:
+            assume(is_told(block, values))
+            robot.performs(block, values)
+
+        performs()

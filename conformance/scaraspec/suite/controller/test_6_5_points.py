@@ -1,0 +1,106 @@
+"""Clause 6.5: coordinate nodes and the moves that they belong to (L904-942).
+
+All moves are steps from where the arm stands, one value at a time, and back.
+"""
+
+from typing import Final
+
+from scaraspec.suite.arm import Arm, arm, near
+from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import Undecided, expect
+from scaraspec.suite.line import Line
+from scaraspec.suite.programs import Values, curve, straight
+from scaraspec.suite.subject import Subject
+
+_VALUES: Final = (3, 2, 1, 0)  # the last one turns nothing but the gripper
+_LEAST_SEEN: Final = 8
+"""Places seen on a way of which something can be told."""
+
+
+def _expect_at(moved: Arm, target: Values) -> None:
+    place = moved.place()
+    where = "0x3C" if moved.meaning == "joints" else "0x38"
+    expect(
+        near(place, target),
+        f"after a program the values of its last point are not those of {where}",
+        expected=f"{target}",
+        observed=f"{place}",
+    )
+
+
+@case("6.5/27", hazards=PROGRAMS)
+def test_point(subject: Subject, line: Line) -> None:
+    """A program that ends at a coordinate node ends where its values say, each in its place."""
+    with bench(subject, line) as robot, arm(subject, line, robot) as moved:
+        done = []
+        for index in _VALUES:
+            for share in (1, -1):  # a limit may be near
+                target = moved.step(moved.home, index, share)
+                back = [] if near(moved.place(), moved.home) else [moved.home]
+                if moved.goes(straight(moved.speed_percent, [*back, target])):
+                    _expect_at(moved, target)
+                    done.append(index)
+                    break
+        if not done:
+            raise Undecided("the arm cannot make the smallest step in any direction")
+
+
+@case("6.5/27", name="curve", hazards=PROGRAMS)
+def test_curve(subject: Subject, line: Line) -> None:
+    """So does one whose last move is a curve."""
+    with bench(subject, line) as robot, arm(subject, line, robot) as moved:
+        for share in (1, -1):
+            corner = moved.step(moved.home, 0, share)
+            last = moved.step(moved.home, 2, share)
+            points = [corner, moved.step(corner, 2, share), last]
+            if moved.goes(curve(moved.speed_percent, points)):
+                _expect_at(moved, last)
+                return
+    raise Undecided("the arm cannot go along a small curve where it stands")
+
+
+@case("6.5/25", hazards=PROGRAMS)
+def test_straight_move(subject: Subject, line: Line) -> None:
+    """A straight move passes every point that it counts, in their order, and ends at the last."""
+    with bench(subject, line) as robot, arm(subject, line, robot) as moved:
+        home = moved.home
+        up, down, last = (moved.step(home, 3), moved.step(home, 3, -1), moved.step(home, 3, 0.5))
+        seen = moved.watched(straight(moved.slow_percent, [up, down, last]))
+        if seen is None:
+            raise Undecided("the arm cannot turn a little to both sides where it stands")
+        place = moved.place()
+        expect(
+            near(place, last),
+            "a straight move does not end at the last point that it counts",
+            expected=f"{last}",
+            observed=f"{place}",
+        )
+        if len(seen) < _LEAST_SEEN:  # too fast to be seen on its way
+            return
+        turned = [values[3] - home[3] for values in seen]
+        step = up[3] - home[3]
+        peak = next((at for at, by in enumerate(turned) if by > step / 2), None)
+        expect(
+            peak is not None and min(turned[peak:], default=0) < -step / 2,
+            "a straight move does not pass all points that it counts",
+            expected=f"beyond {step / 2:g}, then beyond {-step / 2:g}, then {step / 2:g}",
+            observed=f"from {min(turned):g} to {max(turned):g}",
+        )
+
+
+@case("6.5/25", name="moves", hazards=PROGRAMS)
+def test_several_moves(subject: Subject, line: Line) -> None:
+    """Points belong to the move before them: two moves of two points end at the fourth."""
+    with bench(subject, line) as robot, arm(subject, line, robot) as moved:
+        home, speed = moved.home, moved.speed_percent
+        points = [moved.step(home, 3, share) for share in (1, 0.5, -0.5, -1)]
+        if not moved.goes([*straight(speed, points[:2]), *straight(speed, points[2:])]):
+            raise Undecided("the arm cannot turn a little to both sides where it stands")
+        place = moved.place()
+        expect(
+            near(place, points[-1]),
+            "two straight moves do not end at the last point of the second",
+            expected=f"{points[-1]}",
+            observed=f"{place}",
+        )

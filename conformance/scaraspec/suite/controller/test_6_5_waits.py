@@ -1,0 +1,337 @@
+"""Clause 6.5: nodes that hold a program: for a time, until an instant, until an input is so."""
+
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Final
+
+from scaraspec.protocol.programs import Condition, Node
+from scaraspec.suite.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import Undecided, Unmet, expect
+from scaraspec.suite.line import Line
+from scaraspec.suite.ports import Bits, expect_outputs, inputs_driven, inputs_steady, with_port
+from scaraspec.suite.program_layout import twin_of
+from scaraspec.suite.programs import (
+    ANALOG,
+    INPUTS,
+    OUTPUTS,
+    set_output,
+    wait,
+    wait_input,
+    wait_until,
+)
+from scaraspec.suite.subject import Subject
+
+_EARLY_S: Final = 0.01  # what two clocks may differ in over a few seconds
+_SLACK_S: Final = 0.5
+_SLACK: Final = 0.1  # of the seconds, whichever is more (6.5/20)
+_LINK_S: Final = 0.25  # of ours, where the subject's seconds are shorter
+_LONG_S: Final = 200  # below zero for a robot that takes the byte for signed
+_GLANCE_S: Final = 0.3  # for how long a program that should wait is watched
+_STILL_S: Final = 0.6  # the same where it is watched but once
+_SOON_S: Final = 3.0  # for how long a robot may overlook an input, which is nowhere bounded
+_AHEAD_S: Final = 2.75  # how far ahead an instant is, and it is no whole second
+_INEXACT_S: Final = 0.3  # how exactly it is known when a clock goes to its next second
+_UTC_S: Final = 2.0
+_POLL_S: Final = 0.06
+_TICKS: Final = 30  # more than a second of looking at a clock
+_US: Final = 1_000_000
+_NS: Final = 1e9
+
+
+# ---------------------------------------------------------------------- seconds
+
+
+@case("6.5/20", hazards=PROGRAMS)
+def test_wait(subject: Subject, line: Line) -> None:
+    """A wait node holds the program for its seconds, neither less nor much more."""
+    with bench(subject, line) as robot:
+        for seconds in (1, 3):
+            robot.start(wait(seconds))
+            _lasted(subject, robot, seconds)
+
+
+@case("6.5/20", name="several", hazards=PROGRAMS)
+def test_waits(subject: Subject, line: Line) -> None:
+    """Waits add up, those of no time too."""
+    with bench(subject, line) as robot:
+        robot.start([*wait(0), *wait(1), *wait(0), *wait(1)])
+        _lasted(subject, robot, 2)
+
+
+@case("6.5/20", name="none", hazards=PROGRAMS)
+def test_wait_of_no_time(subject: Subject, line: Line) -> None:
+    """A wait of 0 seconds takes no time."""
+    with bench(subject, line) as robot:
+        robot.start(wait(0))
+        _lasted(subject, robot, 0)
+
+
+@case("6.5/20", name="long", hazards=PROGRAMS)
+def test_long_wait(subject: Subject, line: Line) -> None:
+    """A wait of 200 seconds is not over after one."""
+    with bench(subject, line) as robot:
+        robot.start(wait(_LONG_S))
+        line.wait(robot.ours_s(1))
+        result = robot.ended()
+        expect(
+            result is None,
+            f"a wait of {_LONG_S} s is over after one",
+            expected="none",
+            observed=f"{result}",
+        )
+
+
+def _lasted(subject: Subject, robot: Bench, seconds: int) -> None:
+    """Check how long a program took that waits for so many seconds and does nothing else."""
+    ended_s = robot.finish(lasts_s=seconds).time_s
+    link_s = _LINK_S if subject.statement.time_scale > 1 else 0.0
+    longest_s = robot.ours_s(seconds + max(_SLACK_S, _SLACK * seconds)) + link_s
+    took_s = f"{ended_s - robot.started_s:.2f} s"
+    expect(
+        ended_s - robot.started_s >= robot.ours_s(seconds) - _EARLY_S,
+        f"a wait of {seconds} s is too short",
+        expected=f"at least {robot.ours_s(seconds):g} s",
+        observed=took_s,
+    )
+    expect(
+        ended_s - robot.replied_s <= longest_s,
+        f"a wait of {seconds} s is too long",
+        expected=f"at most {longest_s:g} s",
+        observed=took_s,
+    )
+
+
+# ---------------------------------------------------------------------- instants
+
+
+@case("6.5/22", hazards=PROGRAMS)
+def test_timer(subject: Subject, line: Line) -> None:
+    """A timer node holds the program until its instant, which is no whole second, and no longer.
+
+    Where the clock of 0x07 does not show UTC, what the instant is remains open (A-6.5-13).
+    """
+    with bench(subject, line) as robot:
+        clock_s, at_s = _tick(subject, line)
+        problem = _timer(subject, line, robot, clock_s, at_s)
+        is_utc = abs(clock_s - at_s) <= _UTC_S
+        twin = twin_of(robot.layout)
+        if problem and twin:  # the same but for the size of a long, which a timer alone shows
+            robot.stop()
+            robot.layout = twin
+            problem = _timer(subject, line, robot, *_tick(subject, line)) and problem
+    if problem and not is_utc:
+        subject.tolerate(
+            "6.5/22", "A-6.5-13", "another clock", f"{problem}; but the clock does not show UTC"
+        )
+    else:
+        expect(not problem, problem, expected="11 at its instant", observed=problem)
+
+
+def _timer(subject: Subject, line: Line, robot: Bench, clock_s: float, at_s: float) -> str:
+    """What is wrong with a timer that ends so long after the clock has shown a time."""
+    robot.start([wait_until(round((clock_s + _AHEAD_S) * _US))])
+    due_s = at_s + robot.ours_s(_AHEAD_S)
+    line.wait(due_s - subject.now_ns / _NS + robot.ours_s(_SLACK_S) + _LINK_S)
+    result = robot.ended()
+    if result is None:
+        return "a timer is not over when its instant has come"
+    if not result.done:
+        return f"a program with a timer fails: {result}"
+    if result.time_s < due_s - _INEXACT_S:
+        return f"a timer is over {due_s - result.time_s:.2f} s before its instant"
+    return ""
+
+
+def _tick(subject: Subject, line: Line) -> tuple[float, float]:
+    """What the subject's clock shows, in seconds since 1970, when it goes to the next second.
+
+    Returns:
+        That, and when it was.
+
+    Raises:
+        Undecided: The clock stands still, or is not told.
+    """
+    first = line.ask("get_time").value
+    for _ in range(_TICKS):
+        line.wait(_POLL_S)
+        at_s = subject.now_ns / _NS
+        clock = line.ask("get_time").value
+        if isinstance(first, datetime) and isinstance(clock, datetime) and clock > first:
+            return clock.replace(tzinfo=UTC).timestamp(), at_s
+    raise Undecided("the subject's clock, by which a timer would go, stands still")
+
+
+# ---------------------------------------------------------------------- inputs
+
+_VALUES: Final = {
+    Condition.GREATER: 0,
+    Condition.LESS: 1,
+    Condition.EQUAL: 0,
+    Condition.NOT_GREATER: 0,
+    Condition.NOT_LESS: 1,
+}
+"""For each condition a value by which it tells 0 from 1, whether digital inputs count 100 or 1 when
+they are on (A-6.5-10).
+"""
+
+
+def _holds(condition: Condition, *, on: bool) -> bool:
+    """Whether a digital input of this state meets a condition with its value above."""
+    return on == (condition in (Condition.GREATER, Condition.NOT_LESS))
+
+
+def _waits() -> Iterator[tuple[Condition, int, bool, bool]]:
+    """Conditions, their values, the state of an input, and whether it meets them."""
+    for condition, value in _VALUES.items():
+        for on in (False, True):
+            yield condition, value, on, _holds(condition, on=on)
+    for condition in (Condition.LESS, Condition.NOT_LESS):
+        yield condition, 0, False, condition is Condition.NOT_LESS
+    yield Condition.EQUAL, 1, False, False
+
+
+def _stands_still(
+    line: Line, robot: Bench, outputs: Bits, where: str, *, for_s: float = _STILL_S
+) -> None:
+    """Check that a program goes no further for a while."""
+    line.wait(robot.ours_s(for_s))
+    result = robot.ended()
+    expect(
+        result is None,
+        f"the program ends although {where}",
+        expected="no final result",
+        observed=f"{result}",
+    )
+    expect_outputs(line, outputs, f"the program goes on although {where}")
+
+
+@case("6.5/9", "6.5/21", hazards=PROGRAMS)
+def test_conditions(subject: Subject, line: Line) -> None:
+    """By the inputs as they are: a program passes what holds, and stands still at what does not."""
+    with bench(subject, line) as robot:
+        _pass_and_stand(line, robot)
+
+
+@case("6.5/9", "6.5/21", name="driven", needs=("set_input",), hazards=PROGRAMS)
+def test_driven_conditions(subject: Subject, line: Line) -> None:
+    """The same with inputs that are driven, one on and the next one off."""
+    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+        for port in INPUTS:
+            drive(port, on=bool(port % 2))
+        _pass_and_stand(line, robot)
+
+
+def _pass_and_stand(line: Line, robot: Bench) -> None:
+    flip = set_output(OUTPUTS[0], on=not robot.before[OUTPUTS[0] - 1])
+    passed: list[Node] = []
+    with inputs_steady(line) as states:
+        ports = {states[port - 1]: port for port in INPUTS}
+        for condition, value, on, holds in _waits():
+            if on not in ports:
+                continue
+            waiting = wait_input(ports[on], condition, value)
+            if holds:
+                passed.append(waiting)
+                continue
+            robot.start([waiting, flip])
+            told = f"input {ports[on]} is {on:d} and the condition is {condition} with {value}"
+            _stands_still(line, robot, robot.before, told, for_s=_GLANCE_S)
+            robot.stop()
+        robot.run(passed)
+
+
+@case("6.5/21", "6.5/9", name="goes-on", needs=("set_input",), hazards=PROGRAMS)
+def test_goes_on(subject: Subject, line: Line) -> None:
+    """A program stands still until the input meets the condition, each of the five, and goes on."""
+    steps = list(zip(_VALUES.items(), INPUTS, OUTPUTS, strict=False))
+    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+        nodes: list[Node] = []
+        for (condition, value), port, output in steps:
+            drive(port, on=not _holds(condition, on=True))
+            nodes += [
+                wait_input(port, condition, value),
+                set_output(output, on=not robot.before[output - 1]),
+            ]
+        robot.start(nodes)
+        due = robot.before
+        for (condition, value), port, output in steps:
+            told = f"input {port} does not meet condition {condition} with {value}"
+            _stands_still(line, robot, due, told)
+            drive(port, on=not drive.now[port - 1])
+            on = not robot.before[output - 1]
+            expect(
+                robot.until(output, on=on, within_s=_SOON_S),
+                f"the program stands still although input {port} meets condition {condition}",
+                expected=f"output {output} is set to {on:d}",
+                observed="it is not",
+            )
+            due = with_port(due, output, on=on)
+        robot.finish()
+
+
+@case("6.5/21", name="each-port", needs=("set_input",), hazards=PROGRAMS)
+def test_waits_for_its_port(subject: Subject, line: Line) -> None:
+    """A program waits for the port that its node names, and no other input lets it go on."""
+    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+        for port in INPUTS:
+            drive(port, on=False)
+        wanted = INPUTS[2]
+        robot.start([wait_input(wanted, Condition.GREATER, 0)])
+        for port in (*INPUTS[:2], *INPUTS[3:]):
+            drive(port, on=True)
+        _stands_still(line, robot, robot.before, f"only inputs other than {wanted} are on")
+        drive(wanted, on=True)
+        robot.finish()
+
+
+@case("6.5/9", name="hundredths", needs=("set_input",), hazards=PROGRAMS)
+def test_hundredths(subject: Subject, line: Line) -> None:
+    """A digital input that is on equals 100, or 1 where analog ones alone are scaled (A-6.5-10)."""
+    port = INPUTS[0]
+    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+        drive(port, on=True)
+        for value, reading in ((100, "all"), (1, "analog")):
+            robot.start([wait_input(port, Condition.EQUAL, value)])
+            line.wait(robot.ours_s(_STILL_S))
+            result = robot.ended()
+            if result is not None:
+                expect(result.done, "a valid program fails", expected="11", observed=f"{result}")
+                subject.follows("wait_scale", reading)
+                break
+            robot.stop()
+        else:
+            raise Unmet(
+                "a digital input that is on equals neither 100 nor 1",
+                expected="the program goes on",
+                observed="it stands still",
+            )
+    if reading == "analog":
+        subject.tolerate("6.5/9", "wait_scale", reading, "a digital input that is on equals 1")
+
+
+@case("6.5/9", "6.5/21", name="analog", needs=("set_analog",), hazards=PROGRAMS)
+def test_analog_conditions(subject: Subject, line: Line) -> None:
+    """An analog input is compared with hundredths, each condition beside and on its edge."""
+    steps = (
+        (Condition.GREATER, 250, 2.75),
+        (Condition.LESS, 275, 2.5),
+        (Condition.EQUAL, 275, 2.75),
+        (Condition.EQUAL, 225, 2.25),
+        (Condition.NOT_LESS, 250, 2.5),
+        (Condition.NOT_GREATER, 225, 2.25),
+    )
+    before = line.ask("get_analog_input", ANALOG).value
+    with bench(subject, line) as robot:
+        try:
+            subject.hook("set_analog", port=ANALOG, value=2.5)
+            if line.ask("get_analog_input", ANALOG).value not in (2.5, 250):
+                raise Undecided("in which unit the hook drives analog inputs is not known")
+            robot.start([wait_input(ANALOG, condition, value) for condition, value, _ in steps])
+            for condition, value, drives in steps:
+                told = f"the analog input does not meet condition {condition} with {value}"
+                _stands_still(line, robot, robot.before, told)
+                subject.hook("set_analog", port=ANALOG, value=drives)
+            robot.finish()
+        finally:
+            subject.hook("set_analog", port=ANALOG, value=before or 0)

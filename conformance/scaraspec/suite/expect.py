@@ -1,0 +1,85 @@
+"""Expect: how a case says that its subject did wrong, or that it could not find out.
+
+Every check names what the document leads to expect and what was there instead. A case that returns
+has passed; one that raises something else than what is here has a mistake of its own.
+"""
+
+from collections.abc import Collection
+from typing import Any
+
+from scaraspec.protocol.fields import show
+
+
+class Unmet(AssertionError):  # noqa: N818 - it is the subject's error, not ours
+    """The subject violates a requirement.
+
+    Attributes:
+        requirement: Which; empty for the first of the case.
+        expected: What the document leads to expect.
+        observed: What was there instead.
+    """
+
+    def __init__(
+        self, message: str, *, expected: str = "", observed: str = "", requirement: str = ""
+    ) -> None:
+        super().__init__(message)
+        self.expected, self.observed, self.requirement = expected, observed, requirement
+
+
+class NoAnswer(Unmet):
+    """A request that a living subject left unanswered, or answered by ending the link (3/31)."""
+
+
+class Undecided(Exception):  # noqa: N818 - it is no error of anybody
+    """The case could not find out; the text says why."""
+
+
+class NotRun(Undecided):
+    """The case did not begin; the text says what it would need."""
+
+
+def expect(
+    condition: object,
+    message: str,
+    *,
+    expected: str = "",
+    observed: str = "",
+    requirement: str = "",
+) -> None:
+    """Fail the subject unless the condition holds.
+
+    Raises:
+        Unmet: It does not.
+    """
+    if not condition:
+        raise Unmet(message, expected=expected, observed=observed, requirement=requirement)
+
+
+def expect_equal(observed: Any, expected: Any, message: str, *, requirement: str = "") -> None:
+    """Fail the subject unless both are equal.
+
+    Raises:
+        Unmet: They are not.
+    """
+    if observed != expected:
+        raise Unmet(
+            message, expected=told(expected), observed=told(observed), requirement=requirement
+        )
+
+
+def expect_in(
+    observed: Any, options: Collection[Any], message: str, *, requirement: str = ""
+) -> None:
+    """Fail the subject unless this is one of the options.
+
+    Raises:
+        Unmet: It is none.
+    """
+    if observed not in options:
+        wanted = " or ".join(map(told, options))
+        raise Unmet(message, expected=wanted, observed=told(observed), requirement=requirement)
+
+
+def told(value: Any) -> str:
+    """A value in the words of a report."""
+    return show(value) if isinstance(value, bytes) else str(value)

@@ -1,0 +1,119 @@
+"""Observer: all that passes between the suite and its subject, judged and kept as evidence.
+
+Every case is watched by the judge that also reads captures from the field. What the suite itself
+sends is often wrong on purpose: only what the subject did is held against it.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Final
+
+from scaraspec.judgement.happenings import Exchange, FrameSeen, Happening, Transfer, Undecodable
+from scaraspec.judgement.judge import Judge
+from scaraspec.judgement.requirements import REQUIREMENTS, Binds
+from scaraspec.judgement.rules.rule import sender_of
+from scaraspec.judgement.verdicts import Finding
+from scaraspec.judgement.wire import WireEvent
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.readings import Dialect
+
+_RECENT_FRAMES: Final = 12
+"""Frames kept as evidence of what a case did last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """What the judge found while a case ran."""
+
+    case: str
+    finding: Finding
+
+
+Take = Callable[[WireEvent], None]
+Hear = Callable[[Happening | Finding], None]
+
+
+class Observer:
+    """Watches all connections of a run.
+
+    Args:
+        claims: What the subject claims of its time-outs.
+        needs_login: False for a serial link (L83).
+        beyond: Requirements that the judge cannot decide on this subject: only the cases can.
+        take: Is given every wire event: a recording.
+        hear: Is given what happened and what is wrong with it: statistics.
+    """
+
+    def __init__(
+        self,
+        claims: Dialect,
+        *,
+        needs_login: bool = True,
+        beyond: frozenset[str] = frozenset(),
+        take: Take = lambda _: None,
+        hear: Hear = lambda _: None,
+    ) -> None:
+        self.judge = Judge(claims, needs_login=needs_login)
+        self.sightings: list[Sighting] = []
+        self.case = ""
+        self.recent: deque[FrameSeen | Undecodable] = deque(maxlen=_RECENT_FRAMES)
+        self._beyond = beyond
+        self._take, self._hear = take, hear
+        self._overlooked = ""
+
+    def begin(self, case: str) -> None:
+        """A case begins."""
+        self.case = case
+        self.recent.clear()
+
+    def event(self, event: WireEvent, *, judged: bool) -> None:
+        """Something passed; a connection that is not judged carries what is no protocol."""
+        self._take(event)
+        if judged:
+            self._listen(self.judge.feed(event))
+
+    def frame(self, seen: FrameSeen | Undecodable) -> None:
+        """A frame, or bytes that are none, passed: evidence of the running case."""
+        self.recent.append(seen)
+
+    @contextmanager
+    def overlooking(self, requirement: str) -> Iterator[None]:
+        """Hold nothing against the subject that the judge finds of this requirement meanwhile.
+
+        For what the judge cannot know: that a file which it takes for right need not be right for
+        a subject whose readings are not found out yet.
+        """
+        self._overlooked = requirement
+        try:
+            yield
+        finally:
+            self._overlooked = ""
+
+    def close(self) -> None:
+        """The run has ended."""
+        self._listen(self.judge.close())
+
+    def _listen(self, items: Iterator[Happening | Finding]) -> None:
+        happening: Happening | None = None
+        for item in items:
+            self._hear(item)
+            if not isinstance(item, Finding):
+                happening = item
+            elif item.requirement in (self._overlooked, *self._beyond) or happening is None:
+                continue
+            elif blames_controller(item, happening):
+                self.sightings.append(Sighting(self.case, item))
+
+
+def blames_controller(finding: Finding, happening: Happening) -> bool:
+    """Whether a finding is the controller's, and not that of the suite that plays the client."""
+    binds = REQUIREMENTS[finding.requirement].binds
+    if binds is not Binds.BOTH:
+        return binds is Binds.CONTROLLER
+    if isinstance(happening, Transfer):
+        return not happening.upload
+    if isinstance(happening, Exchange):
+        return happening.name != "upload_chunk"
+    return sender_of(happening) not in (A2C, None)

@@ -1,0 +1,342 @@
+"""Run: the suite against one subject, from the first byte to the results.
+
+pytest runs the shipped cases in this process; the findings of the judge that watched are joined to
+their outcomes, so that a requirement's verdict is the gravest of both.
+"""
+
+import os
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from scaraspec.judgement.requirements import REQUIREMENTS, Method
+from scaraspec.judgement.verdicts import Cause, Verdict, conclude, worst
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.readings import READINGS
+from scaraspec.report import model
+from scaraspec.report.audit import readings_of
+from scaraspec.report.exhibits import exhibit
+from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
+from scaraspec.report.session import SessionStats
+from scaraspec.suite import case as cases
+from scaraspec.suite import restore
+from scaraspec.suite.access import Access
+from scaraspec.suite.bracket import Bracket, Outcome
+from scaraspec.suite.expect import Unmet
+from scaraspec.suite.observer import Observer, Sighting, Take
+from scaraspec.suite.plan import Options
+from scaraspec.suite.probes import probe_all
+from scaraspec.suite.statement import Statement
+from scaraspec.suite.subject import Subject
+
+CONTROLLER: Final = Path(__file__).parent / "controller"
+
+
+def collect(options: Options) -> list[cases.Case]:
+    """The cases that `options` ask for, without any subject.
+
+    Raises:
+        SuiteError: The suite itself is broken.
+    """
+    bracket = Bracket(None, options)
+    _pytest(bracket, options)
+    return bracket.cases
+
+
+class SuiteError(Exception):
+    """The suite cannot be run; the text says what is broken."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a run is about.
+
+    Attributes:
+        access: The way to the subject.
+        statement: What it claims.
+        password: What opens it.
+        options: What the tester asks for.
+        link: How to call the way to it, in the results.
+        replay: The command line that runs the suite again, without ``--only``.
+        state_file: Where the subject's state is kept until it is put back; None for nowhere.
+    """
+
+    access: Access
+    statement: Statement
+    password: bytes
+    options: Options
+    link: str = ""
+    replay: str = ""
+    state_file: Path | None = None
+
+
+class Run:
+    """One run of the suite; whoever runs pytest himself calls `begin` before and `end` after it.
+
+    Args:
+        setting: What it is about.
+        take: Is given every wire event: a recording.
+        tell: Is told each outcome as it comes, and of how many.
+        loud: Whether pytest reports by itself, too.
+
+    Attributes:
+        bracket: Runs the cases.
+    """
+
+    def __init__(
+        self,
+        setting: Setting,
+        *,
+        take: Take = lambda _: None,
+        tell: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
+        loud: bool = False,
+    ) -> None:
+        self.setting = setting
+        self._stats = SessionStats()
+        self._observer = Observer(
+            setting.statement.dialect,
+            needs_login=setting.access.needs_login,
+            beyond=setting.statement.beyond_the_judge,
+            take=take,
+            hear=self._stats.add,
+        )
+        self._subject = Subject(
+            setting.access,
+            setting.statement,
+            setting.password,
+            self._observer,
+            setting.options.allowed,
+        )
+        self.bracket = Bracket(self._subject, setting.options, tell, loud=loud)
+        self.bracket.before_last = self._put_back
+        self._state: Mapping[str, Any] = {}
+        self._problems: list[str] = []
+
+    def results(self) -> Results:
+        """Run the shipped cases, and tell what came of it.
+
+        Raises:
+            SuiteError: The suite itself is broken.
+            OSError: The subject's state cannot be written down.
+        """
+        try:
+            self.begin()
+            _pytest(self.bracket, self.setting.options)
+        except KeyboardInterrupt:
+            self.bracket.outcomes.append(
+                _set_up("interrupted", "the tester ended the run before its end")
+            )
+        finally:
+            self.end()
+        return self.told()
+
+    def begin(self) -> None:
+        """Write down what the subject is like, and find out how it is to be spoken to.
+
+        Raises:
+            OSError: Its state cannot be written down.
+        """
+        file = self.setting.state_file
+        try:
+            self._state = (restore.load(file) if file else None) or restore.save(self._subject)
+        except Unmet as error:
+            self._subject.close_lines()
+            self.bracket.give_up(f"the subject was not there to begin with: {error}")
+            return
+        if file:
+            restore.keep(file, self._state)
+        probe_all(self._subject)
+
+    def end(self) -> None:
+        """Put everything back; what could not be is told, and stays written down."""
+        if not self._subject.off:  # else it was done before it was switched off
+            self._put_back()
+        problems = self._problems
+        if self.setting.state_file and not problems:
+            self.setting.state_file.unlink(missing_ok=True)
+        self.bracket.outcomes += [_set_up("restore", problem) for problem in problems]
+        self._observer.close()
+
+    def _put_back(self) -> None:
+        self._problems = restore.restore(self._subject, self._state) if self._state else []
+        self._subject.close_lines()
+
+    def told(self) -> Results:
+        """What came of it."""
+        outcomes = (*self.bracket.outcomes, *self._wrong_claims())
+        tried = [self._case(outcome) for outcome in outcomes]
+        seen = [self._seen(n, same) for n, same in _grouped(self._observer.sightings)]
+        made = (*tried, *seen)
+        by_requirement: defaultdict[str, list[Case]] = defaultdict(list)
+        for each in made:
+            for requirement in each.requirements:
+                by_requirement[requirement].append(each)
+        setting = self.setting
+        scope = setting.options.only
+        requirements = tuple(
+            RequirementResult(
+                entry.id,
+                worst(c.verdict for c in by_requirement[entry.id]),
+                tuple(c.id for c in by_requirement[entry.id]),
+            )
+            for entry in REQUIREMENTS.values()
+            if entry.id in by_requirement
+            or (Method.ACTIVE_CONTROLLER in entry.testable and (scope is None or entry.id in scope))
+        )
+        return Results(
+            tool=Tool.own(),
+            subject=model.Subject(
+                Role.CONTROLLER,
+                setting.statement.name,
+                setting.statement.version,
+                setting.link,
+            ),
+            role=Role.CONTROLLER,
+            verdict=conclude(Counter(each.verdict for each in made)),
+            counts=dict.fromkeys(Verdict, 0) | Counter(each.verdict for each in made),
+            readings={"controller": self._readings()},
+            requirements=requirements,
+            cases=made,
+            session=self._stats.session(),
+        )
+
+    def _readings(self) -> dict[str, ReadingSeen]:
+        """What was seen at the open points, by the judge or by a probe, beside what is claimed."""
+        statement = self.setting.statement
+        claims = {key: statement.dialect[key] for key in statement.claimed}
+        readings = dict(readings_of(self._observer.judge, C2A, claims))
+        for key, option in self._subject.found.items():
+            default = option == READINGS[key].default
+            readings[key] = ReadingSeen((option,), default, mixed=False, claimed=claims.get(key))
+        return {key: readings[key] for key in READINGS if key in readings}
+
+    def _wrong_claims(self) -> Iterator[Outcome]:
+        """A claim that is not what was seen is a failure of its own."""
+        for key, seen in self._readings().items():
+            if seen.claimed is None or not seen.options or seen.claimed in seen.options:
+                continue
+            if seen.claimed == "both" and len(seen.options) > 1:  # each has been seen by itself
+                continue
+            if READINGS[key].unit is None:
+                message = f"the statement of conformance claims {key} = {seen.claimed}"
+                yield Outcome(
+                    cases.Case(f"claim.{key}", (), frozenset({Hazard.READ_ONLY})),
+                    Verdict.FAIL,
+                    cause=Cause.SUBJECT,
+                    message=message,
+                    expected=seen.claimed,
+                    observed=" and ".join(seen.options),
+                )
+
+    def _case(self, outcome: Outcome) -> Case:
+        """An outcome in the words of the results."""
+        case = outcome.case
+        wire = tuple(exhibit(seen) for seen in outcome.frames)
+        bad = outcome.verdict is Verdict.FAIL
+        failed = (outcome.requirement,) if outcome.requirement else case.requirements
+        return Case(
+            id=case.id,
+            requirements=failed,
+            verdict=outcome.verdict,
+            cause=outcome.cause,
+            hazard=case.hazard,
+            message=outcome.message,
+            expected=outcome.expected,
+            observed=outcome.observed,
+            duration_s=outcome.duration_s,
+            replay=self._replay(case.requirements[0] if case.requirements else ""),
+            wire=() if outcome.verdict in (Verdict.NONE, Verdict.PASS) else wire,
+            passing=self._stats.exhibits.passing(wire) if bad else (),
+        )
+
+    def _seen(self, number: int, sightings: list[Sighting]) -> Case:
+        """What the judge saw, in the words of the results."""
+        first = sightings[0]
+        finding = first.finding
+        times = "" if len(sightings) == 1 else f", {len(sightings)} times"
+        wire = tuple(self._stats.exhibits.evidence(p) for p in finding.evidence[:_SHOWN])
+        bad = finding.verdict is Verdict.FAIL
+        where = f"; first seen in case {first.case}{times}" if first.case else times
+        return Case(
+            id=f"{finding.requirement}.seen-{number}",
+            requirements=(finding.requirement,),
+            verdict=finding.verdict,
+            cause=finding.cause,
+            message=f"{finding.message}{where}",
+            expected=finding.expected,
+            observed=finding.observed or " = ".join(finding.reading or ()),
+            replay=self._replay(first.case.partition(".")[0] or finding.requirement),
+            wire=wire,
+            passing=self._stats.exhibits.passing(wire) if bad else (),
+        )
+
+    def _replay(self, requirement: str) -> str:
+        replay = self.setting.replay
+        only = f" --only {requirement}" if requirement else ""
+        return f"{replay}{only}" if replay else ""
+
+
+_SHOWN: Final = 12
+
+
+def _set_up(name: str, message: str) -> Outcome:
+    """What kept a run from being whole."""
+    case = cases.Case(f"run.{name}", (), frozenset({Hazard.READ_ONLY}))
+    return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message)
+
+
+def _grouped(sightings: list[Sighting]) -> Iterator[tuple[int, list[Sighting]]]:
+    """Sightings that say the same, numbered within their requirement; doubts are none."""
+    groups: defaultdict[tuple[str, Verdict, object], list[Sighting]] = defaultdict(list)
+    for sighting in sightings:
+        finding = sighting.finding
+        if finding.verdict is not Verdict.INCONCLUSIVE:
+            what = finding.reading or finding.message
+            groups[finding.requirement, finding.verdict, what].append(sighting)
+    numbers: Counter[str] = Counter()
+    for (requirement, _, _), listed in groups.items():
+        numbers[requirement] += 1
+        yield numbers[requirement], listed
+
+
+def _pytest(bracket: Bracket, options: Options) -> None:
+    """Let pytest collect and run the shipped cases, silently.
+
+    Raises:
+        SuiteError: It could not.
+        KeyboardInterrupt: The tester ended it.
+    """
+    _forget_cases()
+    quiet = ("-p", "no:terminal", "-p", "no:cacheprovider", "-p", "no:junitxml", "-p", "no:logging")
+    alone = ("-c", os.devnull, f"--rootdir={CONTROLLER}", f"--confcutdir={CONTROLLER}")
+    drawn = (f"--hypothesis-seed={options.seed}",)
+    status = pytest.main(
+        [str(CONTROLLER), *alone, *quiet, *drawn, "--import-mode=importlib"], plugins=[bracket]
+    )
+    if bracket.mistakes:
+        raise SuiteError(bracket.mistakes[0])
+    if status is pytest.ExitCode.INTERRUPTED:
+        raise KeyboardInterrupt
+    if status not in _FINISHED:
+        raise SuiteError(f"pytest ended with {status!r}")
+
+
+def _forget_cases() -> None:
+    """Let the cases be imported anew: how they draw is settled when they are."""
+    cases_here = str(CONTROLLER / "test_")
+    for name, module in list(sys.modules.items()):
+        if str(getattr(module, "__file__", None)).startswith(cases_here):
+            del sys.modules[name]
+
+
+_FINISHED: Final = (
+    pytest.ExitCode.OK,
+    pytest.ExitCode.TESTS_FAILED,
+    pytest.ExitCode.NO_TESTS_COLLECTED,
+)

@@ -1,0 +1,215 @@
+"""`scaraspec certify controller` as a user runs it, against good, bad and hostile subjects."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from scaraspec.protocol.commands import COMMANDS
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.report.model import Results
+
+ALL = ("--allow", "state,motion,destructive")
+
+
+@pytest.fixture
+def hostile() -> Iterator[Callable[[Callable[[socket.socket], None]], str]]:
+    """Make a server that treats every connection as the function given does; its URL."""
+    listeners = []
+
+    def serve(listener: socket.socket, treat: Callable[[socket.socket], None]) -> None:
+        with suppress(OSError):
+            while True:
+                connection, _ = listener.accept()
+                threading.Thread(target=one, args=(connection, treat), daemon=True).start()
+
+    def one(connection: socket.socket, treat: Callable[[socket.socket], None]) -> None:
+        with closing(connection), suppress(OSError):
+            treat(connection)
+
+    def make(treat: Callable[[socket.socket], None]) -> str:
+        listener = socket.create_server(("127.0.0.1", 0))
+        listeners.append(listener)
+        threading.Thread(target=serve, args=(listener, treat), daemon=True).start()
+        return f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+
+    yield make
+    for listener in listeners:
+        listener.close()
+
+
+def test_a_conforming_controller(processes: Any, tmp_path: Path) -> None:
+    """Conformant, with every file that was promised, and the plan before it."""
+    host, port = processes.controller()
+    url, out = f"tcp://{host}:{port}", tmp_path / "out"
+    done = processes.run(
+        "certify", "controller", url, "--only", "4.6,4.20", *ALL, "--out", str(out)
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "cases will be tried" in done.stdout.splitlines()[0]
+    results = Results.read(out / "results.json")
+    assert results.verdict.value == "conformant"
+    assert {path.name for path in out.iterdir()} == {
+        "results.json",
+        "report.html",
+        "junit.xml",
+        "ctrf.json",
+        "capture.mcap",
+        "capture.rrd",
+    }
+    suite = ET.parse(out / "junit.xml").getroot()
+    assert int(suite.get("tests", "0")) == len(results.cases)
+
+
+def test_a_faulty_controller(processes: Any, tmp_path: Path) -> None:
+    """Nonconformant; the case says what was expected and observed, and how to see it again."""
+    host, port = processes.controller("--fault", "status-of-one-digit")
+    out = tmp_path / "out"
+    done = processes.run(
+        "certify", "controller", f"tcp://{host}:{port}", "--only", "4.8/2", "--out", str(out)
+    )
+    assert done.returncode == 1, done.stdout + done.stderr
+    failed = [c for c in Results.read(out / "results.json").cases if c.verdict.value == "fail"]
+    assert {case.requirements for case in failed} >= {("4.8/2",)}
+    case = next(case for case in failed if case.id.startswith("4.8/2"))
+    assert case.expected
+    assert case.observed
+    assert case.wire
+    assert case.replay.endswith("--only 4.8/2")
+
+
+def test_read_only_by_default(processes: Any, tmp_path: Path) -> None:
+    """Without --allow nothing but questions is sent, and what was left out is said."""
+    host, port = processes.controller()
+    out = tmp_path / "out"
+    done = processes.run(
+        *("certify", "controller", f"tcp://{host}:{port}", "--out", str(out)),
+        *("--only", "4.1,4.3,4.5,4.9,4.11,4.15,4.28,4.32,5.2,5.3,6.5", "--patience", "1"),
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "not run: it may do what was not allowed: --allow" in done.stdout
+    sent = {command.name for command in Results.read(out / "results.json").session.exchanges}
+    harmless = {c.name for c in COMMANDS if c.hazard is Hazard.READ_ONLY} | {"login"}
+    assert sent <= harmless
+
+
+def test_a_plan_sends_nothing(processes: Any) -> None:
+    """--dry-run wants no subject."""
+    done = processes.run("certify", "controller", *ALL, "--dry-run")
+    assert done.returncode == 0
+    assert "MOVE the arm" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((), "no controller"),
+        (("http://x",), "http"),
+        (("tcp://127.0.0.1:1", "--allow", "everything"), "everything"),
+        (("tcp://127.0.0.1:1", "--only", "9.99"), "9.99"),
+        (("tcp://127.0.0.1:1", "--ics", "/nowhere.toml"), "/nowhere.toml"),
+    ],
+)
+def test_usage(processes: Any, arguments: tuple[str, ...], says: str) -> None:
+    """What a user gets wrong is one sentence and exit status 2."""
+    done = processes.run("certify", "controller", *arguments)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_wrong_password_is_not_held_against_the_subject(processes: Any) -> None:
+    """Nothing can be found out: inconclusive, with one sentence."""
+    host, port = processes.controller("--password", "secret")
+    done = processes.run("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
+    assert done.returncode == 3
+    assert "the login was refused" in done.stdout
+    assert "Traceback" not in done.stderr
+
+
+def test_an_absent_subject(processes: Any) -> None:
+    """A port where nobody listens is inconclusive, never a pass."""
+    with closing(socket.create_server(("127.0.0.1", 0))) as listener:
+        port = listener.getsockname()[1]
+    done = processes.run("certify", "controller", f"tcp://127.0.0.1:{port}", "--only", "4.8")
+    assert done.returncode == 3
+    assert "was not there" in done.stdout
+
+
+def _hang(connection: socket.socket) -> None:
+    while connection.recv(65536):
+        pass
+
+
+def _flood(connection: socket.socket) -> None:
+    while True:
+        connection.sendall(b"\xcc\x09\x0200\xaa" * 4096)
+
+
+def _nonsense(connection: socket.socket) -> None:
+    while connection.recv(65536):
+        connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+
+
+@pytest.mark.parametrize("treat", [lambda _: None, _hang, _flood, _nonsense])
+def test_hostile_subjects(
+    processes: Any, hostile: Any, tmp_path: Path, treat: Callable[[socket.socket], None]
+) -> None:
+    """One that closes at once, hangs, floods or answers nonsense: never a pass, never a hang."""
+    ics = tmp_path / "ics.toml"
+    ics.write_text('[readings]\nreply_timeout = "0.3"\n', encoding="utf-8")
+    done = processes.run(
+        "certify", "controller", hostile(treat), "--ics", str(ics), "--only", "4.8,3"
+    )
+    assert done.returncode in (1, 3), done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_interrupted(processes: Any, tmp_path: Path) -> None:
+    """Ctrl-C: what was changed is put back, and the run is inconclusive at best."""
+    host, port = processes.controller()
+    url, out = f"tcp://{host}:{port}", tmp_path / "out"
+    run = processes.start("certify", "controller", url, *ALL, "--out", str(out))
+    state = out / "state.json"
+    while not state.exists():
+        assert run.poll() is None, run.stdout.read()
+        time.sleep(0)
+    before = json.loads(state.read_text(encoding="utf-8") or "{}")
+    run.send_signal(2)
+    told, _ = run.communicate(timeout=60)
+    assert run.returncode in (1, 3), told
+    assert not state.exists(), told
+    names = processes.run("call", url, "list_programs", "--json")
+    assert json.loads(names.stdout)["result"] == before.get("programs", []), told
+
+
+def test_the_plugin_by_itself(processes: Any, tmp_path: Path) -> None:
+    """The suite beside a team's own tests, under their own pytest."""
+    host, port = processes.controller("--fault", "status-of-one-digit")
+    own = tmp_path / "test_own.py"
+    own.write_text("def test_own(line):\n    assert line.ask('get_version').value\n", "utf-8")
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "pytest", "-c", os.devnull, "--rootdir", str(tmp_path)),
+            *("-p", "scaraspec.suite.plugin", "-p", "no:cacheprovider", str(own), "--pyargs"),
+            *("scaraspec.suite", "--requirements", "4.8", "--subject", f"tcp://{host}:{port}"),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "nonconformant" in done.stdout
+    assert "test_own.py ." in done.stdout

@@ -1,0 +1,53 @@
+"""`scaraspec driver-check`: a sound driver passes, each kind of bad one is told in a sentence."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+OWN = f"{shlex.quote(sys.executable)} -m scaraspec client-driver"
+
+
+def test_the_reference_client(processes: Any) -> None:
+    """Every step is told."""
+    done = processes.run("driver-check", OWN)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("ok  ") == 5
+
+
+ANSWER = """
+import json
+while True:
+    print(json.dumps({{'id': json.loads(input())['id'], {}}}), flush=True)
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ("raise SystemExit('no licence')", "no licence"),
+        ("import time; time.sleep(60)", "has not answered levitate"),
+        ("import os\nwhile True: os.write(1, b'x' * 65536)", "a line of more than"),
+        ("print('[]' * 10, flush=True); input(); input()", "has not answered levitate"),
+        (ANSWER.format("'ok': True"), "an operation that nobody has is answered ok"),
+        (ANSWER.format("'unimplemented': True"), "no connection came"),
+    ],
+)
+def test_bad_drivers(processes: Any, tmp_path: Path, body: str, says: str) -> None:
+    """One that dies, hangs, floods, answers nonsense or promises everything."""
+    file = tmp_path / "driver.py"
+    file.write_text(body, encoding="utf-8")
+    line = f"{shlex.quote(sys.executable)} {shlex.quote(str(file))}"
+    done = processes.run("driver-check", line, "--timeout", "0.5")
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert says in done.stdout
+    assert "Traceback" not in done.stderr
+
+
+def test_a_driver_that_is_not_there(processes: Any) -> None:
+    """One sentence."""
+    done = processes.run("driver-check", "/no/such/driver")
+    assert done.returncode == 1
+    assert "cannot be started: No such file or directory" in done.stdout

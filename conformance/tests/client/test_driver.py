@@ -1,0 +1,64 @@
+"""The reference client's driver, line by line, against the virtual controller."""
+
+import asyncio
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import pytest
+
+from scaraspec.client.aio import AsyncClient
+from scaraspec.client.driver import Driver
+
+Run = Callable[..., list[Mapping[str, Any]]]
+
+
+@pytest.fixture
+def run() -> Run:
+    """What the driver answers to these orders, by the time that each was answered."""
+
+    def talk(*orders: str) -> list[Mapping[str, Any]]:
+        async def serve() -> list[Mapping[str, Any]]:
+            told: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue()
+            driver = Driver(
+                told.put_nowait, lambda url, password: AsyncClient(url, password=password)
+            )
+            answers = []
+            for order in orders:
+                driver.take(order)
+                answers.append(await told.get())
+            await driver.end()
+            return answers
+
+        return asyncio.run(serve())
+
+    return talk
+
+
+def test_an_operation_that_nobody_has(run: Run) -> None:
+    """It is unimplemented, connected or not."""
+    assert run('{"id": "a", "do": "levitate"}') == [{"id": "a", "unimplemented": True}]
+
+
+@pytest.mark.parametrize("line", ["nonsense", "[]", "{}", '{"id": 1}', "null"])
+def test_what_is_no_order(run: Run, line: str) -> None:
+    """It is told, and the driver lives."""
+    answer, after = run(line, '{"id": 2, "do": "levitate"}')
+    assert answer["id"] is None
+    assert answer["ok"] is False
+    assert after["unimplemented"]
+
+
+@pytest.mark.parametrize(
+    ("order", "says"),
+    [
+        ({"do": "get_status"}, "connect comes first"),
+        ({"do": "connect", "host": "127.0.0.1", "port": 1}, "cannot connect"),
+        ({"do": "connect", "host": "127.0.0.1"}, "port"),
+    ],
+)
+def test_what_cannot_be_done(run: Run, order: Mapping[str, Any], says: str) -> None:
+    """An error in one sentence."""
+    (answer,) = run(json.dumps({"id": 1, **order}))
+    assert answer["ok"] is False
+    assert says in answer["error"]

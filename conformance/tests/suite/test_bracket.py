@@ -1,0 +1,149 @@
+"""What a case raises, and what its subject does meanwhile, make the right verdict."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from scaraspec.cli.proving import PASSWORD, Robot
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.session import Session
+from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.report.model import Case, Results
+from scaraspec.suite import run as suite
+from scaraspec.suite.access import MemoryAccess
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.statement import Statement
+
+HEAD = """
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import Undecided, NotRun, Unmet, expect
+
+"""
+
+Try = Callable[..., Results]
+
+
+@pytest.fixture
+def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
+    """Run a suite of these cases against a controller."""
+
+    def run(
+        text: str,
+        brain: type[Brain] = Brain,
+        options: Options = Options(allowed=ALL),  # noqa: B008 - it never changes
+        statement: Statement = Statement(),  # noqa: B008 - it never changes
+    ) -> Results:
+        file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
+        file.write_text(HEAD + text, encoding="utf-8")
+        monkeypatch.setattr(suite, "CONTROLLER", tmp_path)
+        robot = Robot(brain, DEFAULT)
+        access = MemoryAccess(robot.network)
+        return suite.Run(suite.Setting(access, statement, PASSWORD, options)).results()
+
+    return run
+
+
+def only(results: Results, name: str = "4.8/2") -> Case:
+    """The case of this name."""
+    (found,) = (case for case in results.cases if case.id == name)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("body", "verdict", "cause"),
+    [
+        ("line.ask('get_status')", Verdict.PASS, None),
+        ("raise Unmet('wrong', expected='a', observed='b')", Verdict.FAIL, Cause.SUBJECT),
+        ("raise Undecided('who knows')", Verdict.INCONCLUSIVE, Cause.SET_UP),
+        ("raise NotRun('no')", Verdict.NONE, Cause.SET_UP),
+        ("1 / 0", Verdict.ERROR, Cause.SUITE),
+        ("subject.hook('restart')", Verdict.NONE, Cause.SET_UP),
+        ("line.reply('get_version')", Verdict.FAIL, Cause.SUBJECT),
+        (
+            "subject.tolerate('4.8/2', 'endian', 'big', 'so be it')",
+            Verdict.TOLERATED,
+            None,
+        ),
+    ],
+)
+def test_verdicts(trial: Try, body: str, verdict: Verdict, cause: Cause | None) -> None:
+    """One verdict for each way in which a case can end."""
+    results = trial(f"@case('4.8/2')\ndef test_one(subject, line):\n    {body}\n")
+    case = only(results)
+    assert (case.verdict, case.cause) == (verdict, cause)
+
+
+class DiesOfAVersion(Brain):
+    """Asked for its version, it answers nothing any more."""
+
+    dead = False
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Serve, or not."""
+        type(self).dead |= frame.opcode == 0x08
+        if not self.dead:
+            super().handle(session, frame, now_s)
+
+
+def test_a_subject_that_a_case_kills(trial: Try) -> None:
+    """The case fails for it, and what comes after is inconclusive, not failed."""
+    DiesOfAVersion.dead = False
+    results = trial(
+        "@case('4.7/2')\ndef test_one(line):\n    line.send('get_version')\n\n"
+        "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
+        DiesOfAVersion,
+    )
+    killer, after = only(results, "4.7/2"), only(results)
+    assert (killer.verdict, killer.requirements) == (Verdict.FAIL, ("3/31",))
+    assert (after.verdict, after.cause) == (Verdict.INCONCLUSIVE, Cause.DEPENDENCY)
+    assert results.verdict is Conclusion.NONCONFORMANT
+
+
+def test_hazards_are_asked_for(trial: Try) -> None:
+    """What was not allowed is not run, and a run of nothing is no pass."""
+    text = "@case('4.24/3')\ndef test_one(line):\n    1 / 0\n"
+    results = trial(text, options=Options())
+    assert only(results, "4.24/3").verdict is Verdict.NONE
+    assert results.verdict is Conclusion.NOTHING_TESTED
+
+
+def test_two_cases_of_one_name_are_a_mistake(trial: Try) -> None:
+    """A case that hides another would be a hole."""
+    one = "@case('4.8/2')\ndef test_{}(line):\n    line.ask('get_status')\n"
+    with pytest.raises(suite.SuiteError, match=r"4\.8/2"):
+        trial(one.format("a") + one.format("b"))
+
+
+def test_a_wrong_claim_is_a_failure_of_its_own(trial: Try) -> None:
+    """The statement of conformance is held against what is seen."""
+    text = "@case('4.8/2')\ndef test_one(line):\n    line.ask('get_status')\n"
+    claim = Statement().claiming(prelogin="all")
+    results = trial(text, statement=claim)
+    assert only(results, "claim.prelogin").verdict is Verdict.FAIL
+
+
+def test_what_was_changed_is_put_back(trial: Try) -> None:
+    """A case that leaves the password, the clock and a file behind does not leave them for ever."""
+    text = """
+from datetime import datetime
+from scaraspec.protocol.commands import PasswordChange, Point
+
+@case('4.2/2')
+def test_one(subject, line):
+    line.ask('set_password', PasswordChange(subject.password, b'zs-other-password'))
+    line.ask('set_gripper_center', Point(1, 2, 3))
+    line.ask('set_time', datetime(2001, 1, 1))
+
+@case('4.8/2')
+def test_two(subject, line):
+    line.ask('get_status')
+"""
+    results = trial(text)
+    seen = {command.name: command.count for command in results.session.exchanges}
+    assert seen["set_password"] == 2
+    assert seen["set_gripper_center"] == 2
+    assert seen["set_time"] == 2
+    assert "run.restore" not in {case.id for case in results.cases}

@@ -1,0 +1,169 @@
+"""Controllers that do what the document leaves open, other than the virtual one, are not failed."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from scaraspec.cli.proving import PASSWORD, Robot
+from scaraspec.controller.behaviour import SILENCE
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.robot import DONE
+from scaraspec.controller.session import Request, Session
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import Network
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Acceptance
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.report.model import Case
+from scaraspec.suite.access import MemoryAccess
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import Run, Setting
+from scaraspec.suite.statement import Statement
+
+GOOD = (Verdict.PASS, Verdict.TOLERATED)
+
+
+def tried(brain: type[Brain], *only: str, **claims: Any) -> Mapping[str, Case]:
+    """What comes of the cases of these requirements."""
+    robot = Robot(brain, DEFAULT)
+    options = Options(only=frozenset(only), allowed=ALL, examples=5)
+    access = MemoryAccess(robot.network)
+    results = Run(Setting(access, Statement(**claims), PASSWORD, options)).results()
+    return {case.id: case for case in results.cases}
+
+
+def wrong(cases: Mapping[str, Case]) -> list[str]:
+    """The cases that neither passed nor were tolerated."""
+    return [f"{case.id}: {case.message}" for case in cases.values() if case.verdict not in GOOD]
+
+
+class RestartHook:
+    """Takes the settings over that a restart would."""
+
+    brain: "AppliesLater"
+
+    def run(self, **_: object) -> None:
+        """Do it."""
+        self.brain.apply()
+
+
+class AppliesLater(Brain):
+    """A new network is told once the robot was restarted."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        RestartHook.brain = self
+        self.apply()
+
+    def apply(self) -> None:
+        """Restart."""
+        settings = self.store.settings
+        self._told = Network(settings.ip, settings.mask, settings.gateway)
+
+    def get_network(self, _: Request) -> Network:
+        """Tell the former one."""
+        return self._told
+
+
+class CutsBehindTheReply(Brain):
+    """A new network is answered, and then the connection ends."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        super().handle(session, frame, now_s)
+        if frame.opcode == 0x05 and self._value(self._command(frame), frame) is not None:  # type: ignore[arg-type] # it has a row
+            self._end(session, now_s)
+
+
+class ClosesOnMalformed(Brain):
+    """A request that says nothing usable ends its connection."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        command = self._command(frame)
+        asks = command and command.request.fields and not command.two_stage
+        if command and asks and command.asker is A2C and self._value(command, frame) is None:
+            self._end(session, now_s)
+        else:
+            super().handle(session, frame, now_s)
+
+
+class IgnoresMalformed(Brain):
+    """A request that says nothing usable is not answered."""
+
+    def _reply(self, session: Session, command: Any, frame: Frame, answer: Any) -> None:
+        if command.request.fields and self._value(command, frame) is None:
+            answer = SILENCE
+        super()._reply(session, command, frame, answer)
+
+
+class SimulatesAtOnce(Brain):
+    """A simulation takes no time."""
+
+    def simulate_program(self, request: Request) -> Acceptance:
+        """End it."""
+        answer = super().simulate_program(request)
+        if answer.accepted:
+            self.robot.stop(request.now_s)
+            self.conclude(request, DONE)
+        return answer
+
+
+class ServesNothingMeanwhile(Brain):
+    """While a command executes only the emergency stop is served; the rest waits (A-4-3)."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._waiting: list[tuple[Session, Frame]] = []
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Let it wait."""
+        if self.robot.task is not None and frame.opcode != 0x32:
+            self._waiting.append((session, frame))
+        else:
+            super().handle(session, frame, now_s)
+
+    def _settle(self, now_s: float) -> None:
+        super()._settle(now_s)
+        while self.robot.task is None and self._waiting:
+            self.handle(*self._waiting.pop(0), now_s)
+
+
+def test_a_network_that_applies_after_a_restart_is_read_back_then() -> None:
+    """The claim is believed, and verified with the hook."""
+    hooks = {"restart": RestartHook()}
+    cases = tried(AppliesLater, "4.4/4", network_applies="after-restart", hooks=hooks)
+    assert not wrong(cases)
+
+
+def test_a_network_that_applies_after_a_restart_cannot_be_verified_without_one() -> None:
+    """Nothing is said of it then."""
+    cases = tried(AppliesLater, "4.4/4", network_applies="after-restart")
+    assert {case.verdict for case in cases.values()} == {Verdict.NONE}
+
+
+def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
+    """What is not claimed is judged by the default."""
+    assert tried(AppliesLater, "4.4/4")["4.4/4"].verdict is Verdict.FAIL
+
+
+@pytest.mark.parametrize(
+    ("brain", "only"),
+    [
+        (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
+        (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
+        (IgnoresMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
+    ],
+)
+def test_what_is_open_is_not_failed(brain: type[Brain], only: tuple[str, ...]) -> None:
+    """Every case of these requirements passes or is tolerated."""
+    assert not wrong(tried(brain, *only))
+
+
+@pytest.mark.parametrize("brain", [SimulatesAtOnce, ServesNothingMeanwhile])
+def test_who_cannot_be_asked_while_executing_is_not_failed(brain: type[Brain]) -> None:
+    """What cannot be seen so is not tried (A-4-3)."""
+    cases = tried(brain, "4.8/4", "4.8/5", "4.9/2", "4.9/3", "4.9/4")
+    assert Verdict.FAIL not in {case.verdict for case in cases.values()}

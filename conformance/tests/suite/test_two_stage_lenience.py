@@ -1,0 +1,139 @@
+"""Controllers that follow readings of two-stage commands which have no key, and so no claim.
+
+The register lists them as conforming: no case of the suite may fail of them.
+"""
+
+from typing import Any
+
+import pytest
+
+from scaraspec.cli.proving import PASSWORD, Robot
+from scaraspec.controller import arm, motion
+from scaraspec.controller.behaviour import SILENCE
+from scaraspec.controller.behaviour.base import ACCEPTED, refused
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.plant import Plant
+from scaraspec.controller.robot import DONE
+from scaraspec.controller.session import Request, Session
+from scaraspec.judgement.requirements import REQUIREMENTS
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Acceptance, Outcome
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.access import MemoryAccess
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import Run, Setting
+from scaraspec.suite.statement import Statement
+
+_CLAUSES = ("4", "4.15", "4.16", "4.17", "4.18", "4.24", "4.25", "4.26", "4.27", "4.28", "7")
+
+
+class Latching(Brain):
+    """Behind an emergency stop nothing moves until a reset (A-4.17-2); a stop is never refused."""
+
+    latched = False
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        if not super().emergency_stop(request).accepted:
+            self.conclude(request, DONE)
+        self.latched = True
+        return ACCEPTED
+
+    def _reply(self, session: Session, command: Any, frame: Frame, answer: Any) -> None:
+        moves = command.name in ("set_tool_coordinates", "jog", "run_program", "simulate_program")
+        if moves and self.latched and answer == ACCEPTED:
+            self.robot.stop(self.plant.motion_ends_s)
+            self._later.clear()
+            answer = refused("05")
+        super()._reply(session, command, frame, answer)
+
+    def reset(self, request: Request) -> Acceptance:
+        self.latched = False
+        return super().reset(request)
+
+
+class Late(Brain):
+    """What is missing or out of reach is found out late (A-4.15-1, A-4.24-5); a release ends when
+    the joints are locked again (A-4.25-2); locked joints are not locked again (A-4.25-3)."""
+
+    release: Request | None = None
+
+    def run_program(self, request: Request) -> Acceptance:
+        return self._later_refused(request, super().run_program(request), "20")
+
+    def simulate_program(self, request: Request) -> Acceptance:
+        return self._later_refused(request, super().simulate_program(request), "20")
+
+    def set_tool_coordinates(self, request: Request) -> Acceptance:
+        answer = super().set_tool_coordinates(request)
+        return self._later_refused(request, answer, "05") if request.value else answer
+
+    def _later_refused(self, request: Request, answer: Acceptance, code: str) -> Acceptance:
+        if answer.code != code or self.robot.task is not None:
+            return answer
+        self.conclude(request, Outcome(done=False, code=code))
+        return ACCEPTED
+
+    def release_joints(self, request: Request) -> Acceptance:
+        if not self.plant.locked and self.robot.task is None:
+            return refused("06")
+        return super().release_joints(request)
+
+    def lock_joints(self, request: Request) -> Acceptance:
+        if self.plant.locked and self.robot.task is None:
+            return refused("06")
+        return super().lock_joints(request)
+
+    def conclude(self, request: Request, outcome: Outcome) -> None:
+        if request.command.name == "release_joints":
+            self.release = request
+            return
+        super().conclude(request, outcome)
+        if request.command.name == "lock_joints" and self.release is not None:
+            super().conclude(self.release, outcome)
+
+
+class Quick(Brain):
+    """Moves take no time, a reset moves nothing (A-4.18-3), another jog replaces the one before
+    (A-4.28-5), a jog in no direction is not answered; the arm stands at the end of its reach."""
+
+    def __init__(self, plant: Plant, *arguments: Any, **named: Any) -> None:
+        stretched = arm.inverse(arm.Pose(399.9, 0.0, 350.0, 0.0), near=arm.UPPER)
+        super().__init__(Plant(plant.clock.time(0.0), 0.0, stretched), *arguments, **named)
+
+    def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
+        return motion.hold(super()._way(pose, speed_percent, now_s).waypoints[-1])
+
+    def reset(self, request: Request) -> Acceptance:
+        if code := self.robot.refusal():
+            return refused(code)
+        self.conclude(request, DONE)
+        return ACCEPTED
+
+    def jog(self, request: Request) -> Any:
+        if request.value is None:
+            return SILENCE
+        task = self.robot.task
+        if task is not None and task.request.command.name == "jog":
+            self.robot.stop(request.now_s)
+        return super().jog(request)
+
+
+class Deaf(Brain):
+    """A robot that executes answers nothing but the stop (A-4-3)."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        if self.robot.task is None or frame.opcode == 0x32:
+            super().handle(session, frame, now_s)
+
+
+@pytest.mark.parametrize("brain", [Latching, Late, Quick, Deaf])
+def test_no_false_alarm(brain: type[Brain]) -> None:
+    """No case of the two-stage commands fails of what the register lets a controller do."""
+    only = frozenset(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES)
+    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    setting = Setting(access, Statement(), PASSWORD, Options(only=only, allowed=ALL, examples=3))
+    results = Run(setting).results()
+    bad = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
+    assert [f"{c.id}: {c.message}" for c in results.cases if c.verdict in bad] == []
+    assert results.counts[Verdict.PASS] > 60
