@@ -19,7 +19,7 @@ from scaraspec.links.link import LinkError
 from scaraspec.links.url import parse
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
-from scaraspec.suite.access import UrlAccess
+from scaraspec.suite.as_client.access import UrlAccess
 from scaraspec.suite.plan import HazardError, Options, hazards
 from scaraspec.suite.run import Run, Setting, SuiteError, collect
 from scaraspec.suite.statement import Statement, StatementError

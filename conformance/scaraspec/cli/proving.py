@@ -21,7 +21,7 @@ from scaraspec.judgement.verdicts import Conclusion, Verdict
 from scaraspec.links.memory import MemoryNetwork
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
-from scaraspec.suite.access import MemoryAccess
+from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.hooks import HookError
 from scaraspec.suite.plan import Options
 from scaraspec.suite.run import Run, Setting

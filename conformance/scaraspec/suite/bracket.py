@@ -16,11 +16,11 @@ from hypothesis.errors import Flaky
 
 from scaraspec.judgement.happenings import FrameSeen, Undecodable
 from scaraspec.judgement.verdicts import Cause, Verdict
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import Case, case_of, declare_mark, is_case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
-from scaraspec.suite.line import Line
 from scaraspec.suite.plan import Options, wanted, why_not
-from scaraspec.suite.subject import Subject
 
 _NS: Final = 1e9
 _SENTENCE: Final = 500

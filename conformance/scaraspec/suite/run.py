@@ -25,15 +25,15 @@ from scaraspec.report.exhibits import exhibit
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite import case as cases
-from scaraspec.suite import restore
-from scaraspec.suite.access import Access
+from scaraspec.suite.as_client import restore
+from scaraspec.suite.as_client.access import Access
+from scaraspec.suite.as_client.probes import probe_all
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.bracket import Bracket, Outcome
 from scaraspec.suite.expect import Unmet
 from scaraspec.suite.observer import Observer, Sighting, Take
 from scaraspec.suite.plan import Options
-from scaraspec.suite.probes import probe_all
 from scaraspec.suite.statement import Statement
-from scaraspec.suite.subject import Subject
 
 CONTROLLER: Final = Path(__file__).parent / "controller"
 

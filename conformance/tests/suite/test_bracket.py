@@ -13,7 +13,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case, Results
 from scaraspec.suite import run as suite
-from scaraspec.suite.access import MemoryAccess
+from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.statement import Statement
 

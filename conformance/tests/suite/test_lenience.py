@@ -17,7 +17,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case
-from scaraspec.suite.access import MemoryAccess
+from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run, Setting
 from scaraspec.suite.statement import Statement

@@ -5,10 +5,10 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
-from scaraspec.suite.line import Line
-from scaraspec.suite.subject import SILENCE_S, Subject
 
 _TIMES: Final = 100  # A-2-7
 _AGAIN: Final = 20

@@ -4,9 +4,8 @@ from typing import Final
 
 from hypothesis import given
 
-from scaraspec.suite.carriers import GET_STATUS, GET_TIME, GET_VERSION
-from scaraspec.suite.case import case
-from scaraspec.suite.delivery import (
+from scaraspec.suite.as_client.carriers import GET_STATUS, GET_TIME, GET_VERSION
+from scaraspec.suite.as_client.delivery import (
     SEGMENT_S,
     SLOWEST_S,
     ask_together,
@@ -15,10 +14,11 @@ from scaraspec.suite.delivery import (
     some_cuts,
     takes_one_at_a_time,
 )
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.queries import Query, known_to, some_queries
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer
-from scaraspec.suite.line import Line
-from scaraspec.suite.queries import Query, known_to, some_queries
-from scaraspec.suite.subject import Subject
 
 _BURST: Final = 100  # more requests than any receiver's first buffer holds
 _CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)

@@ -13,15 +13,15 @@ from scaraspec.protocol.commands import PasswordChange, Point, PortValue
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of
+from scaraspec.suite.as_client.ports import outputs, outputs_kept
+from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, SILENCE_S, Subject
+from scaraspec.suite.as_client.tasks import stored
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
-from scaraspec.suite.files import upload
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import STANDSTILL, farthest, joints_of
-from scaraspec.suite.ports import outputs, outputs_kept
-from scaraspec.suite.programs import wait_program
-from scaraspec.suite.subject import OTHER_PASSWORDS, SILENCE_S, Subject
-from scaraspec.suite.tasks import stored
+from scaraspec.suite.programs.writing import wait_program
 
 if TYPE_CHECKING:
     from scaraspec.judgement.happenings import FrameSeen

@@ -12,14 +12,14 @@ from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.carriers import GET_STATUS, GET_VERSION, OPCODES, harmless
+from scaraspec.suite.as_client.carriers import GET_STATUS, GET_VERSION, OPCODES, harmless
+from scaraspec.suite.as_client.files import expect_round_trip, expect_stored, upload
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.queries import ask_all, known_to
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
-from scaraspec.suite.files import expect_round_trip, expect_stored, upload
-from scaraspec.suite.line import Line
-from scaraspec.suite.programs import wait_program
-from scaraspec.suite.queries import ask_all, known_to
-from scaraspec.suite.subject import SILENCE_S, Subject
+from scaraspec.suite.programs.writing import wait_program
 
 _BLAME: Final[Mapping[Fault, str]] = {
     Fault.START: "3/4",

@@ -6,13 +6,13 @@ from typing import Any, Final
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame
-from scaraspec.suite.carriers import GET_STATUS
+from scaraspec.suite.as_client.carriers import GET_STATUS
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of
+from scaraspec.suite.as_client.queries import known_to
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, expect, expect_equal
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import STANDSTILL, farthest, joints_of
-from scaraspec.suite.queries import known_to
-from scaraspec.suite.subject import SILENCE_S, Subject
 
 _UNDEFINED: Final = tuple(opcode for opcode in range(256) if opcode not in BY_OPCODE)
 _DATA: Final = (b"", b"1", b"1|1", b"0" * MAX_DATA_BYTES)

@@ -14,15 +14,15 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.as_client.delivery import takes_one_at_a_time
+from scaraspec.suite.as_client.files import content_of, expect_stored
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.motion import quieten, returning
+from scaraspec.suite.as_client.queries import Query, known_to, replies_to, some_queries
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import has
 from scaraspec.suite.case import case
-from scaraspec.suite.delivery import takes_one_at_a_time
 from scaraspec.suite.expect import NotRun, Undecided, expect, expect_equal
-from scaraspec.suite.files import content_of, expect_stored
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.motion import quieten, returning
-from scaraspec.suite.queries import Query, known_to, replies_to, some_queries
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import has
 
 _STATE: Final = (Hazard.STATE,)
 _CENTRES: Final = tuple(Point(float(n), -n / 2, n + 0.5) for n in range(1, 9))

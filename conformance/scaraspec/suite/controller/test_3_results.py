@@ -13,12 +13,10 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import TAG
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import FinalResult
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.queries import ask_all
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import (
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.queries import ask_all
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import (
     JOG,
     MOVE,
     RUN,
@@ -33,6 +31,8 @@ from scaraspec.suite.tasks import (
     perform,
     start_program,
 )
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
 _LATER_S: Final = 0.4  # for how long a second result is looked for

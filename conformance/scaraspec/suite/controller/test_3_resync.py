@@ -14,7 +14,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS
-from scaraspec.suite.carriers import (
+from scaraspec.suite.as_client.carriers import (
     FLOOD,
     GET_STATUS,
     GET_TIME,
@@ -28,9 +28,9 @@ from scaraspec.suite.carriers import (
     strays,
     survives,
 )
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, expect
-from scaraspec.suite.subject import SILENCE_S, Subject
 
 _LONG_BYTES: Final = 5000
 _HANGING: Final = 4

@@ -1,11 +1,11 @@
 """Clause 4.1: the login (0x01, L102-119)."""
 
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.keeping import needs_login
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
-from scaraspec.suite.keeping import needs_login
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.subject import Subject
 
 _LOGINS = 5
 

@@ -1,12 +1,12 @@
 """Clause 4.2: a new password (0x03, L121-141)."""
 
 from scaraspec.protocol.commands import PasswordChange
+from scaraspec.suite.as_client.keeping import password_kept
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.malformed import malformed, offer
+from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect
-from scaraspec.suite.keeping import password_kept
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.malformed import malformed, offer
-from scaraspec.suite.subject import OTHER_PASSWORDS, Subject
 
 _LONG, _SHORT = OTHER_PASSWORDS
 _EMPTY_FIELDS = ("empty in old", "empty in new")

@@ -1,10 +1,10 @@
 """Clause 4.3: the network settings as they are read (0x04, L143-153)."""
 
 from scaraspec.protocol.commands import Network
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect, expect_equal
-from scaraspec.suite.line import Line
-from scaraspec.suite.subject import Subject
 
 
 @case("4.3/2", "4.3/3", "4.3/4")

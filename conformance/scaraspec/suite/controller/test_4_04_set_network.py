@@ -13,12 +13,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Network
+from scaraspec.suite.as_client.keeping import alive, kept
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.malformed import malformed, offer
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect
-from scaraspec.suite.keeping import alive, kept
-from scaraspec.suite.line import Line
-from scaraspec.suite.malformed import malformed, offer
-from scaraspec.suite.subject import Subject
 
 _MASKS: Final = ("255.255.255.0", "255.255.0.0")
 

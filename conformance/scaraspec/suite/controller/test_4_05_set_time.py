@@ -6,14 +6,14 @@ from typing import Final
 from hypothesis import example, given
 
 from scaraspec.protocol.commands import BY_NAME
+from scaraspec.suite.as_client.clock import expect_ran, read, set_to
+from scaraspec.suite.as_client.keeping import kept, patient
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.malformed import malformed, offer
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.clock import expect_ran, read, set_to
 from scaraspec.suite.expect import expect
-from scaraspec.suite.keeping import kept, patient
-from scaraspec.suite.line import Line
-from scaraspec.suite.malformed import malformed, offer
 from scaraspec.suite.strategies import payload_values
-from scaraspec.suite.subject import Subject
 
 _SECOND: Final = timedelta(seconds=1)
 

@@ -2,12 +2,12 @@
 
 from typing import Final
 
+from scaraspec.suite.as_client.clock import Reading, expect_ran, read
+from scaraspec.suite.as_client.keeping import alive, patient
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.clock import Reading, expect_ran, read
 from scaraspec.suite.expect import expect
-from scaraspec.suite.keeping import alive, patient
-from scaraspec.suite.line import Line
-from scaraspec.suite.subject import Subject
 
 _STEPS: Final = 7
 _STEP_S: Final = 0.35

@@ -1,9 +1,9 @@
 """Clause 4.7: the version of the software (0x08, L191-203)."""
 
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect, expect_equal
-from scaraspec.suite.line import Line
-from scaraspec.suite.subject import Subject
 
 _TIMES = 300
 

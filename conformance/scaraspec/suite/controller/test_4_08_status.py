@@ -4,14 +4,14 @@ from typing import Final
 
 from scaraspec.protocol import errors
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.executing import begin, expect_status, finish, store_wait_program
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import quieten
+from scaraspec.suite.as_client.queries import known_to
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import JOG, MOVE, RESET, lasting
 from scaraspec.suite.case import case
-from scaraspec.suite.executing import begin, expect_status, finish, store_wait_program
 from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect_equal
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import quieten
-from scaraspec.suite.queries import known_to
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import JOG, MOVE, RESET, lasting
 
 _IDLE: Final = "00"
 _TIMES: Final = 100

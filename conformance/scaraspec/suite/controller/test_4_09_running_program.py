@@ -4,20 +4,20 @@ from typing import Final
 
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES
-from scaraspec.suite.case import case
-from scaraspec.suite.executing import (
+from scaraspec.suite.as_client.executing import (
     ask_busy,
     begin,
     ended,
     expect_rest,
     store_wait_program,
 )
+from scaraspec.suite.as_client.keeping import patient
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.motion import quieten
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect, expect_equal
-from scaraspec.suite.keeping import patient
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.motion import quieten
-from scaraspec.suite.program_list import long_name, store_program
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.listed import long_name, store_program
 
 _NONE: Final = (b"0", b"0||", b"\0", b"\0||")
 """No program runs; the ways to say so (A-4.9-2, A-T-1)."""

@@ -7,10 +7,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, Unmet, expect, expect_in
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.program_list import (
+from scaraspec.suite.programs.listed import (
     list_parts,
     long_name,
     names_of,
@@ -18,7 +19,6 @@ from scaraspec.suite.program_list import (
     store_program,
 )
 from scaraspec.suite.strategies import NAME_CHARACTERS
-from scaraspec.suite.subject import Subject
 
 _EMPTY: Final = (b"0", b"0|", b"")
 """The list of an empty store, in the ways to tell it (A-4.10-4)."""

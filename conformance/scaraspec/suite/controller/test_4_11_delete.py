@@ -8,15 +8,15 @@ from typing import Any, Final
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.files import expect_stored, upload
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.malformed import Malformed, malformed, offer
+from scaraspec.suite.as_client.motion import quieten
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.files import expect_stored, upload
-from scaraspec.suite.line import Line
-from scaraspec.suite.malformed import Malformed, malformed, offer
-from scaraspec.suite.motion import quieten
-from scaraspec.suite.program_list import program_names, store_program
-from scaraspec.suite.programs import wait_program
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.listed import program_names, store_program
+from scaraspec.suite.programs.writing import wait_program
 
 _TIMES: Final = 3
 _STATE: Final = ("get_network", "get_gripper_center", "get_initial_tool_position", "get_version")

@@ -3,18 +3,18 @@
 from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.defaults import (
+from scaraspec.suite.as_client.defaults import (
     OPCODES,
     ask_default,
     default_kept,
     expect_default,
     says_nothing,
 )
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.program_list import store_program
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.listed import store_program
 
 
 def _told(subject: Subject, line: Line) -> list[FrameSeen]:

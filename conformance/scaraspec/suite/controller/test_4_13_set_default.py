@@ -2,14 +2,14 @@
 
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.defaults import default_kept, expect_default
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.malformed import malformed, offer
+from scaraspec.suite.as_client.motion import IDLE, STANDSTILL, farthest, joints_of, quieten
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.defaults import default_kept, expect_default
 from scaraspec.suite.expect import Unmet, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.malformed import malformed, offer
-from scaraspec.suite.motion import IDLE, STANDSTILL, farthest, joints_of, quieten
-from scaraspec.suite.program_list import long_name, store_program
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.listed import long_name, store_program
 
 _SOON_S = 0.3
 

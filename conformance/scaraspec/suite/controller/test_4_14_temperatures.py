@@ -1,9 +1,9 @@
 """Clause 4.14: the temperatures of the motors (0x0F, L289-302)."""
 
 from scaraspec.protocol.commands import BY_NAME, JointValues
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
-from scaraspec.suite.line import Line
 
 _TIMES = 5
 _PAUSE_S = 0.05

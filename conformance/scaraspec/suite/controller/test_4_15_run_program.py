@@ -4,14 +4,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import BUSY, quieten
-from scaraspec.suite.refusals import expect_missing
-from scaraspec.suite.strategies import names
-from scaraspec.suite.subject import STEM, Subject
-from scaraspec.suite.tasks import (
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import BUSY, quieten
+from scaraspec.suite.as_client.refusals import expect_missing
+from scaraspec.suite.as_client.subject import STEM, Subject
+from scaraspec.suite.as_client.tasks import (
     RUN,
     accepted,
     attentive,
@@ -24,6 +21,9 @@ from scaraspec.suite.tasks import (
     stored,
     stored_as,
 )
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
+from scaraspec.suite.strategies import names
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 

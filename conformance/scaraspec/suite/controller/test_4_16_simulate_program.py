@@ -1,16 +1,13 @@
 """Clause 4.16: a program is simulated (0x31, L330-354)."""
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect
-from scaraspec.suite.files import upload
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import BUSY, STANDSTILL, farthest, joints_of
-from scaraspec.suite.ports import outputs, outputs_kept, settable
-from scaraspec.suite.programs import program_file, set_output, wait
-from scaraspec.suite.refusals import expect_first_reply, expect_missing, text_of
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import (
+from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import BUSY, STANDSTILL, farthest, joints_of
+from scaraspec.suite.as_client.ports import outputs, outputs_kept, settable
+from scaraspec.suite.as_client.refusals import expect_first_reply, expect_missing, text_of
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import (
     RUN,
     SIMULATE,
     accepted,
@@ -21,6 +18,9 @@ from scaraspec.suite.tasks import (
     start_program,
     stored,
 )
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
+from scaraspec.suite.programs.writing import program_file, set_output, wait
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 

@@ -4,10 +4,8 @@ import pytest
 
 from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import NoAnswer, expect
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.motion import (
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.motion import (
     BUSY,
     SLOWEST_PERCENT,
     STANDSTILL,
@@ -19,9 +17,9 @@ from scaraspec.suite.motion import (
     returning,
     target,
 )
-from scaraspec.suite.refusals import text_of
-from scaraspec.suite.subject import SILENCE_S, Subject
-from scaraspec.suite.tasks import (
+from scaraspec.suite.as_client.refusals import text_of
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.tasks import (
     JOG,
     MOVE,
     RESET,
@@ -40,6 +38,8 @@ from scaraspec.suite.tasks import (
     start_program,
     stored,
 )
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, expect
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _AGAIN = 15

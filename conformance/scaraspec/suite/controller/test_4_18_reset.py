@@ -3,13 +3,11 @@
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import IDLE, quieten, returning, stop
-from scaraspec.suite.refusals import expect_busy, text_of
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import (
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import IDLE, quieten, returning, stop
+from scaraspec.suite.as_client.refusals import expect_busy, text_of
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import (
     RESET,
     RUN,
     SIMULATE,
@@ -23,6 +21,8 @@ from scaraspec.suite.tasks import (
     offered,
     start_program,
 )
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 

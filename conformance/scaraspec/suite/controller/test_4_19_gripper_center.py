@@ -1,10 +1,10 @@
 """Clause 4.19: the gripper centre as it is read (0x34, L421-431)."""
 
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.poses import gripper_of
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect_equal
-from scaraspec.suite.line import Line
-from scaraspec.suite.poses import gripper_of
-from scaraspec.suite.subject import Subject
 
 
 @case("4.19/2")

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.keeping import kept
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.malformed import malformed, offer
+from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of
+from scaraspec.suite.as_client.poses import expect_numbers, gripper_of
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.keeping import kept
-from scaraspec.suite.line import Line
-from scaraspec.suite.malformed import malformed, offer
-from scaraspec.suite.motion import STANDSTILL, farthest, joints_of
-from scaraspec.suite.poses import expect_numbers, gripper_of
-from scaraspec.suite.subject import Subject
 
 _EXAMPLE: Final = Point(200, 300, 456)  # L438
 _PLAIN: Final = Point(1.5, -2, 30.5)

@@ -5,12 +5,12 @@ from typing import Final
 
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.keeping import kept
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import STANDSTILL, farthest, pose_of
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, expect
-from scaraspec.suite.keeping import kept
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import STANDSTILL, farthest, pose_of
-from scaraspec.suite.subject import Subject
 
 _TIMES: Final = 8
 _PAUSE_S: Final = 0.05

@@ -8,11 +8,9 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.malformed import malformed
-from scaraspec.suite.motion import (
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.malformed import malformed
+from scaraspec.suite.as_client.motion import (
     AXES,
     BUSY,
     REACHED,
@@ -30,9 +28,11 @@ from scaraspec.suite.motion import (
     same_place,
     target,
 )
-from scaraspec.suite.refusals import expect_first_reply, text_of
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import MOVE, accepted, done, finish, has, offered, perform
+from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import MOVE, accepted, done, finish, has, offered, perform
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
 
 _MOTION = (Hazard.MOTION,)
 _BEYOND_MM: Final = 1_000_000.0

@@ -6,12 +6,10 @@ from contextlib import contextmanager, suppress
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import NoAnswer, Unmet, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.refusals import expect_first_reply, text_of
-from scaraspec.suite.subject import SILENCE_S, Subject
-from scaraspec.suite.tasks import (
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.tasks import (
     LOCK,
     MOVE,
     RELEASE,
@@ -23,6 +21,8 @@ from scaraspec.suite.tasks import (
     offered,
     perform,
 )
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, Unmet, expect
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 

@@ -3,13 +3,13 @@
 from contextlib import suppress
 
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of
+from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.tasks import LOCK, MOVE, RELEASE, begin, done, finish, has, perform
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import STANDSTILL, farthest, joints_of
-from scaraspec.suite.refusals import expect_first_reply, text_of
-from scaraspec.suite.subject import SILENCE_S, Subject
-from scaraspec.suite.tasks import LOCK, MOVE, RELEASE, begin, done, finish, has, perform
 
 _MOTION = (Hazard.MOTION,)
 

@@ -2,10 +2,8 @@
 
 from scaraspec.protocol.commands import JointValues
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import (
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import (
     STANDSTILL,
     begin_step_somewhere,
     farthest,
@@ -14,8 +12,10 @@ from scaraspec.suite.motion import (
     returning,
     same_place,
 )
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import MOVE, accepted, done, has, lasting
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import MOVE, accepted, done, has, lasting
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect
 
 
 @case("4.27/2", "4.27/3")

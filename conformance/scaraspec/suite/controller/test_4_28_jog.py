@@ -7,11 +7,9 @@ import pytest
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import NotRun, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.malformed import Malformed
-from scaraspec.suite.motion import (
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.malformed import Malformed
+from scaraspec.suite.as_client.motion import (
     BUSY,
     STANDSTILL,
     farthest,
@@ -23,9 +21,9 @@ from scaraspec.suite.motion import (
     status_of,
     stop,
 )
-from scaraspec.suite.refusals import expect_first_reply, text_of
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import (
+from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import (
     JOG,
     STOP,
     accepted,
@@ -37,6 +35,8 @@ from scaraspec.suite.tasks import (
     jog_somewhere,
     offered,
 )
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NotRun, expect
 
 _MOTION = (Hazard.MOTION,)
 _ENOUGH_MM: Final = 1.0

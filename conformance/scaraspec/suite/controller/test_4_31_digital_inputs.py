@@ -6,13 +6,13 @@ from typing import Final
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.ports import Bits, expect_inputs, inputs_driven
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.ports import Bits, expect_inputs, inputs_driven
-from scaraspec.suite.programs import wait
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.bench import PROGRAMS, bench
+from scaraspec.suite.programs.writing import wait
 
 _FORM: Final = re.compile(rb"1\|[01]{8}")
 _ERROR: Final = b"0"

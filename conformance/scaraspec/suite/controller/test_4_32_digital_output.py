@@ -6,12 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PortValue
-from scaraspec.suite.bench import PROGRAMS, bench
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect, expect_equal, expect_in
-from scaraspec.suite.line import Line
-from scaraspec.suite.malformed import malformed
-from scaraspec.suite.ports import (
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.malformed import malformed
+from scaraspec.suite.as_client.ports import (
     ALL_OUTPUTS,
     Bits,
     digits,
@@ -22,8 +19,11 @@ from scaraspec.suite.ports import (
     settable,
     with_port,
 )
-from scaraspec.suite.programs import wait
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect, expect_equal, expect_in
+from scaraspec.suite.programs.bench import PROGRAMS, bench
+from scaraspec.suite.programs.writing import wait
 
 _FLAGS: Final = (b"0", b"1")
 _NO_PORTS: Final = (

@@ -3,10 +3,10 @@
 import re
 from typing import Final
 
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.subject import Subject
 
 _FORM: Final = re.compile(rb"1\|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)")
 _ERROR: Final = b"0"

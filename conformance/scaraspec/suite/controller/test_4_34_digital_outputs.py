@@ -3,13 +3,19 @@
 import re
 from typing import Final
 
-from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.ports import (
+    expect_outputs,
+    outputs_kept,
+    set_output,
+    settable,
+    with_port,
+)
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.ports import expect_outputs, outputs_kept, set_output, settable, with_port
-from scaraspec.suite.programs import wait
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.bench import PROGRAMS, bench
+from scaraspec.suite.programs.writing import wait
 
 _FORM: Final = re.compile(rb"1\|[01]{16}")
 _ERROR: Final = b"0"

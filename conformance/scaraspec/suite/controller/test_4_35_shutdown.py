@@ -3,12 +3,12 @@
 from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.refusals import text_of
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.tasks import RUN, has, lasting, offered
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.refusals import text_of
-from scaraspec.suite.subject import SILENCE_S, Subject
-from scaraspec.suite.tasks import RUN, has, lasting, offered
 
 _LAST = (Hazard.MOTION, Hazard.DESTRUCTIVE)
 _SHUTDOWN: Final = "shutdown"

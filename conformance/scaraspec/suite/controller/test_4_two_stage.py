@@ -8,10 +8,8 @@ from hypothesis import given
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Outcome
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_in
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.motion import (
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.motion import (
     BUSY,
     IDLE,
     SLOWEST_PERCENT,
@@ -20,16 +18,16 @@ from scaraspec.suite.motion import (
     returning,
     stop,
 )
-from scaraspec.suite.queries import QUERIES, Query, known_to, replies_to, some_queries
-from scaraspec.suite.refusals import (
+from scaraspec.suite.as_client.queries import QUERIES, Query, known_to, replies_to, some_queries
+from scaraspec.suite.as_client.refusals import (
     expect_busy,
     expect_failure,
     expect_first_reply,
     expect_refusal,
     text_of,
 )
-from scaraspec.suite.subject import SILENCE_S, Subject
-from scaraspec.suite.tasks import (
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.tasks import (
     JOG,
     LOCK,
     MOVE,
@@ -51,6 +49,8 @@ from scaraspec.suite.tasks import (
     start_program,
     stored,
 )
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_in
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _SOON_S = 0.5

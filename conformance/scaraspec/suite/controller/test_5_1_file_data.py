@@ -4,9 +4,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, FILE_DATA_BYTES, HEAD_BYTES, Chunk
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import Unmet, expect, expect_equal
-from scaraspec.suite.files import (
+from scaraspec.suite.as_client.files import (
     again,
     begin,
     chunk_of,
@@ -19,8 +17,10 @@ from scaraspec.suite.files import (
     send,
     upload,
 )
-from scaraspec.suite.line import Line
-from scaraspec.suite.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import Unmet, expect, expect_equal
 
 _SIZES = (1, 200, 201, 400, 450)
 _WHOLE = content_of(450)

@@ -4,9 +4,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import NotRun, expect
-from scaraspec.suite.files import (
+from scaraspec.suite.as_client.files import (
     again,
     begin,
     content_of,
@@ -19,9 +17,11 @@ from scaraspec.suite.files import (
     send,
     upload,
 )
-from scaraspec.suite.line import Line
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NotRun, expect
 from scaraspec.suite.strategies import NAME_CHARACTERS
-from scaraspec.suite.subject import SILENCE_S, Subject
 
 _MOST = 2**32 - 1
 

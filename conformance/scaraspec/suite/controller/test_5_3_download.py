@@ -6,9 +6,7 @@ its content.
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect, expect_equal
-from scaraspec.suite.files import (
+from scaraspec.suite.as_client.files import (
     again,
     begin,
     chunk_of,
@@ -26,9 +24,11 @@ from scaraspec.suite.files import (
     transfer_frames,
     upload,
 )
-from scaraspec.suite.line import Line
-from scaraspec.suite.subject import SILENCE_S, Subject
-from scaraspec.suite.timeouts import Silence, Track, limits_of, run_tracks
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.timeouts import Silence, Track, limits_of, run_tracks
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect, expect_equal
 
 _CONTENT = content_of(650)
 

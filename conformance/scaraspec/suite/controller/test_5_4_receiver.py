@@ -10,9 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import Chunk, chunks_of
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
-from scaraspec.suite.files import (
+from scaraspec.suite.as_client.files import (
     again,
     begin,
     chunk_of,
@@ -31,9 +29,11 @@ from scaraspec.suite.files import (
     transfer_frames,
     upload,
 )
-from scaraspec.suite.line import Line
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.timeouts import Limits, Silence, Track, limits_of, run_tracks
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.timeouts import Limits, Silence, Track, limits_of, run_tracks
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
 
 _CONTENT = content_of(650)
 _CHUNKS = tuple(chunks_of(_CONTENT))

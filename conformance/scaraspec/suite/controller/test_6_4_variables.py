@@ -3,11 +3,12 @@
 from typing import Final
 
 from scaraspec.protocol.programs import Opt
-from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.ports import expect_outputs, outputs
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.line import Line
-from scaraspec.suite.ports import expect_outputs, outputs
-from scaraspec.suite.program_model import (
+from scaraspec.suite.programs.bench import PROGRAMS, bench
+from scaraspec.suite.programs.model import (
     Assign,
     Calculate,
     Flip,
@@ -17,8 +18,7 @@ from scaraspec.suite.program_model import (
     nodes_of,
     variables_of,
 )
-from scaraspec.suite.programs import OUTPUTS, number, variable
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.writing import OUTPUTS, number, variable
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _VALUES: Final = {5: 1, 0: -1, -7: 0, 2_000_000_000: 40_000, 9: 2_147_483_647, 1: -2_147_483_648}

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.programs import Layout, Node, NodeType, Opt, Variable, detect
 from scaraspec.protocol.programs.layout import FOOTER, MAGIC
-from scaraspec.suite.arm import arm
-from scaraspec.suite.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.as_client.arm import arm
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.program_layout import CODE_20
-from scaraspec.suite.programs import OUTPUTS, compare, curve, number, set_output, wait
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.programs.layout import CODE_20
+from scaraspec.suite.programs.writing import OUTPUTS, compare, curve, number, set_output, wait
 
 _WATCHED_S: Final = 1.0
 """For how long a damaged file that was accepted may go on without any result."""

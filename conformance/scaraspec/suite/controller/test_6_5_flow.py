@@ -5,12 +5,13 @@ from typing import Final
 from hypothesis import Phase, assume, given, settings
 
 from scaraspec.protocol.programs import Opt
-from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.ports import digits, expect_outputs, outputs, with_port
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Undecided, expect, expect_equal
-from scaraspec.suite.line import Line
-from scaraspec.suite.ports import digits, expect_outputs, outputs, with_port
-from scaraspec.suite.program_model import (
+from scaraspec.suite.programs.bench import PROGRAMS, bench
+from scaraspec.suite.programs.model import (
     Block,
     Calculate,
     Flip,
@@ -22,9 +23,8 @@ from scaraspec.suite.program_model import (
     nodes_of,
     variables_of,
 )
-from scaraspec.suite.program_strategies import blocks, variables
-from scaraspec.suite.programs import OUTPUTS, loop, number, variable
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.strategies import blocks, variables
+from scaraspec.suite.programs.writing import OUTPUTS, loop, number, variable
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _MANY: Final = 258

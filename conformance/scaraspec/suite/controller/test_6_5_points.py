@@ -5,13 +5,13 @@ All moves are steps from where the arm stands, one value at a time, and back.
 
 from typing import Final
 
-from scaraspec.suite.arm import Arm, arm, near
-from scaraspec.suite.bench import PROGRAMS, bench
+from scaraspec.suite.as_client.arm import Arm, arm, near
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Undecided, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.programs import Values, curve, straight
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.bench import PROGRAMS, bench
+from scaraspec.suite.programs.writing import Values, curve, straight
 
 _VALUES: Final = (3, 2, 1, 0)  # the last one turns nothing but the gripper
 _LEAST_SEEN: Final = 8

@@ -5,13 +5,20 @@ from datetime import UTC, datetime
 from typing import Final
 
 from scaraspec.protocol.programs import Condition, Node
-from scaraspec.suite.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.ports import (
+    Bits,
+    expect_outputs,
+    inputs_driven,
+    inputs_steady,
+    with_port,
+)
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Undecided, Unmet, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.ports import Bits, expect_outputs, inputs_driven, inputs_steady, with_port
-from scaraspec.suite.program_layout import twin_of
-from scaraspec.suite.programs import (
+from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.programs.layout import twin_of
+from scaraspec.suite.programs.writing import (
     ANALOG,
     INPUTS,
     OUTPUTS,
@@ -20,7 +27,6 @@ from scaraspec.suite.programs import (
     wait_input,
     wait_until,
 )
-from scaraspec.suite.subject import Subject
 
 _EARLY_S: Final = 0.01  # what two clocks may differ in over a few seconds
 _SLACK_S: Final = 0.5

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from typing import Final
 
 from scaraspec.protocol.programs import Node, Opt
-from scaraspec.suite import programs
-from scaraspec.suite.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.ports import Bits, digits, inputs_driven, inputs_steady, outputs
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.ports import Bits, digits, inputs_driven, inputs_steady, outputs
-from scaraspec.suite.program_model import (
+from scaraspec.suite.programs import writing as programs
+from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.programs.model import (
     COMPARISONS,
     Assign,
     Calculate,
@@ -25,8 +26,7 @@ from scaraspec.suite.program_model import (
     compared,
     nodes_of,
 )
-from scaraspec.suite.programs import INPUTS, OUTPUTS, input_port, number, variable
-from scaraspec.suite.subject import Subject
+from scaraspec.suite.programs.writing import INPUTS, OUTPUTS, input_port, number, variable
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _X, _Y, _Z, _W = 7, 1000, -2, 263

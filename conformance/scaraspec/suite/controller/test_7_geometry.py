@@ -5,10 +5,8 @@ from contextlib import contextmanager, suppress
 
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect
-from scaraspec.suite.line import Line
-from scaraspec.suite.motion import (
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import (
     REACHED,
     STANDSTILL,
     ask_move,
@@ -19,8 +17,10 @@ from scaraspec.suite.motion import (
     pose_of,
     returning,
 )
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import MOVE, accepted, done, has
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import MOVE, accepted, done, has
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect
 
 _STATE = (Hazard.STATE,)
 _MOTION = (Hazard.MOTION,)

@@ -9,11 +9,9 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.errors import Joint
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect, expect_equal
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import (
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import (
     LOCK,
     MOVE,
     RUN,
@@ -24,6 +22,8 @@ from scaraspec.suite.tasks import (
     offered,
     start_program,
 )
+from scaraspec.suite.case import case
+from scaraspec.suite.expect import expect, expect_equal
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
 _FAULTS: Final = ("motor_fault", "clear_faults")

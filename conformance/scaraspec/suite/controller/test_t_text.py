@@ -11,14 +11,14 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.fields import Wrong, show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.as_client.files import expect_stored, send, upload
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.queries import ask_all
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import MOVE, RUN, SIMULATE, has
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect, expect_equal
-from scaraspec.suite.files import expect_stored, send, upload
-from scaraspec.suite.line import Answer, Line
-from scaraspec.suite.programs import wait_program
-from scaraspec.suite.queries import ask_all
-from scaraspec.suite.subject import Subject
-from scaraspec.suite.tasks import MOVE, RUN, SIMULATE, has
+from scaraspec.suite.programs.writing import wait_program
 
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)

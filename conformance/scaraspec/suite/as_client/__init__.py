@@ -1,0 +1,1 @@
+"""Where the suite plays the client, against a controller under test."""

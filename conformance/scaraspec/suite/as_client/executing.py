@@ -1,0 +1,126 @@
+"""Executing: what the subject says of itself while a two-stage command executes.
+
+A command may end just before it is asked about: then it is not held against the subject.
+"""
+
+from typing import Any, Final
+
+from scaraspec.protocol import errors
+from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.programs.layout import find_layout
+from scaraspec.suite.programs.writing import wait_program
+
+_IDLE: Final = "00"
+_LAG_S: Final = 0.1  # for how long a result may come behind the status that tells of its end
+_REST_S: Final = 1.0  # within which the status has to follow a result
+
+
+def store_wait_program(subject: Subject, line: Line, seconds: int, name: bytes = b"") -> bytes:
+    """Upload a program that waits for so many seconds, under a new name if none is given.
+
+    Returns:
+        Its name.
+
+    Raises:
+        Unmet: The subject runs no programs, or takes no file.
+    """
+    layout = find_layout(subject, line)
+    name = name or subject.new_name()
+    upload(line, name, wait_program(subject.dialect, seconds, layout=layout))
+    return name
+
+
+def begin(subject: Subject, line: Line, command: str, value: Any = None) -> None:
+    """Begin a two-stage command.
+
+    Raises:
+        NotRun: The subject refuses it.
+    """
+    subject.moved = True
+    answer = line.ask(command, value)
+    if not answer.accepted:
+        raise NotRun(f"{command} was refused: {answer}")
+
+
+def ended(line: Line, command: str, within_s: float = 0.0) -> Answer | None:
+    """The final result of a command, if it comes by then."""
+    try:
+        return line.result(command, within_s=within_s)
+    except NoAnswer:
+        return None
+
+
+def ask_busy(subject: Subject, line: Line, query: str, command: str) -> Answer:
+    """Ask something while a command executes.
+
+    Raises:
+        NoAnswer: It is not answered, nor is what was sent before it.
+        NotRun: It is put off until the command has ended (A-4-3).
+    """
+    try:
+        return line.ask(query)
+    except NoAnswer:
+        if line.ending is not None:
+            raise
+        line.send("emergency_stop")
+        stopped = _replied(subject, line)
+        if ended(line, command, 0 if stopped else subject.longest_s) is None and not stopped:
+            raise
+    raise NotRun(f"{query} is not answered while {command} executes")
+
+
+def _replied(subject: Subject, line: Line) -> bool:
+    try:
+        line.reply("emergency_stop", within_s=subject.reply_s)
+    except NoAnswer:
+        return False
+    return True
+
+
+def expect_status(
+    subject: Subject, line: Line, command: str, wanted: str, requirement: str
+) -> bool:
+    """Ask for the status while a command executes; whether it still does.
+
+    Raises:
+        Unmet: The status is another one.
+        NotRun: It is not told meanwhile.
+        Undecided: It tells of a fault.
+    """
+    answer = ask_busy(subject, line, "get_status", command)
+    if answer.value == wanted:
+        return True
+    if answer.value == _IDLE and ended(line, command, _LAG_S) is not None:
+        return False
+    code = errors.lookup(answer.value) if isinstance(answer.value, str) else None
+    if code is not None and code.kind is errors.Kind.FAULT:
+        raise Undecided(f"the robot reports {code.text}, {code.meaning}")
+    message = f"the status is {answer.value} while {command} executes"
+    raise Unmet(message, expected=wanted, observed=f"{answer}", requirement=requirement)
+
+
+def expect_rest(subject: Subject, line: Line, message: str) -> None:
+    """Fail the subject unless its status soon is 00.
+
+    Raises:
+        Unmet: It is not.
+    """
+    try:
+        subject.until_idle(line, within_s=_REST_S)
+    except Undecided as error:
+        raise Unmet(message, expected=_IDLE, observed=f"{error}", requirement="4.8/3") from None
+
+
+def finish(subject: Subject, line: Line, command: str, lasts_s: float = 0.0) -> None:
+    """Wait for the end of a command that lasts so many of the subject's seconds.
+
+    Raises:
+        NoAnswer: It does not end.
+        Unmet: It is not at rest then.
+    """
+    within_s = subject.longest_s + lasts_s / subject.statement.time_scale
+    line.result(command, within_s=within_s)
+    expect_rest(subject, line, f"the robot is not idle although {command} has ended")

@@ -1,0 +1,288 @@
+"""Motion: small moves around where the arm stands, one axis at a time, and back again.
+
+Nothing is assumed of the arm: where it stands it says itself, how far it may go from there the
+statement of conformance says. Whether a move was right is for the cases to say.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Final
+
+from scaraspec.protocol.commands import JointValues, MoveTarget, Pose
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
+
+AXES: Final = ("x", "y", "z", "theta_x")
+"""What a move may change, with a meaning (7.1, L1006)."""
+
+STANDSTILL: Final = 0.2
+"""mm or degrees by which two readings differ at most where nothing has moved."""
+REACHED: Final = 1.0
+"""mm or degrees by which a pose that was reached may be off (4.24/8)."""
+SLOWEST_PERCENT: Final = 1
+
+BUSY: Final = ("01", "02", "03", "04")
+"""Statuses of a robot that executes something (L1018-1021)."""
+IDLE: Final = "00"
+
+_POLL_S: Final = 0.05
+_STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
+_DEAF: Final = "deaf while it executes"
+_LATCHED: Final = "latched"
+_LATCHES: Final = "latches"
+_TURN: Final = 360.0
+
+
+# ---------------------------------------------------------------------- where it is
+
+
+def pose_of(line: Line) -> Pose:
+    """Where the tool stands (0x38).
+
+    Raises:
+        Unmet: That is no pose.
+    """
+    answer = line.ask("get_tool_coordinates")
+    if not isinstance(answer.value, Pose):
+        message = "the tool coordinates are no six numbers"
+        raise Unmet(message, expected="x|y|z|…", observed=f"{answer}", requirement="4.23/2")
+    return answer.value
+
+
+def joints_of(line: Line) -> JointValues:
+    """How the joints stand (0x3C).
+
+    Raises:
+        Unmet: That is no four numbers.
+    """
+    answer = line.ask("get_joint_angles")
+    if not isinstance(answer.value, JointValues):
+        message = "the joint angles are no four numbers"
+        raise Unmet(message, expected="a|b|c|d", observed=f"{answer}", requirement="4.27/2")
+    return answer.value
+
+
+def farthest(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    """By how much the two differ where they differ most."""
+    return max(abs(p - q) for p, q in zip(a, b, strict=True))
+
+
+def off_by(pose: Pose, wanted: Pose) -> float:
+    """By how many mm or degrees a pose misses another; a whole turn is none (A-7-2)."""
+    turned = abs((pose.theta_x - wanted.theta_x + _TURN / 2) % _TURN - _TURN / 2)
+    return max(farthest(pose[:3], wanted[:3]), turned)
+
+
+def same_place(a: Pose, b: Pose) -> bool:
+    """Whether the tool has not moved between the two."""
+    return farthest(a[:4], b[:4]) <= STANDSTILL
+
+
+# ---------------------------------------------------------------------- where to go
+
+
+def target(pose: Pose, speed_percent: int) -> MoveTarget:
+    """The request that goes to a pose."""
+    return MoveTarget(speed_percent, *pose)
+
+
+def neighbours(subject: Subject, pose: Pose, axis: str) -> list[Pose]:
+    """The poses a step away along an axis, one way and the other, as far as they are in the box.
+
+    Raises:
+        NotRun: The arm stands outside of the box in which it may be moved.
+    """
+    motion = subject.statement.motion
+    if not _in_box(subject, pose):
+        raise NotRun(f"the arm stands at {pose[:3]}, outside of motion.box_mm: bring it there")
+    value = getattr(pose, axis)
+    steps = (value + motion.step_mm, value - motion.step_mm)
+    poses = [pose._replace(**{axis: round(each, 3)}) for each in steps]
+    return [each for each in poses if _in_box(subject, each)]
+
+
+def _in_box(subject: Subject, pose: Pose) -> bool:
+    box_mm = subject.statement.motion.box_mm
+    return all(low <= v <= high for v, (low, high) in zip(pose[:3], box_mm, strict=False))
+
+
+def ask_move(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = None) -> Answer:
+    """Ask for a move, by default at the speed that the statement of conformance allows."""
+    subject.moved = True
+    speed = subject.statement.motion.speed_percent if speed_percent is None else speed_percent
+    return line.ask("set_tool_coordinates", target(pose, speed))
+
+
+def begin_step(
+    subject: Subject, line: Line, axis: str, speed_percent: int | None = None
+) -> tuple[Pose, Answer]:
+    """Begin a move by a step along an axis, the other way where one way is out of reach.
+
+    Returns:
+        Where it goes, and the first reply, which is no refusal for being out of reach.
+
+    Raises:
+        NotRun: There is no room along this axis.
+    """
+    for pose in neighbours(subject, pose_of(line), axis):
+        answer = ask_move(subject, line, pose, speed_percent)
+        if not is_out_of_reach(answer):
+            return pose, answer
+    raise NotRun(f"there is no room for a step along {axis}")
+
+
+def begin_step_somewhere(
+    subject: Subject, line: Line, speed_percent: int | None = None
+) -> tuple[Pose, Answer]:
+    """Begin a step along the first axis that has room.
+
+    Raises:
+        Unmet: None has: the arm can go nowhere from where it stands (4.24/5).
+    """
+    for axis in ("y", "x", "z", "theta_x"):
+        with suppress(NotRun):
+            return begin_step(subject, line, axis, speed_percent)
+    message = "no step from where the arm stands is possible, along no axis and either way"
+    raise Unmet(message, expected="1", observed="0|05 or 0|06", requirement="4.24/5")
+
+
+def is_out_of_reach(answer: Answer) -> bool:
+    """Whether a move is refused for its target, perhaps without saying so (err_bare0)."""
+    bare = answer.frame.data.rstrip(b"\0") == b"0"
+    return answer.accepted is False and (bare or answer.code in ("05", "06"))
+
+
+@contextmanager
+def returning(subject: Subject, line: Line) -> Iterator[Pose]:
+    """Give the pose of the tool, and bring it back there afterwards, whatever has happened.
+
+    Raises:
+        Undecided: It could not be brought back.
+    """
+    release_latch(subject, line)
+    pose = pose_of(line)
+    try:
+        yield pose
+    except BaseException:
+        with suppress(Unmet, Undecided):
+            _go_back(subject, line, pose)
+        raise
+    try:
+        _go_back(subject, line, pose)
+    except Unmet as error:
+        raise Undecided(f"the arm could not be brought back to {pose[:4]}: {error}") from None
+
+
+def _go_back(subject: Subject, line: Line, pose: Pose) -> None:
+    if not subject.moved:
+        return
+    if line.closed or line.ending is not None:
+        subject.close_lines()
+        line = subject.open()
+    quieten(subject, line)
+    if same_place(pose_of(line), pose):
+        return
+    answer = ask_move(subject, line, pose)
+    if not answer.accepted:
+        raise Unmet("the way back is refused", expected="1", observed=f"{answer}")
+    line.result("set_tool_coordinates")
+
+
+# ---------------------------------------------------------------------- while it executes
+
+
+def knows_whether_it_listens(subject: Subject) -> bool:
+    """Whether that has been found out."""
+    return _DEAF in subject.known
+
+
+def listens(subject: Subject, line: Line) -> bool:
+    """Whether a robot that executes answers queries (A-4-3); asked while it executes."""
+    if _DEAF not in subject.known:
+        try:
+            line.ask("get_status")
+        except NoAnswer:
+            subject.known[_DEAF] = True
+        else:
+            subject.known[_DEAF] = False
+    return not subject.known[_DEAF]
+
+
+# ---------------------------------------------------------------------- coming to rest
+
+
+def stop(subject: Subject, line: Line) -> Answer:
+    """Stop what executes, to the end; the first reply to the stop.
+
+    Raises:
+        NoAnswer: The stop, or its result, is not answered.
+    """
+    answer = line.ask("emergency_stop")
+    if answer.accepted:
+        line.result("emergency_stop", within_s=subject.reply_s)
+        has_stopped(subject)
+        await_rest(subject, line)
+        release_latch(subject, line)
+    return answer
+
+
+def quieten(subject: Subject, line: Line) -> None:
+    """End whatever executes.
+
+    Raises:
+        NoAnswer: The subject does not answer any more.
+    """
+    for _ in range(_STOPS):
+        if status_of(subject, line) not in (*BUSY, None):
+            break
+        stop(subject, line)
+    await_rest(subject, line)
+    release_latch(subject, line)
+    line.fence()
+
+
+def status_of(subject: Subject, line: Line) -> str | None:
+    """The status; None where a robot that executes answers nothing (A-4-3)."""
+    deaf = subject.known.get(_DEAF)
+    try:
+        answer = line.ask("get_status", within_s=_POLL_S if deaf else None)
+    except NoAnswer:
+        if not deaf:
+            raise
+        return None
+    status: str | None = answer.value
+    return status
+
+
+def await_rest(subject: Subject, line: Line) -> None:
+    """Wait until nothing executes; the status may tell of a fault then."""
+    left_s = subject.longest_s
+    while status_of(subject, line) in (*BUSY, None) and left_s > 0:
+        line.wait(_POLL_S)
+        left_s -= _POLL_S
+
+
+def has_stopped(subject: Subject) -> None:
+    """An emergency stop has succeeded: perhaps the robot is latched (A-4.17-2)."""
+    subject.known.setdefault(_LATCHED, True)
+
+
+def release_latch(subject: Subject, line: Line) -> None:
+    """Reset a robot that an emergency stop has latched (A-4.17-2); whether it does is tried once.
+
+    It shows in the status, or in that a move to where the arm stands is refused.
+    """
+    if not subject.known.get(_LATCHED):
+        return
+    if line.ask("get_status").value == IDLE:
+        answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
+        if answer.accepted:
+            line.result("set_tool_coordinates")
+            if _LATCHES not in subject.known:
+                subject.known[_LATCHED] = False
+            return
+    subject.known[_LATCHES] = True
+    if line.ask("reset").accepted:
+        line.result("reset")
+        line.wait(_POLL_S)

@@ -1,0 +1,237 @@
+"""Restore: what a run may change, written down before and put back after, also after an interrupt.
+
+The state stays in a file until it is put back, so that the next run can put back what one that was
+killed has left. Passwords are not written: the one that the tester names is set again.
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, Final
+
+from scaraspec.protocol.commands import Network, PasswordChange, Point, PortValue, Pose
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, STEM, Subject
+from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
+
+_CLOCK_SLACK_S: Final = 2
+_HALF_S: Final = 0.5
+_NS: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One thing that a run may change.
+
+    Attributes:
+        name: What it is called.
+        hazard: It is only changed, and put back, where this is allowed.
+        read: Asks for it; None where the subject does not say. Gives what JSON can hold.
+        write: Sets it.
+    """
+
+    name: str
+    hazard: Hazard
+    read: Callable[[Subject, Line], Any]
+    write: Callable[[Subject, Line, Any], None]
+
+
+def save(subject: Subject) -> dict[str, Any]:
+    """Ask for everything that a run may change.
+
+    Raises:
+        Unmet: The subject cannot be reached, or refuses the login.
+    """
+    line = subject.open()
+    state = {item.name: _read(item, subject, line) for item in ITEMS}
+    line.close()
+    return state
+
+
+def restore(subject: Subject, state: Mapping[str, Any]) -> list[str]:
+    """Bring the subject to rest and put back what differs.
+
+    Returns:
+        A sentence for each thing that could not be put back.
+    """
+    problems = []
+    try:
+        restore_password(subject)
+        subject.settle()
+        line = subject.open()
+    except (Unmet, Undecided) as error:
+        return [f"nothing could be put back: {error}"]
+    for item in ITEMS:
+        wanted = state.get(item.name)
+        try:
+            if wanted is None or item.hazard not in subject.allowed:
+                continue
+            if _differs(_read(item, subject, line), wanted):
+                item.write(subject, line, wanted)
+        except (Unmet, Undecided) as error:
+            problems.append(f"the {item.name} could not be put back to {wanted}: {error}")
+    line.close()
+    return problems
+
+
+def load(path: Path) -> dict[str, Any] | None:
+    """The state that a run which was killed has left; None where there is none that can be read."""
+    try:
+        state = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return state if isinstance(state, dict) else None
+
+
+def keep(path: Path, state: Mapping[str, Any]) -> None:
+    """Write a state down.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    path.write_text(json.dumps(state, indent=1) + "\n", encoding="utf-8")
+
+
+def _read(item: Item, subject: Subject, line: Line) -> Any:
+    try:
+        return item.read(subject, line)
+    except NoAnswer:
+        return None
+
+
+def _differs(value: Any, wanted: Any) -> bool:
+    if isinstance(wanted, int) and isinstance(value, int):
+        return abs(value - wanted) > _CLOCK_SLACK_S
+    return bool(value != wanted)
+
+
+def restore_password(subject: Subject) -> None:
+    """Set the password again that the tester named, if a case has left another.
+
+    Raises:
+        Unmet: The subject does not answer, or refuses to.
+    """
+    if Hazard.DESTRUCTIVE not in subject.allowed or not subject.access.needs_login:
+        return
+    for password in (subject.password, *OTHER_PASSWORDS):
+        line = subject.open(login=False)
+        if line.ask("login", password).accepted:
+            if password != subject.password:
+                _set(line, "set_password", PasswordChange(password, subject.password))
+            line.close()
+            return
+        line.close()
+
+
+def _set(line: Line, name: str, value: Any) -> None:
+    answer = line.ask(name, value)
+    expect(answer.accepted, f"{name} was refused", expected="1", observed=f"{answer}")
+
+
+# ---------------------------------------------------------------------- what there is
+
+
+def _read_programs(_: Subject, line: Line) -> list[str]:
+    """All names of the list, however many messages it takes (4.10)."""
+    names: list[str] = []
+    part = line.ask("list_programs").value
+    while part is not None:
+        names += [name.decode("latin-1") for name in part.names]
+        if not part.more:
+            break
+        try:
+            part = line.reply("list_programs").value
+        except NoAnswer:  # it is fetched, not pushed (A-4.10-3)
+            part = line.ask("list_programs").value
+    return sorted(names)
+
+
+def _remove_programs(subject: Subject, line: Line, wanted: list[str]) -> None:
+    """Delete what the suite has left; files of others are not touched."""
+    for name in _read_programs(subject, line):
+        if name not in wanted and name.startswith(STEM):
+            _set(line, "delete_program", name.encode("latin-1"))
+
+
+def _read_clock(subject: Subject, line: Line) -> int | None:
+    """How far its clock is ahead of ours, in seconds."""
+    value = line.ask("get_time").value
+    if value is None:
+        return None
+    ahead_s: float = (value - _ours(subject)).total_seconds()
+    return round(ahead_s + _HALF_S)  # it shows whole seconds
+
+
+def _write_clock(subject: Subject, line: Line, ahead_s: int) -> None:
+    time = _ours(subject) + timedelta(seconds=ahead_s + _HALF_S)
+    _set(line, "set_time", time.replace(microsecond=0))
+
+
+def _ours(subject: Subject) -> datetime:
+    return datetime.fromtimestamp(subject.now_ns / _NS, UTC).replace(tzinfo=None)
+
+
+def _read_default(_: Subject, line: Line) -> str | None:
+    value = line.ask("get_default_program").value
+    return value.decode("latin-1") if value else None
+
+
+def _write_default(_: Subject, line: Line, name: str) -> None:
+    _set(line, "set_default_program", name.encode("latin-1"))
+
+
+def _read_outputs(_: Subject, line: Line) -> str | None:
+    value = line.ask("get_digital_outputs").value
+    return value if isinstance(value, str) else None
+
+
+def _write_outputs(subject: Subject, line: Line, digits: str) -> None:
+    now = _read_outputs(subject, line) or ""
+    for port, (digit, wanted) in enumerate(zip(reversed(now), reversed(digits), strict=False), 1):
+        if digit != wanted:
+            _set(line, "set_digital_output", PortValue(port, int(wanted)))
+
+
+def _read_numbers(name: str) -> Callable[[Subject, Line], list[Any] | None]:
+    def read(_: Subject, line: Line) -> list[Any] | None:
+        value = line.ask(name).value
+        return None if value is None else list(value)
+
+    return read
+
+
+def _write_tuple(name: str, make: type) -> Callable[[Subject, Line, list[Any]], None]:
+    def write(_: Subject, line: Line, values: list[Any]) -> None:
+        _set(line, name, make(*values))
+
+    return write
+
+
+ITEMS: Final = (
+    Item("clock", Hazard.STATE, _read_clock, _write_clock),
+    Item("default program", Hazard.STATE, _read_default, _write_default),
+    Item("programs", Hazard.STATE, _read_programs, _remove_programs),
+    Item(
+        "gripper centre",
+        Hazard.STATE,
+        _read_numbers("get_gripper_center"),
+        _write_tuple("set_gripper_center", Point),
+    ),
+    Item(
+        "initial tool position",
+        Hazard.STATE,
+        _read_numbers("get_initial_tool_position"),
+        _write_tuple("set_initial_tool_position", Pose),
+    ),
+    Item("outputs", Hazard.MOTION, _read_outputs, _write_outputs),
+    Item(
+        "network",
+        Hazard.DESTRUCTIVE,
+        _read_numbers("get_network"),
+        _write_tuple("set_network", Network),
+    ),
+)
+"""Everything that a run may change, but for the password."""

@@ -1,0 +1,280 @@
+"""Subject: the controller under test, as the cases meet it.
+
+It opens connections, knows what the subject claims and what was found out about it, and remembers
+what has to be put right again. No requirement is judged here.
+"""
+
+import itertools
+from collections.abc import Callable
+from typing import Any, Final
+
+from scaraspec.links.link import LinkError
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.access import Access
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.hooks import HookError
+from scaraspec.suite.observer import Observer
+from scaraspec.suite.statement import Statement
+
+SILENCE_S: Final = 0.3
+"""For how long silence is listened to where no fence can show it."""
+
+_READY: Final = "00"  # L209: idle
+_RECONNECTS: Final = 20
+_RECONNECT_S: Final = 0.1
+_POLL_S: Final = 0.05
+
+STEM: Final = "zs"
+"""How the names of all files begin that the suite makes."""
+
+OTHER_PASSWORDS: Final = (b"zs-other-password", b"zs")
+"""What cases set the password to, for a while: an interrupted one is put right with these."""
+
+
+class Subject:
+    """The controller under test.
+
+    Args:
+        access: The way to it.
+        statement: What it claims.
+        password: What opens it.
+        observer: Watches everything.
+        allowed: The hazards that the tester permits.
+
+    Attributes:
+        dialect: The readings that it follows, as far as they were claimed or found out.
+        tolerated: What the running case saw of listed readings: requirement, key, option, sentence.
+        moved: Motion may be under way.
+        off: It was shut down, and has not come back.
+        known: What cases found out once for all of the run, by a name of their own.
+    """
+
+    def __init__(
+        self,
+        access: Access,
+        statement: Statement,
+        password: bytes,
+        observer: Observer,
+        allowed: frozenset[Hazard],
+    ) -> None:
+        self.access, self.statement, self.password = access, statement, password
+        self.observer, self.allowed = observer, allowed
+        self.dialect = statement.dialect
+        self.tolerated: list[tuple[str, str, str, str]] = []
+        self.found: dict[str, str] = {}
+        self.known: dict[str, Any] = {}
+        self.moved = False
+        self.off = False
+        self.created: list[bytes] = []
+        self._lines: list[Line] = []
+        self._names = itertools.count(1)
+        self._connections = itertools.count(1)
+
+    # ------------------------------------------------------------------ time
+
+    @property
+    def now_ns(self) -> int:
+        """The present instant in nanoseconds since the Unix epoch."""
+        return self.access.now_ns
+
+    @property
+    def reply_s(self) -> float:
+        """For how long a reply is waited for."""
+        return self.statement.reply_s
+
+    @property
+    def transfer_s(self) -> float:
+        """After what silence it abandons a transfer."""
+        return self.statement.transfer_s
+
+    @property
+    def longest_s(self) -> float:
+        """For how long a final result is waited for."""
+        return self.statement.motion.longest_s
+
+    # ------------------------------------------------------------------ connections
+
+    def open(self, *, login: bool = True, judged: bool = True) -> Line:
+        """Open a connection, and log in.
+
+        Args:
+            login: Whether to log in.
+            judged: False for a connection that is to carry what is no protocol: bytes that are no
+                frame make what follows them undecidable for the judge.
+
+        Raises:
+            Unmet: The login was refused.
+            NoAnswer: The subject cannot be reached, or does not answer.
+        """
+        alone = all(line.closed or line.ending for line in self._lines)
+        patience = _RECONNECTS if alone and self.dialect["max_clients"] == "one" else 1
+        while True:
+            line = self._open(judged=judged)
+            if not login or not self.access.needs_login:
+                return line
+            patience -= 1
+            try:
+                self.log_in(line)
+            except NoAnswer:
+                if line.ending is None or not patience:
+                    raise
+                self.access.pause(_RECONNECT_S)  # it may not have seen yet that the last one left
+            else:
+                return line
+
+    def _open(self, *, judged: bool) -> Line:
+        for attempt in range(_RECONNECTS):
+            try:
+                link = self.access.connect()
+            except LinkError as error:
+                if attempt == _RECONNECTS - 1:
+                    raise NoAnswer(f"the subject takes no connection: {error}") from None
+                self.access.pause(_RECONNECT_S)
+                continue
+            break
+        line = Line(str(next(self._connections)), link, self, judged=judged)
+        self._lines.append(line)
+        return line
+
+    def log_in(self, line: Line, password: bytes | None = None) -> Answer:
+        """Log in on a connection.
+
+        Raises:
+            Unmet: The subject refuses.
+        """
+        answer = line.ask("login", self.password if password is None else password)
+        if not answer.accepted:
+            raise Unmet(
+                "the login was refused", expected="1", observed=f"{answer}", requirement="4.1/2"
+            )
+        return answer
+
+    def pump_others(self, line: Line) -> bool:
+        """Take what came on the other connections; whether there are none."""
+        alone = True
+        for other in self._lines:
+            if other is not line and not other.closed and other.ending is None:
+                alone = False
+                other.pump()
+        return alone
+
+    def close_lines(self) -> None:
+        """End every connection."""
+        for line in self._lines:
+            line.close()
+        self._lines.clear()
+
+    def pause(self, for_s: float) -> None:
+        """Let time pass, listening on every connection."""
+        for line in self._lines:
+            if not line.closed and line.ending is None:
+                line.wait(for_s)
+                return
+        self.access.pause(for_s)
+
+    # ------------------------------------------------------------------ what it can do
+
+    def sure(self, act: Callable[[], Any]) -> Any:
+        """Do something that this link may not be able to do.
+
+        Raises:
+            Undecided: It is not.
+        """
+        try:
+            return act()
+        except LinkError as error:
+            raise Undecided(f"this link cannot do that: {error}") from None
+
+    @property
+    def takes_several(self) -> bool:
+        """Whether several connections can be open at once."""
+        return self.access.several and self.dialect["max_clients"] == "many"
+
+    def several(self) -> None:
+        """Go on only where several connections can be open at once.
+
+        Raises:
+            NotRun: They cannot.
+        """
+        if not self.access.several:
+            raise NotRun("this link carries one connection at a time")
+        if self.dialect["max_clients"] != "many":
+            raise NotRun("the subject serves one client at a time (max_clients)")
+
+    def has_hook(self, name: str) -> bool:
+        """Whether the statement of conformance names this hook."""
+        return name in self.statement.hooks
+
+    def hook(self, name: str, **values: object) -> None:
+        """Handle the subject.
+
+        Raises:
+            NotRun: The statement of conformance names no such hook.
+            Undecided: The hook failed.
+        """
+        hook = self.statement.hooks.get(name)
+        if hook is None:
+            raise NotRun(f"it needs the hook {name} in [hooks] of the statement of conformance")
+        try:
+            hook.run(**values)
+        except HookError as error:
+            raise Undecided(f"{error}") from None
+
+    def tolerate(self, requirement: str, key: str, option: str, message: str) -> None:
+        """The subject follows a listed reading, or does what the register only warns of."""
+        self.tolerated.append((requirement, key, option, message))
+
+    def follows(self, key: str, option: str) -> None:
+        """It was found out which reading the subject follows; from now on it is spoken to so."""
+        self.found[key] = option
+        self.dialect = self.dialect.replace(**{key: option})
+
+    # ------------------------------------------------------------------ state
+
+    def new_name(self, stem: str = "") -> bytes:
+        """A file name that is not in use, and that is deleted when the case is over."""
+        extension = {".txt": ".txt"}.get(self.dialect["prog_ext"], ".rob")
+        name = f"{STEM}{next(self._names)}{stem}{extension}".encode()
+        self.created.append(name)
+        return name
+
+    def until_idle(self, line: Line, *, within_s: float | None = None) -> None:
+        """Wait until the status is 00.
+
+        Raises:
+            Undecided: It does not become so.
+        """
+        left_s = self.longest_s if within_s is None else within_s
+        while (status := line.ask("get_status").value) != _READY:
+            if left_s <= 0:
+                raise Undecided(f"the subject's status stays {status} and does not become 00")
+            line.wait(_POLL_S)
+            left_s -= _POLL_S
+
+    def settle(self) -> None:
+        """Bring the subject back to rest, and take away what the case has made.
+
+        Raises:
+            NoAnswer: It does not answer any more.
+            Unmet: It refuses a login.
+            Undecided: It does not come to rest.
+        """
+        self.close_lines()
+        line = self.open()
+        status = line.ask("get_status").value
+        if status != _READY and self.moved:
+            if line.ask("emergency_stop").accepted:
+                line.result("emergency_stop")
+            if (status := line.ask("get_status").value) != _READY:
+                line.ask("reset")
+                line.wait(_POLL_S)
+        if self.moved:
+            self.until_idle(line)
+        if Hazard.STATE not in self.allowed:
+            self.created.clear()  # a run that may only ask has made nothing
+        while self.created:
+            line.ask("delete_program", data=self.created[-1])
+            self.created.pop()
+        self.moved = False
+        self.close_lines()

@@ -1,0 +1,547 @@
+"""Tasks: two-stage commands, begun on an idle robot, asked about while they last, and ended.
+
+A task that lasts is a program that waits, or the slowest step of the arm. Whatever a case does
+with it, afterwards nothing executes and the arm stands where it stood.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.protocol.commands import BY_NAME, COMMANDS, Pose
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.payloads import JogDirection
+from scaraspec.protocol.programs import Layout
+from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.motion import (
+    BUSY,
+    SLOWEST_PERCENT,
+    begin_step_somewhere,
+    has_stopped,
+    knows_whether_it_listens,
+    listens,
+    pose_of,
+    quieten,
+    returning,
+    status_of,
+    target,
+)
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.expect import NoAnswer, NotRun, Unmet
+from scaraspec.suite.programs.layout import find_layout
+from scaraspec.suite.programs.writing import layout_of, wait_program
+
+RUN, SIMULATE, STOP, RESET = "run_program", "simulate_program", "emergency_stop", "reset"
+MOVE, RELEASE, LOCK, JOG = "set_tool_coordinates", "release_joints", "lock_joints", "jog"
+
+TWO_STAGE: Final = tuple(command.name for command in COMMANDS if command.two_stage)
+
+STATES: Final[Mapping[str, str]] = {RUN: "01", SIMULATE: "02", RESET: "03", MOVE: "04", JOG: "04"}
+"""The tasks that last, and the status meanwhile (L1018-1021)."""
+
+ACCEPTANCE: Final[Mapping[str, str]] = {
+    RUN: "4.15/4",
+    SIMULATE: "4.16/2",
+    STOP: "4.17/3",
+    RESET: "4.18/3",
+    MOVE: "4.24/5",
+    RELEASE: "4.25/2",
+    LOCK: "4.26/2",
+    JOG: "4.28/4",
+}
+"""Which requirement says that the first reply is "1" where the robot can do it."""
+
+SUCCESS: Final[Mapping[str, str]] = {
+    RUN: "4.15/5",
+    SIMULATE: "4.16/3",
+    STOP: "4.17/4",
+    RESET: "4.18/4",
+    MOVE: "4.24/6",
+    RELEASE: "4.25/3",
+    LOCK: "4.26/3",
+    JOG: "4.28/5",
+}
+"""Which requirement says that success is told by the tagged result "11"."""
+
+LASTS_S: Final = 5
+"""How long a program waits that is to be interrupted, in seconds of our clock."""
+
+_DAMAGED: Final = ("05", "20")  # A-4.15-2: what a file is refused with that is no program
+_SLICE_S: Final = 0.5
+_LAYOUT: Final = "layout of waiting programs"
+
+
+# ---------------------------------------------------------------------- beginning
+
+
+def begin(subject: Subject, line: Line, name: str, value: Any = None) -> Answer:
+    """Ask an idle robot for a two-stage command that it can do.
+
+    Raises:
+        Unmet: It refuses.
+        NotRun: It does not have this command.
+    """
+    has(subject, name)
+    subject.moved = True
+    return accepted(name, line.ask(name, value))
+
+
+def has(subject: Subject, *names: str) -> None:
+    """Go on only where the subject has these commands.
+
+    Raises:
+        NotRun: It says that it lacks one.
+    """
+    for name in names:
+        if name in subject.statement.lacks:
+            raise NotRun(f"the subject lacks {name}")
+
+
+def accepted(name: str, answer: Answer) -> Answer:
+    """Fail the subject unless it has accepted a command that it can do.
+
+    Raises:
+        Unmet: It has not.
+    """
+    if answer.accepted:
+        return answer
+    busy = answer.code in BUSY
+    raise Unmet(
+        f"{name} is refused {'as busy ' if busy else ''}by a robot that is idle",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4/15" if busy else ACCEPTANCE[name],
+    )
+
+
+def layout_in_use(subject: Subject) -> Layout:
+    """The layout of program files that the subject has been found to read, or claims."""
+    return subject.known.get(_LAYOUT) or layout_of(subject.dialect)
+
+
+def stored(subject: Subject, line: Line, seconds: int = LASTS_S) -> bytes:
+    """Upload a program that waits for so many seconds, by our clock; its name."""
+    name = subject.new_name()
+    scaled = math.ceil(seconds * subject.statement.time_scale)
+    upload(line, name, wait_program(subject.dialect, scaled, layout=layout_in_use(subject)))
+    return name
+
+
+def stored_as(subject: Subject, line: Line, name: bytes) -> bytes:
+    """Upload a program that ends at once under a name of one's own."""
+    subject.created.append(name)
+    upload(line, name, wait_program(subject.dialect, 0, layout=layout_in_use(subject)))
+    return name
+
+
+class Started(NamedTuple):
+    """A program that was begun: its name, and the first reply."""
+
+    program: bytes
+    answer: Answer
+
+
+def start_program(subject: Subject, line: Line, name: str, seconds: int = LASTS_S) -> Started:
+    """Run or simulate a program that waits for so many seconds.
+
+    Where it is taken for damaged, the layout of program files is found out first (A-6.1-2).
+
+    Raises:
+        Unmet: It is refused.
+    """
+    has(subject, name)
+    subject.moved = True
+    program = stored(subject, line, seconds)
+    answer = line.ask(name, program)
+    if answer.code in _DAMAGED and _LAYOUT not in subject.known:
+        subject.known[_LAYOUT] = None
+        with suppress(Unmet):
+            subject.known[_LAYOUT] = find_layout(subject, line)
+            program = stored(subject, line, seconds)
+            answer = line.ask(name, program)
+    return Started(program, accepted(name, answer))
+
+
+def begin_jog(subject: Subject, line: Line, direction: JogDirection) -> Answer:
+    """Ask for a jog, in the other notation too where the first is not understood (A-4.28-1).
+
+    The first reply: to the notation that is understood, where one is.
+
+    Raises:
+        NoAnswer: Neither is answered.
+    """
+    has(subject, JOG)
+    find_out_whether_it_listens(subject, line)
+    request, spoken = BY_NAME[JOG].request, subject.dialect["jog_byte"]
+    first: Answer | None = None
+    for notation in (spoken, "ascii" if spoken == "binary" else "binary"):
+        data = request.encode(direction, subject.dialect.replace(jog_byte=notation))
+        subject.moved = True
+        try:
+            answer = line.ask(JOG, data=data)
+        except NoAnswer:
+            continue
+        if answer.accepted or answer.code in BUSY:
+            if notation != spoken:
+                subject.follows("jog_byte", notation)
+            return answer
+        first = first or answer
+    if first is None:
+        raise NoAnswer("jog was not answered", expected="1 or 0|code", observed="silence")
+    return first
+
+
+def jog_somewhere(subject: Subject, line: Line) -> Answer:
+    """Begin a jog, in the first direction in which there is room.
+
+    Raises:
+        Unmet: Every direction is refused.
+    """
+    for direction in JogDirection:
+        answer = begin_jog(subject, line, direction)
+        if answer.accepted or answer.code in BUSY:
+            break
+    return accepted(JOG, answer)
+
+
+def offered(
+    line: Line, name: str, value: Any = None, *, data: bytes | None = None
+) -> Answer | None:
+    """Ask for what may be refused or not answered (A-4-2, A-3-9); None where silence follows.
+
+    Everything else that comes before the reply to a query stays to be taken.
+    """
+    opcode = line.send(name, value, data=data).opcode
+    line.heard[:0] = line.fence()
+    for seen in line.heard:
+        if seen.frame.opcode == opcode and not seen.frame.tagged:
+            line.heard.remove(seen)
+            return Answer(seen, seen.value)
+    return None
+
+
+# ---------------------------------------------------------------------- lasting
+
+
+@dataclass
+class Task:
+    """A two-stage command that executes.
+
+    Attributes:
+        name: The command.
+        state: The status meanwhile.
+        program: The program that it runs, if it runs one.
+    """
+
+    name: str
+    line: Line
+    program: bytes = b""
+
+    @property
+    def state(self) -> str:
+        """The status meanwhile."""
+        return STATES[self.name]
+
+    @property
+    def over(self) -> bool:
+        """Whether its final result is there."""
+        self.line.pump()
+        return any(self._ends(seen) for seen in self.line.heard)
+
+    def _ends(self, seen: FrameSeen) -> bool:
+        return seen.frame.tagged and seen.frame.opcode == BY_NAME[self.name].opcode
+
+    def over_before(self, answer: Answer) -> bool:
+        """Whether its final result came before an answer on its connection."""
+        where = answer.seen.place
+        return any(
+            self._ends(seen) and seen.place.offset_bytes < where.offset_bytes
+            for seen in self.line.heard
+            if seen.place.connection == where.connection
+        )
+
+    def lasts(self) -> None:
+        """Go on only while it executes.
+
+        Raises:
+            NotRun: It is over: it was too short to find anything out.
+        """
+        if self.over:
+            raise NotRun(f"{self.name} was over before anything could be asked of it")
+
+
+@contextmanager
+def lasting(subject: Subject, line: Line, name: str, *, queries: bool = True) -> Iterator[Task]:
+    """Begin a task that goes on for a while, and end it afterwards, if it has not ended.
+
+    Args:
+        subject: The subject.
+        line: The connection that asks for it.
+        name: The command.
+        queries: Whether something is to be asked meanwhile.
+
+    Raises:
+        Unmet: The idle robot refuses it.
+        NotRun: The robot answers nothing while it executes (A-4-3), or cannot do it here.
+    """
+    with returning(subject, line):
+        task = Task(name, line)
+        with _BEGIN[name](subject, line, task):
+            if queries and not listens(subject, line):
+                quieten(subject, line)
+                raise NotRun("the robot answers nothing while it executes (A-4-3)")
+            yield task
+            quieten(subject, line)
+
+
+def attentive(subject: Subject, line: Line) -> None:
+    """Go on only where a robot that executes answers queries.
+
+    Raises:
+        NotRun: It does not (A-4-3).
+    """
+    with lasting(subject, line, RUN):
+        pass
+
+
+def find_out_whether_it_listens(subject: Subject, line: Line) -> None:
+    """Ask once while a program waits, so that no jog goes on while an answer is waited for."""
+    if not knows_whether_it_listens(subject):
+        with suppress(Unmet, NotRun):
+            attentive(subject, line)
+
+
+@contextmanager
+def _program(subject: Subject, line: Line, task: Task) -> Iterator[None]:
+    task.program = start_program(subject, line, task.name).program
+    yield
+
+
+@contextmanager
+def _step(subject: Subject, line: Line, task: Task) -> Iterator[None]:
+    has(subject, task.name)
+    _, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
+    accepted(task.name, answer)
+    yield
+
+
+@contextmanager
+def _jog(subject: Subject, line: Line, _: Task) -> Iterator[None]:
+    jog_somewhere(subject, line)
+    yield
+
+
+@contextmanager
+def _way_home(subject: Subject, line: Line, task: Task) -> Iterator[None]:
+    """A reset that has a step to go, where it goes to the initial tool position (A-4.18-3)."""
+    has(subject, task.name)
+    with home_at(subject, line):
+        _, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+        begin(subject, line, RESET)
+        yield
+
+
+@contextmanager
+def home_at(subject: Subject, line: Line) -> Iterator[None]:
+    """Make where the arm stands the initial tool position, for a while.
+
+    So that a reset goes no farther than back to it (A-4.18-3).
+
+    Raises:
+        NotRun: The subject does not take it, so that nobody knows how far a reset would go.
+    """
+    before = line.ask("get_initial_tool_position").value
+    if not line.ask("set_initial_tool_position", pose_of(line)).accepted:
+        raise NotRun("the subject does not take the arm's pose for its initial tool position")
+    try:
+        yield
+    finally:
+        with suppress(Unmet, NotRun):
+            quieten(subject, line)
+            if before is not None:
+                line.ask("set_initial_tool_position", before)
+
+
+_Begin = Callable[[Subject, Line, Task], Any]
+_BEGIN: Final[Mapping[str, _Begin]] = {
+    RUN: _program,
+    SIMULATE: _program,
+    MOVE: _step,
+    JOG: _jog,
+    RESET: _way_home,
+}
+
+
+# ---------------------------------------------------------------------- ending
+
+
+def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = None) -> Answer:
+    """Wait for a final result as long as the subject is busy, and a moment longer.
+
+    Raises:
+        NoAnswer: It does not come.
+    """
+    left_s = subject.longest_s if within_s is None else within_s
+    if name == STOP:
+        has_stopped(subject)
+    while True:
+        try:
+            return line.result(name, within_s=min(_SLICE_S, left_s))
+        except NoAnswer as error:
+            left_s -= _SLICE_S
+            if status_of(subject, line) not in (*BUSY, None) or left_s <= 0:
+                return _at_last(line, name, error)
+
+
+def _at_last(line: Line, name: str, error: NoAnswer) -> Answer:
+    with suppress(NoAnswer):
+        return line.result(name, within_s=SILENCE_S)
+    raise NoAnswer(
+        f"no final result of {name} came while the robot was busy, nor soon afterwards",
+        expected=f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …",
+        observed=error.observed,
+        requirement=SUCCESS[name],
+    ) from None
+
+
+def done(subject: Subject, line: Line, name: str) -> Answer:
+    """Wait for the successful end of a task.
+
+    Raises:
+        Unmet: It has another end, or none.
+    """
+    answer = finish(subject, line, name)
+    if answer.frame.data.rstrip(b"\0") != b"11":
+        raise Unmet(
+            f"{name} does not end with success",
+            expected="11",
+            observed=f"{answer}",
+            requirement=SUCCESS[name],
+        )
+    return answer
+
+
+# ---------------------------------------------------------------------- once and whole
+
+
+class Performed(NamedTuple):
+    """A two-stage command from its request to its end.
+
+    Attributes:
+        first: The first reply.
+        result: The final result; None where an emergency stop has ended it without one (A-4.17-4).
+        status: The status, asked for as soon as the result had come.
+    """
+
+    first: Answer
+    result: Answer | None
+    status: Answer
+
+
+def perform(subject: Subject, line: Line, name: str) -> Performed:
+    """Let an idle robot do the least that a two-stage command can do; the arm comes back.
+
+    Raises:
+        Unmet: It refuses, or a final result that is due does not come.
+    """
+    has(subject, name)
+    with returning(subject, line) as pose:
+        return _PERFORM.get(name, _simply)(subject, line, name, pose)
+
+
+def _ended(subject: Subject, line: Line, name: str, first: Answer) -> Performed:
+    return Performed(first, finish(subject, line, name), line.ask("get_status"))
+
+
+def _simply(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    return _ended(subject, line, name, begin(subject, line, name))
+
+
+def _perform_program(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    return _ended(subject, line, name, start_program(subject, line, name, seconds=0).answer)
+
+
+def _perform_lock(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    """Joints that are locked may refuse to be locked again (A-4.25-3)."""
+    first = line.ask(name)
+    if first.accepted is False and first.code not in BUSY:
+        begin(subject, line, RELEASE)
+        first = begin(subject, line, name)
+    return _ended(subject, line, name, accepted(name, first))
+
+
+def _perform_move(subject: Subject, line: Line, name: str, pose: Pose) -> Performed:
+    first = begin(subject, line, name, target(pose, SLOWEST_PERCENT))
+    return _ended(subject, line, name, first)
+
+
+def _perform_reset(subject: Subject, line: Line, name: str, pose: Pose) -> Performed:
+    with home_at(subject, line):
+        return _simply(subject, line, name, pose)
+
+
+def _perform_release(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    """Its result may come at once, or when the joints are locked again (A-4.25-2)."""
+    try:
+        first = begin(subject, line, name)
+        with suppress(NoAnswer):
+            result = line.result(name, within_s=SILENCE_S)
+            return Performed(first, result, line.ask("get_status"))
+    finally:
+        if line.ask(LOCK).accepted:
+            finish(subject, line, LOCK)
+    return _ended(subject, line, name, first)
+
+
+def _perform_jog(subject: Subject, line: Line, _: str, pose: Pose) -> Performed:  # noqa: ARG001 - one signature for all
+    first = jog_somewhere(subject, line)
+    accepted(STOP, line.ask(STOP))
+    status = _ended(subject, line, STOP, first).status
+    return Performed(first, interrupted(line, JOG), status)
+
+
+def _perform_stop(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    start_program(subject, line, RUN)
+    return _ended(subject, line, name, accepted(name, line.ask(name)))
+
+
+_PERFORM: Final[Mapping[str, Callable[[Subject, Line, str, Pose], Performed]]] = {
+    RUN: _perform_program,
+    SIMULATE: _perform_program,
+    STOP: _perform_stop,
+    RESET: _perform_reset,
+    MOVE: _perform_move,
+    LOCK: _perform_lock,
+    RELEASE: _perform_release,
+    JOG: _perform_jog,
+}
+
+
+def interrupted(line: Line, name: str) -> Answer | None:
+    """The final result of what a stop has ended, where it has one (A-4.17-4)."""
+    try:
+        return line.result(name, within_s=SILENCE_S)
+    except NoAnswer:
+        return None
+
+
+def harmless(subject: Subject, line: Line) -> Mapping[str, Any]:
+    """For every two-stage command but the stop, a request that does next to nothing."""
+    program = stored(subject, line, 0)
+    values: dict[str, Any] = {
+        RUN: program,
+        SIMULATE: program,
+        MOVE: target(pose_of(line), SLOWEST_PERCENT),
+        JOG: JogDirection.PLUS_X,
+    }
+    return {
+        name: values.get(name)
+        for name in TWO_STAGE
+        if name != STOP and name not in subject.statement.lacks
+    }

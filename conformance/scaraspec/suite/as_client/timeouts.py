@@ -1,0 +1,138 @@
+"""Timeouts: several silences at once, each on a connection of its own, and what ends them.
+
+A transfer survives 25 s of silence and has ended after 60 s; where it ends before 27 s or lives on
+after 35 s, that is told (A-5-13). A limit that the subject claims scales all four.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.as_client.files import begin, offer
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.expect import Undecided, Unmet
+
+_DOCUMENT_S: Final = 30.0  # L763, L787, L795
+_INSTANT_S: Final = 1e-6
+_NS: Final = 1e9
+
+
+class Limits(NamedTuple):
+    """How long a silence may and must be for a transfer to end, in seconds."""
+
+    survived_s: float
+    early_s: float
+    late_s: float
+    over_s: float
+
+
+def limits_of(subject: Subject) -> Limits:
+    """The limits of a subject (A-5-13)."""
+    scale = subject.transfer_s / _DOCUMENT_S
+    return Limits(25 * scale, 27 * scale, 35 * scale, 60 * scale)
+
+
+class Silence:
+    """How long nothing has been sent on a connection."""
+
+    def __init__(self, subject: Subject) -> None:
+        self._subject = subject
+        self._since_ns = subject.now_ns
+
+    @property
+    def passed_s(self) -> float:
+        """How many seconds it has lasted until now."""
+        return (self._subject.now_ns - self._since_ns) / _NS
+
+    def in_time(self, limit_s: float) -> None:
+        """Go on only while it is no longer than it may be: a slow machine must fail nobody.
+
+        Raises:
+            Undecided: It is longer.
+        """
+        if self.passed_s > limit_s:
+            raise Undecided(f"this machine is too slow: a silence lasted {self.passed_s:.3f} s")
+
+
+Step = Callable[[Line, Silence], None]
+"""Something done on a connection after a silence."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """What happens on one connection.
+
+    Attributes:
+        begin: Done at once.
+        steps: How long a silence to keep, in seconds, and what to do then.
+    """
+
+    begin: Callable[[Line], None]
+    steps: tuple[tuple[float, Step], ...]
+
+
+class _Running:
+    """A track on its connection."""
+
+    def __init__(self, subject: Subject, track: Track) -> None:
+        self._subject, self._left = subject, list(track.steps)
+        self._line = subject.open()
+        track.begin(self._line)
+        self._silence = Silence(subject)
+
+    @property
+    def due_s(self) -> float:
+        """How long it is until the next step."""
+        return self._left[0][0] - self._silence.passed_s
+
+    def go_on(self) -> bool:
+        """Take the next step; whether another one follows."""
+        _, step = self._left.pop(0)
+        step(self._line, self._silence)
+        self._silence = Silence(self._subject)
+        if not self._left:
+            self._line.close()
+        return bool(self._left)
+
+
+def run_tracks(subject: Subject, tracks: list[Track]) -> None:
+    """Go through all tracks, as many at once as the subject takes transfers."""
+    at_once = takes_several(subject)
+    waiting = list(tracks)
+    while waiting:
+        running = [_Running(subject, waiting.pop(0))]
+        while at_once and waiting:
+            try:
+                running.append(_Running(subject, waiting[0]))
+            except Unmet:  # it takes no more at once
+                break
+            del waiting[0]
+        _run(subject, running)
+
+
+def _run(subject: Subject, running: list[_Running]) -> None:
+    """Take the steps of these tracks as they become due."""
+    while running:
+        first = min(running, key=lambda each: each.due_s)
+        while (left_s := first.due_s) > _INSTANT_S:
+            subject.pause(left_s)  # which ends early where the subject ends a connection
+        if not first.go_on():
+            running.remove(first)
+
+
+def takes_several(subject: Subject) -> bool:
+    """Whether connections have transfers of their own, at once (A-5-17)."""
+    if not subject.access.several or subject.dialect["max_clients"] != "many":
+        return False
+    lines = [subject.open(), subject.open()]
+    try:
+        for line in lines:
+            begin(line, subject.new_name())
+        taken = [offer(line, Chunk(1, 0, 1, b"!")) for line in lines]
+    except Unmet:
+        taken = [False]
+    for line in lines:
+        line.close()
+    return all(taken)

@@ -1,0 +1,219 @@
+"""Bench: user programs are put on the subject, started, watched and stopped.
+
+Whatever happens on it, afterwards no program runs and the outputs are as they were. What a program
+should do is known to the cases and to `program_model`.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Final
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.programs import Layout, Node, Program, Variable
+from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.ports import Bits, expect_outputs, outputs, outputs_kept
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
+from scaraspec.suite.programs.layout import find_layout
+from scaraspec.suite.programs.model import Block, State, nodes_of, variables_of
+from scaraspec.suite.programs.writing import EMPTY, program_file
+
+PROGRAMS: Final = (Hazard.STATE, Hazard.MOTION)
+"""What a case with programs may do: it stores them and runs them."""
+
+_KNOWN: Final = "configuration of programs"
+_IDLE: Final = "00"
+_POLL_S: Final = 0.05
+_LATE_S: Final = 0.3  # for how long the result of what was stopped may lag behind
+_NS: Final = 1e9
+
+
+class Bench:
+    """A place to run programs at; made by `bench`.
+
+    Attributes:
+        layout: Of the files that are made.
+        before: The outputs as they were at first.
+        started_s: When the latest program was asked for, in seconds since the Unix epoch.
+        replied_s: When it was granted.
+    """
+
+    def __init__(
+        self, subject: Subject, line: Line, layout: Layout, base: Program, before: Bits
+    ) -> None:
+        self.before = before
+        self.started_s = self.replied_s = 0.0
+        self.layout = layout
+        self._subject, self._line, self._base = subject, line, base
+
+    # ------------------------------------------------------------------ running
+
+    def file(self, nodes: Iterable[Node], variables: Iterable[Variable] = ()) -> bytes:
+        """A program in the subject's layout."""
+        return program_file(
+            self._subject.dialect, nodes, variables, layout=self.layout, base=self._base
+        )
+
+    def store(self, content: bytes) -> bytes:
+        """Upload a file; its name."""
+        name = self._subject.new_name()
+        upload(self._line, name, content)
+        return name
+
+    def ask(self, name: bytes, command: str = "run_program") -> Answer:
+        """Ask for the run of a stored program, or for its simulation."""
+        self._subject.moved = True
+        self.started_s = self._subject.now_ns / _NS
+        answer = self._line.ask(command, name)
+        self.replied_s = answer.time_s
+        return answer
+
+    def accepts(self, content: bytes) -> bool:
+        """Store a file and ask for its run; whether that is granted."""
+        return self.ask(self.store(content)).accepted is True
+
+    def start(self, nodes: Iterable[Node], variables: Iterable[Variable] = ()) -> bytes:
+        """Begin a program; its name.
+
+        Raises:
+            Unmet: It is refused.
+        """
+        name = self.store(self.file(nodes, variables))
+        self.restart(name)
+        return name
+
+    def restart(self, name: bytes) -> None:
+        """Begin a stored program.
+
+        Raises:
+            Unmet: It is refused.
+        """
+        answer = self.ask(name)
+        expect(answer.accepted, "a valid program is refused", expected="1", observed=f"{answer}")
+
+    def finish(self, *, lasts_s: float = 0.0) -> Answer:
+        """Wait for the good end of a program that lasts so many seconds by its waits.
+
+        Raises:
+            Unmet: It fails, or does not end.
+        """
+        within_s = self._subject.longest_s + self.ours_s(lasts_s)
+        try:
+            result = self._line.result("run_program", within_s=within_s)
+        except NoAnswer as error:
+            raise Unmet(
+                "a valid program does not end", expected="11", observed=error.observed
+            ) from None
+        expect(result.done, "a valid program fails", expected="11", observed=f"{result}")
+        return result
+
+    def run(
+        self, nodes: Iterable[Node], variables: Iterable[Variable] = (), *, lasts_s: float = 0.0
+    ) -> Answer:
+        """Run a program to its good end.
+
+        Raises:
+            Unmet: It is refused, fails, or does not end.
+        """
+        self.start(nodes, variables)
+        return self.finish(lasts_s=lasts_s)
+
+    def performs(
+        self,
+        block: Block,
+        variables: Mapping[int, int] = MappingProxyType({}),
+        *,
+        inputs: Bits = (),
+    ) -> None:
+        """Run a program, and compare the outputs with what its statements should make of them.
+
+        Args:
+            block: Its statements.
+            variables: The variables by key.
+            inputs: The digital inputs, where it reads any.
+
+        Raises:
+            Unmet: It does not run to its good end, or the outputs are others.
+        """
+        initial = outputs(self._line)
+        state = State(initial, inputs, dict(variables))
+        state.execute(block)
+        self.run(nodes_of(block, initial), variables_of(variables), lasts_s=state.waited_s)
+        message = "the outputs after a program are not those that its statements make"
+        expect_outputs(self._line, state.outputs, message)
+
+    def ours_s(self, seconds: float) -> float:
+        """How long so many seconds of the subject are for us."""
+        return seconds / self._subject.statement.time_scale
+
+    def theirs_s(self, seconds: float) -> int:
+        """How many whole seconds of the subject last for at least so many of ours."""
+        return math.ceil(seconds * max(1.0, self._subject.statement.time_scale))
+
+    # ------------------------------------------------------------------ watching
+
+    def since_s(self) -> float:
+        """How long ago the latest program was asked for, in our seconds."""
+        return self._subject.now_ns / _NS - self.started_s
+
+    def ended(self, command: str = "run_program") -> Answer | None:
+        """The final result, if it is there already."""
+        try:
+            return self._line.result(command, within_s=0)
+        except NoAnswer:
+            return None
+
+    def until(self, port: int, *, on: bool, within_s: float) -> bool:
+        """Wait until an output shows a state; whether it does in so many seconds of the subject."""
+        left_s = self.ours_s(within_s)
+        while outputs(self._line)[port - 1] != on:
+            if left_s <= 0:
+                return False
+            self._line.wait(_POLL_S)
+            left_s -= _POLL_S
+        return True
+
+    def stop(self) -> None:
+        """End whatever runs."""
+        line = self._line
+        if line.ask("get_status").value == _IDLE:
+            line.fence()
+            return
+        if line.ask("emergency_stop").accepted:
+            line.result("emergency_stop")
+        if self.ended() is None and self._subject.dialect["estop_interrupted"] != "none":
+            line.wait(_LATE_S)
+        self._subject.until_idle(line)
+        line.fence()
+
+
+@contextmanager
+def bench(subject: Subject, line: Line) -> Iterator[Bench]:
+    """A bench in the subject's layout.
+
+    Raises:
+        Unmet: The subject runs no programs.
+        Undecided: It cannot now.
+    """
+    layout, base = find_layout(subject, line), _configured(subject, line)
+    with outputs_kept(line) as before:
+        made = Bench(subject, line, layout, base, before)
+        try:
+            yield made
+        finally:
+            with suppress(Unmet, Undecided):  # what cannot be stopped the bracket finds
+                made.stop()
+
+
+def _configured(subject: Subject, line: Line) -> Program:
+    """A program whose configuration says what holds already (A-6.3-3: a run may make it hold)."""
+    if _KNOWN not in subject.known:
+        tool = line.ask("get_initial_tool_position").value or EMPTY.tool_position
+        center = line.ask("get_gripper_center").value or EMPTY.tool_center
+        subject.known[_KNOWN] = replace(EMPTY, tool_position=tuple(tool), tool_center=tuple(center))
+    base: Program = subject.known[_KNOWN]
+    return base

@@ -1,0 +1,106 @@
+"""Program layout: how the subject's program files are laid out, found with programs that only wait.
+
+Their aliases are empty and they wait for three seconds, so that a robot that reads them in another
+layout meets nothing but zeros and the number 3, which as a type of node is a wait again: whatever
+it makes of them, it does not move (A-6.1-2). What programs do is not judged here.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+from scaraspec.protocol.programs import LAYOUTS, Layout
+from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
+from scaraspec.suite.programs.writing import wait_program
+
+CODE_20: Final = "8/5"
+"""What the judge may find of a file that is damaged, or that is right in another layout only."""
+
+_KNOWN: Final = "program layout"
+_WAIT_S: Final = 3
+_DAMAGED: Final = ("05", "20")  # A-4.15-2: what a file is refused with that is no program
+
+
+def find_layout(subject: Subject, line: Line) -> Layout:
+    """The layout in which the subject runs programs, found out once in a run.
+
+    The layout that is claimed is tried first; the first that waits as it should is taken, else
+    the first that comes to its end.
+
+    Raises:
+        Unmet: The subject runs a program in no layout (6.5/26).
+        Undecided: It did not when it was asked before, or its state lets it run none.
+    """
+    if _KNOWN not in subject.known:
+        subject.known[_KNOWN] = None
+        with subject.observer.overlooking(CODE_20):
+            subject.known[_KNOWN] = found = _find(subject, line)
+        subject.follows("prog_layout", found.reading)
+        subject.follows("endian", str(found.byte_order))
+    known: Layout | None = subject.known[_KNOWN]
+    if known is None:
+        raise Undecided("the subject runs programs in no layout of the document")
+    return known
+
+
+def twin_of(layout: Layout) -> Layout | None:
+    """The layout that differs from this one in nothing but the size of a long, if there is one."""
+    return next(
+        (
+            other
+            for other in LAYOUTS.values()
+            if replace(other, name=layout.name, long_bytes=layout.long_bytes) == layout != other
+        ),
+        None,
+    )
+
+
+def _find(subject: Subject, line: Line) -> Layout:
+    ended: Layout | None = None
+    for layout in _candidates(subject):
+        took_s = _try(subject, line, layout)
+        if took_s is None:
+            continue
+        if took_s >= _WAIT_S / subject.statement.time_scale / 2:  # 6.5/20 is more exact
+            return layout
+        ended = ended or layout
+    if ended is not None:
+        return ended
+    raise Unmet(
+        "a program that only waits is run in none of the layouts that the structures can have",
+        expected="1, and after its seconds 11",
+        observed="a refusal or a failure in each",
+        requirement="6.5/26",
+    )
+
+
+def _candidates(subject: Subject) -> list[Layout]:
+    """Every layout, those first that the dialect names."""
+    dialect = subject.dialect
+
+    def strangeness(layout: Layout) -> tuple[bool, bool]:
+        return layout.byte_order != dialect["endian"], layout.reading != dialect["prog_layout"]
+
+    return sorted(LAYOUTS.values(), key=strangeness)
+
+
+def _try(subject: Subject, line: Line, layout: Layout) -> float | None:
+    """For how long a waiting program of this layout runs; None where it does not end well."""
+    name = subject.new_name()
+    upload(line, name, wait_program(subject.dialect, _WAIT_S, layout=layout))
+    subject.moved = True
+    asked_ns = subject.now_ns
+    answer = line.ask("run_program", name)
+    if not answer.accepted:
+        if answer.code is not None and answer.code not in _DAMAGED:
+            raise Undecided(f"the subject cannot run programs now: {answer}")
+        return None
+    try:
+        result = line.result("run_program", within_s=_WAIT_S + subject.reply_s)
+    except NoAnswer:
+        if line.ask("emergency_stop").accepted:
+            line.result("emergency_stop")
+        return None
+    return result.time_s - asked_ns / 1e9 if result.done else None
