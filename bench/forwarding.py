@@ -55,7 +55,7 @@ def measure(options: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory(prefix="forwarding-") as name:
         folder = Path(name)
         peers.compile_programs(folder)
-        others = [peers.uvloop_forwarder(), peers.recorder()]
+        others = [peers.uvloop_forwarder(), peers.recorder(), peers.recorder(kernel_time=True)]
         if socat := peers.socat():
             others.append(socat)
         else:

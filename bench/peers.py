@@ -69,14 +69,17 @@ def uvloop_forwarder() -> Peer:
     return Peer("uvloop forwarder", lambda port, target, _: [*start, str(port), str(target)])
 
 
-def recorder() -> Peer:
+def recorder(*, kernel_time: bool = False) -> Peer:
     """Return the recorder as it is used, which records and decodes in processes beside the tap."""
+    name, options = "scaraspec record", ("--timestamps", "user")
+    if kernel_time:
+        name, options = "… by kernel time", ("--timestamps", "kernel")
 
     def command(port: int, target: int, folder: Path) -> list[str]:
         link = (f"tcp://{HOST}:{target}", "--listen", f"{HOST}:{port}")
-        return [str(_BIN / "scaraspec"), "record", *link, "--out", str(folder)]
+        return [str(_BIN / "scaraspec"), "record", *link, "--out", str(folder), *options]
 
-    return Peer("scaraspec record", command, link_module="uvloop")
+    return Peer(name, command, link_module="uvloop")
 
 
 def socat() -> Peer | None:

@@ -32,6 +32,7 @@ POINTS: Final = 12
 
 _START_NS: Final = 1_795_215_600 * traffic.SECOND_NS
 _MIB: Final = 1 << 20
+_PASSING_NS: Final = 9_973  # what passing on takes at least; at most twice that
 
 _say = partial(print, flush=True)
 
@@ -55,7 +56,8 @@ class Soak:
         """Spool the frames that passed before `now_ns`, and write them."""
         for time_ns, direction, data in frames:
             stream, offset = stream_number(1, direction), self._offsets[direction]
-            self._writer.append(Kind.BYTES, stream, time_ns, offset, data)
+            forwarded_ns = time_ns + _PASSING_NS + time_ns // PER_SECOND % _PASSING_NS
+            self._writer.append(Kind.BYTES, stream, time_ns, offset, data, forwarded_ns)
             self._offsets[direction] = offset + len(data)
         self._writer.flush()
         self._now_ns = now_ns

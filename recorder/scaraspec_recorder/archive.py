@@ -4,7 +4,6 @@ Law: it only joins the rooms that do the work: rotation, the ring, retention, th
 """
 
 import shutil
-import signal
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -12,7 +11,6 @@ from typing import Final
 
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
-from scaraspec_recorder.children import let_in
 from scaraspec_recorder.contents import Contents
 from scaraspec_recorder.deriver import Deriver, Output
 from scaraspec_recorder.file_sets import Shelf
@@ -72,8 +70,7 @@ def archive_sink(
 ) -> Sink:
     """Make the sink that writes an archive (a `SinkFactory`).
 
-    What an earlier one left in the folder is repaired and listed first. Where one of the triggers
-    is ``signal``, SIGUSR1 of this process is taken.
+    What an earlier one left in the folder is repaired and listed first.
 
     Args:
         folder: Where to.
@@ -110,9 +107,8 @@ def archive_sink(
 def _incidents(archive: Archive, shelf: Shelf) -> Incidents:
     watchers = {text: parse_trigger(text) for text in archive.triggers}
     for watcher in watchers.values():
-        if isinstance(watcher, Pressed) and hasattr(signal, "SIGUSR1"):  # Windows has none
-            signal.signal(signal.SIGUSR1, lambda *_, press=watcher.press: press())
-            let_in(signal.SIGUSR1)
+        if isinstance(watcher, Pressed):
+            shelf.folder.when_asked(watcher.press)
     ring = Ring(archive.before_ns, archive.ring_bytes)
     return Incidents(shelf, ring, watchers, archive.after_ns)
 

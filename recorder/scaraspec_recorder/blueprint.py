@@ -39,6 +39,7 @@ LEGEND: Final = """\
   controller says that the tool is (0x38).
 - **States**: the robot's status (0x09), the two-stage command in flight, from request to final
   result, the program that runs (0x0A), the file transfer, the link; ports on a page of their own.
+- **Reply latency**: the robot's, and beside it what the recorder in between has added.
 - **Log**: findings, bytes that are no frame, gaps, commands. Queries are under *All exchanges*.
 - Timelines: `time` (clock of the recorder), `elapsed`, `exchange` (number of the request).
 """
@@ -74,10 +75,13 @@ SERIES: Final = {
 }
 """Lines of the plots: entity, its name with the unit, its colour."""
 
+ADDED_LATENCY: Final = "latency/recorder"
+
 LATENCY: Final = {
     "latency/queries": ("queries ms", _TEAL),
     "latency/commands": ("commands ms", _ORANGE),
     "latency/chunks": ("file chunks ms", _VIOLET),
+    ADDED_LATENCY: ("added by the recorder ms", _GREY),
 }
 """Points of the latency plot: from a request's last byte to the reply's first."""
 

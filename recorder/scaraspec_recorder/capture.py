@@ -11,7 +11,7 @@ from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.deriver import Deriver
 from scaraspec_recorder.file_sets import make_files
 from scaraspec_recorder.masking import Redactor
-from scaraspec_recorder.sinks import Folder
+from scaraspec_recorder.sinks import Folder, SinkFailed
 
 
 def capture_sink(
@@ -46,11 +46,15 @@ def draw_capture(events: Iterable[WireEvent], path: Path, *, needs_login: bool =
 
     Raises:
         CaptureError: From `events`, where they cannot be read.
+        OSError: The file cannot be written.
         ImportError: Drawing needs an extra that is not installed; the text says which.
     """
     from scaraspec_recorder.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
 
-    deriver = Deriver([RerunSink.to_file(path)], Judge(needs_login=needs_login))
-    for event in events:
-        deriver.write(event)
-    deriver.close()
+    try:
+        deriver = Deriver([RerunSink.to_file(path)], Judge(needs_login=needs_login))
+        for event in events:
+            deriver.write(event)
+        deriver.close()
+    except SinkFailed as error:
+        raise OSError(f"{error}") from None

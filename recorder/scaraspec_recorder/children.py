@@ -8,7 +8,6 @@ service manager sends to all processes at once are for the recorder alone.
 import asyncio
 import logging
 import multiprocessing
-import os
 import signal
 import socket
 import sys
@@ -34,7 +33,7 @@ _log = logging.getLogger(__name__)
 _processes = multiprocessing.get_context("spawn")
 
 
-_TO_ALL: Final = ("SIGINT", "SIGTERM", "SIGHUP")
+_TO_ALL: Final = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
 
 
 def ignore_signals() -> None:
@@ -43,9 +42,17 @@ def ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def let_in(number: int) -> None:
-    """To be called in a child that can take this signal now: one that was held back comes then."""
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
+def spawn(name: str, run: Callable[..., None], *arguments: Any) -> "BaseProcess":
+    """Start a process that is called so where the system lists processes.
+
+    Raises:
+        Exception: An argument cannot be pickled; whatever pickle says of it.
+        OSError: The system has no room for another process.
+    """
+    process = _processes.Process(target=_be, args=(name, run, *arguments))
+    with _held_back():
+        process.start()
+    return process
 
 
 class Child:
@@ -65,7 +72,6 @@ class Child:
     def __init__(self, name: str, run: Callable[..., None], *arguments: Any) -> None:
         self.near, self._far = socket.socketpair()
         self.pid: int | None = None
-        self._lives = False
         self._name = name
         self._run = run
         self._arguments = arguments
@@ -92,21 +98,9 @@ class Child:
             self._far.close()
         return True
 
-    def send_signal(self, number: int) -> bool:
-        """Send it a signal; return whether it lives to get it.
-
-        ``SIGUSR1`` reaches it when it lets it in, see `let_in`, however early it was sent.
-        """
-        if self._lives and self.pid:
-            os.kill(self.pid, number)
-        return self._lives
-
     def _spawn(self) -> "BaseProcess":
-        arguments = (self._name, self._run, *self._arguments, self._far)
-        process = _processes.Process(target=_be, args=arguments)
-        with _held_back():
-            process.start()
-        self.pid, self._lives = process.pid, True
+        process = spawn(self._name, self._run, *self._arguments, self._far)
+        self.pid = process.pid
         return process
 
     async def _keep(self, process: "BaseProcess") -> None:
@@ -116,7 +110,6 @@ class Child:
         while True:
             started_s = loop.time()
             status = await _end_of(process)
-            self._lives = False
             if status == 0:
                 return
             if loop.time() - started_s > LAST_DELAY_S:
@@ -144,7 +137,7 @@ def _held_back() -> Iterator[None]:
     if sys.platform == "win32":
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _numbers((*_TO_ALL, "SIGUSR1")))
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _numbers(_TO_ALL))
     try:
         yield
     finally:

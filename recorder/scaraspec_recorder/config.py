@@ -7,6 +7,7 @@ keys of a table are the options of ``scaraspec record``, so that both mean the s
 import difflib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -39,6 +40,13 @@ _AROUND_NS: Final = 60 * SECOND_NS
 _MOST_ROBOTS: Final = 256
 
 
+class Clock(StrEnum):
+    """Who says when bytes came in."""
+
+    USER = "user"  # the recorder, when it reads them: costs the link nothing
+    KERNEL = "kernel"  # the system, where it can: reading them so takes longer
+
+
 class ConfigError(Exception):
     """A configuration that cannot be; the message is one sentence for the user."""
 
@@ -61,6 +69,7 @@ class Robot:
         triggers: When an incident is written.
         injection: Faults on purpose; None for none.
         i_mean_it: Whether they may reach clients on other machines.
+        timestamps: Who says when bytes came in.
     """
 
     name: str
@@ -76,6 +85,7 @@ class Robot:
     triggers: tuple[str, ...] = ()
     injection: Injection | None = None
     i_mean_it: bool = False
+    timestamps: Clock = Clock.USER
 
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
         """Return what makes the sink that writes the files.
@@ -200,6 +210,12 @@ def _mode(text: str) -> Mode:
     return MODES[text]
 
 
+def _clock(text: str) -> Clock:
+    if text not in tuple(Clock):
+        raise ValueError(f"{text!r} is no clock: take {', '.join(Clock)}")
+    return Clock(text)
+
+
 def _injection(text: str) -> Injection:
     return load_injection(Path(text))
 
@@ -231,6 +247,7 @@ _KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
     "trigger": (list, "triggers", _triggers),
     "inject": (str, "injection", _injection),
     "i-mean-it": (bool, "i_mean_it", bool),
+    "timestamps": (str, "timestamps", _clock),
 }
 """Of every option: its type in a file, the attribute of `Robot`, and what reads it."""
 

@@ -16,11 +16,13 @@ from rich.table import Table
 from rich.text import Text
 
 from scaraspec_recorder.status import Status
+from scaraspec_recorder.tally import DRAWN
 from scaraspec_recorder.tcp import address_text
 
 QUIET_S: Final = 10.0
 """How long plain lines are at least apart that tell of the same recording."""
 
+_NUMBERS: Final = ("connections", "client/s", "robot/s", "recorded", "gaps", "waiting", "free")
 _MOST_PROBLEMS: Final = 5
 _ENDING: Final = (
     "ending: what is left is written and drawn; Ctrl-C again leaves it to the next start"
@@ -122,7 +124,7 @@ class _Wrong:
 
 
 class Dashboard:
-    """A table on a terminal, drawn anew at each update.
+    """A table on a terminal of 80 columns or more, drawn anew at each update.
 
     Args:
         console: The terminal.
@@ -143,21 +145,13 @@ class Dashboard:
 
     def update(self, statuses: Sequence[Status], *, ending: bool) -> None:
         """Draw."""
-        table = Table("robot", "clients at", box=None, pad_edge=False)
-        for heading in (
-            "connections",
-            "client/s",
-            "robot/s",
-            "recorded",
-            "gaps",
-            "waiting",
-            "free",
-        ):
-            table.add_column(heading, justify="right")
-        table.add_column("file")
+        table = Table("robot", box=None, pad_edge=False, collapse_padding=True)
+        for heading in _NUMBERS:
+            table.add_column(heading, justify="right", no_wrap=True)
         notes: list[RenderableType] = []
         for status in statuses:
             table.add_row(*self._row(status))
+            notes.append(Text(f"{status.name}: {_place(status)}", overflow="fold"))
             notes += [Text(f"{status.name}: {each}", "red") for each in _problems(status)]
             self._before[status.name] = status
         if ending:
@@ -174,7 +168,6 @@ class Dashboard:
 
         return (
             status.name,
-            address_text(status.listen),
             str(progress.connections),
             rate(progress.a2c.received_bytes, was.a2c.received_bytes),
             rate(progress.c2a.received_bytes, was.c2a.received_bytes),
@@ -182,8 +175,14 @@ class Dashboard:
             str(status.gaps),
             _size(status.waiting_bytes),
             _size(status.free_bytes),
-            progress.files[-1] if progress.files else "",
         )
+
+
+def _place(status: Status) -> str:
+    """Where its clients connect, and what is being written."""
+    files = status.progress.files
+    captures = [name for name in files if not name.endswith(DRAWN)] or ["no file yet"]
+    return f"clients at {address_text(status.listen)}, {captures[-1]}"
 
 
 def _problems(status: Status) -> list[str]:

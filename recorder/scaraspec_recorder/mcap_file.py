@@ -32,6 +32,7 @@ from scaraspec_recorder import arm_model, schemas, wording
 from scaraspec_recorder.accounts import Accounts
 from scaraspec_recorder.chunk_writer import ChunkWriter
 from scaraspec_recorder.deriver import Item
+from scaraspec_recorder.passages import Latencies, Passage
 from scaraspec_recorder.schemas import foxglove, ros2
 from scaraspec_recorder.wording import Line
 
@@ -110,6 +111,7 @@ class McapSink:
         self._now_ns = 0
         self._dirty = False
         self._joints: tuple[int, tuple[float, ...]] | None = None
+        self._latencies = Latencies()
         self._take: dict[type, Callable[[Any, int], None]] = {
             FrameSeen: self._frame,
             Exchange: self._exchange,
@@ -125,6 +127,7 @@ class McapSink:
         connection, direction = event.connection, event.direction.value
         offset, note = event.offset_bytes, event.note
         self._now_ns = event.time_ns
+        self._latencies.write(event)
         if not self._sequence:
             self._add("/robot_description", ros2.string(arm_model.urdf()))
         self._sequence += 1
@@ -133,6 +136,10 @@ class McapSink:
         if event.kind is Kind.BYTES:
             topic = RAW_TOPICS[event.direction]
             message = schemas.RawChunk(connection, direction, offset, event.data, note)
+            if isinstance(event, Passage):
+                message = message._replace(
+                    forwarded_ns=event.forwarded_ns or None, kernel_time=event.kernel_time
+                )
         elif event.kind is Kind.GAP:
             topic, length = GAP_TOPIC, event.length_bytes
             message = schemas.Gap(connection, direction, offset, length, note)
@@ -172,6 +179,7 @@ class McapSink:
 
     def _frame(self, seen: FrameSeen, _: int) -> None:
         place, frame = seen.place, seen.frame
+        self._latencies.frame(seen)
         message = schemas.Frame(
             connection=place.connection,
             direction=place.direction.value,
@@ -201,6 +209,7 @@ class McapSink:
     def _exchange(self, exchange: Exchange, number: int) -> None:
         request, reply, result = exchange.request, exchange.reply, exchange.result
         latency_ns, duration_ns = exchange.latency_ns, exchange.duration_ns
+        latency = self._latencies.exchange(exchange)
         said = exchange.outcome or exchange.answer
         code = said.code if isinstance(said, Acceptance | Outcome) else None
         message = schemas.Exchange(
@@ -220,6 +229,8 @@ class McapSink:
             request_offset_bytes=request.place.offset_bytes,
             reply_offset_bytes=reply.place.offset_bytes if reply else None,
             result_offset_bytes=result.place.offset_bytes if result else None,
+            robot_ms=latency.robot_ns / 1e6 if latency else None,
+            recorder_ms=latency.recorder_ns / 1e6 if latency else None,
         )
         self._add("/exchanges", schemas.encode(message))
         answer = exchange.answer

@@ -24,6 +24,7 @@ from scaraspec_recorder import schemas
 from scaraspec_recorder.accounts import Audit
 from scaraspec_recorder.chunk_writer import MAGIC
 from scaraspec_recorder.mending import Mender
+from scaraspec_recorder.passages import Passage
 from scaraspec_recorder.problems import CaptureError
 
 _MAX_RECORD_BYTES: Final = 1 << 26  # far beyond a chunk or an attachment of ours: damage
@@ -117,8 +118,11 @@ def _event(time_ns: int, message: schemas.Message) -> WireEvent:
         ValueError: It names a direction or a kind that does not exist.
     """
     match message:
-        case schemas.RawChunk(connection, direction, offset, data, note):
+        case schemas.RawChunk(connection, direction, offset, data, note, forwarded_ns, kernel):
             kind, length = Kind.BYTES, 0
+            if forwarded_ns or kernel:
+                raw = (time_ns, connection, Direction(direction), kind, data, offset, length, note)
+                return Passage(*raw, forwarded_ns or 0, kernel)
         case schemas.Gap(connection, direction, offset, length, note):
             kind, data = Kind.GAP, b""
         case schemas.ConnectionEvent(connection, direction, offset, name, note):

@@ -6,7 +6,6 @@ of one for neighbours.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import Direction
@@ -27,15 +26,8 @@ class Mender:
             key, offset = (event.connection, event.direction), event.offset_bytes
             end = self._ends.get(key, 0)
             if 0 <= end < offset:
-                missing, note = offset - end, "not in this recording"
-                yield replace(
-                    event,
-                    kind=Kind.GAP,
-                    data=b"",
-                    offset_bytes=end,
-                    length_bytes=missing,
-                    note=note,
-                )
+                note = "not in this recording"
+                yield WireEvent(event.time_ns, *key, Kind.GAP, b"", end, offset - end, note)
             length = len(event.data) if event.kind is Kind.BYTES else event.length_bytes
             self._ends[key] = offset + length if length >= 0 else -1
         yield event

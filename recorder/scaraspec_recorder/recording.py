@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from scaraspec_recorder import scribe, tap
+from scaraspec_recorder import asking, scribe, tap
 from scaraspec_recorder.children import Child
 from scaraspec_recorder.injection.connection import InjectedConnection
 from scaraspec_recorder.injection.rules import Injection
@@ -62,6 +62,14 @@ class Recording:
             self._progress = Progress.read(state)
         return self._progress
 
+    def ask(self) -> None:
+        """Ask for an incident: it is written as soon as there is a writer.
+
+        Raises:
+            OSError: That cannot be noted.
+        """
+        asking.ask(self.spool)
+
     @property
     def trouble(self) -> Trouble | None:
         """Why nothing is written just now; None where nothing hinders it."""
@@ -77,6 +85,7 @@ async def record(  # noqa: PLR0913 - what may be chosen, each on its own
     *,
     limit_bytes: int = LIMIT_BYTES,
     injection: Injection | None = None,
+    kernel_time: bool = False,
 ) -> AsyncIterator[Recording]:
     """Relay connections and record them, for as long as the context lasts.
 
@@ -92,14 +101,16 @@ async def record(  # noqa: PLR0913 - what may be chosen, each on its own
         sinks: Make the sinks.
         limit_bytes: How far the writing may lag before recording is dropped.
         injection: Faults on purpose, see `inject`; None to pass everything on unchanged.
+        kernel_time: Whether to ask the system when bytes came in; else that is when they are read.
 
     Raises:
         OSError: The address or the folder cannot be used, or another recorder uses the folder.
     """
-    with route.listen(*listen) as listener, _claimed_spool(out_dir, limit_bytes) as spool:
+    with route.listen(*listen) as listener, claimed_spool(out_dir, limit_bytes) as spool:
         writing = Child("scribe", scribe.run, spool, out_dir, tuple(sinks))
         connect = partial(InjectedConnection, injection) if injection else None
-        relaying = Child("tap", tap.run, listener, route, spool, limit_bytes, connect, writing.near)
+        relayed = (listener, route, spool, limit_bytes, connect, kernel_time)
+        relaying = Child("tap", tap.run, *relayed, writing.near)
         host, port = listener.getsockname()[:2]
         recording = Recording((host, port), spool, relaying, writing)
         try:
@@ -144,7 +155,7 @@ def _has_room(size_bytes: int) -> bool:
 
 
 @contextmanager
-def _claimed_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
+def claimed_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
     """Hold the spool against other recorders."""
     spool = spool_folder(out_dir, limit_bytes)
     try:

@@ -19,8 +19,8 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 MAX_BLOCK_BYTES: Final = 1 << 20
 
 _HEADER: Final = struct.Struct("<4sII")
-_MAGIC: Final = b"SPL1"
-_RECORD: Final = struct.Struct("<IBQQQ")
+_MAGIC: Final = b"SPL2"  # counts the layouts: another one's blocks are damage
+_RECORD: Final = struct.Struct("<IBQQQQ?")
 _LENGTH: Final = struct.Struct("<q")
 
 
@@ -40,7 +40,7 @@ CODES: Final = {kind: code for code, kind in enumerate(_KINDS)}
 HEAD_BYTES: Final = _RECORD.size
 
 pack_head: Final = _RECORD.pack
-"""Return a record's head: of the payload's size, code, stream, time_ns and offset_bytes."""
+"""Return a record's head: the payload's size, the kind's code, then the other fields in order."""
 
 
 class Record(NamedTuple):
@@ -52,6 +52,10 @@ class Record(NamedTuple):
         time_ns: Nanoseconds since the Unix epoch.
         offset_bytes: Stream offset where it happened.
         payload: The bytes; or the note, in UTF-8; of a gap its length and its note.
+        forwarded_ns: When the bytes had been passed on; 0 for every other kind, and where nobody
+            knows.
+        kernel_time: Whether `time_ns` is when the system received the bytes; else it is when the
+            forwarding process read them.
     """
 
     kind: Kind | Mark
@@ -59,6 +63,8 @@ class Record(NamedTuple):
     time_ns: int
     offset_bytes: int = 0
     payload: bytes = b""
+    forwarded_ns: int = 0
+    kernel_time: bool = False
 
     @property
     def connection(self) -> int:
@@ -102,6 +108,7 @@ class Block:
     """
 
     def __init__(self) -> None:
+        self.parts: list[bytes] = []  # the same list for good
         self.clear()
 
     @property
@@ -111,8 +118,8 @@ class Block:
 
     def add(self, record: Record) -> None:
         """Add a record."""
-        kind, stream, time_ns, offset_bytes, payload = record
-        head = pack_head(len(payload), CODES[kind], stream, time_ns, offset_bytes)
+        kind, stream, time_ns, offset_bytes, payload, *passage = record
+        head = pack_head(len(payload), CODES[kind], stream, time_ns, offset_bytes, *passage)
         self.parts += (head, payload)
         self.size_bytes += HEAD_BYTES + len(payload)
 
@@ -129,7 +136,7 @@ class Block:
 
     def clear(self) -> None:
         """Begin anew."""
-        self.parts = [bytes(_HEADER.size)]
+        self.parts[:] = (bytes(_HEADER.size),)
         self.size_bytes = _HEADER.size
 
 
@@ -161,7 +168,7 @@ def is_torn(data: bytes) -> bool:
 def _records(body: bytes) -> Iterator[Record]:
     at = 0
     while at < len(body):
-        size_bytes, code, stream, time_ns, offset_bytes = _RECORD.unpack_from(body, at)
+        size_bytes, code, stream, time_ns, offset_bytes, *passage = _RECORD.unpack_from(body, at)
         at += _RECORD.size + size_bytes
         payload = body[at - size_bytes : at]
-        yield Record(_KINDS[code], stream, time_ns, offset_bytes, payload)
+        yield Record(_KINDS[code], stream, time_ns, offset_bytes, payload, *passage)

@@ -44,22 +44,23 @@ class Report:
 
 
 def recover(path: Path) -> Report:
-    """Repair a recording in place, if it needs it.
+    """Repair a recording in place, if it needs it: that takes as much room on the disk again.
 
     Raises:
         CaptureError: The file cannot be read, or is no recording of this tool.
         OSError: The repaired file cannot be written; the damaged one is as it was.
     """
     repaired = path.with_name(f".{path.name}{_SUFFIX}")
-    try:
-        with repaired.open("wb") as file:
-            summary = _copy(path, file)
-            os.fsync(file.fileno())
-        if not summary.whole:
+    summary = _copy(path, None)
+    if not summary.whole:
+        try:
+            with repaired.open("wb") as file:
+                summary = _copy(path, file)
+                os.fsync(file.fileno())
             repaired.replace(path)
-            _sync_folder(path.parent)
-    finally:
-        repaired.unlink(missing_ok=True)
+        finally:
+            repaired.unlink(missing_ok=True)
+        _sync_folder(path.parent)
     notes = tuple(summary.notes)
     return Report(path, not summary.whole, summary.events, summary.last_ns, notes)
 
@@ -87,16 +88,18 @@ def discard_empty(path: Path) -> bool:
     return empty
 
 
-def _copy(path: Path, file: BinaryIO) -> Summary:
-    """Write what is whole in a recording to another file; return what was found."""
+def _copy(path: Path, file: BinaryIO | None) -> Summary:
+    """Write what is whole in a recording to another file, or to none; return what was found."""
     summary, raw, accounts = Summary(), RawLayer(), Accounts()
     copier: _Copier | None = None
+    headed = False
     for record in records(path, summary):
         if isinstance(record, Header):
-            copier = _Copier(file, record)
-        if copier is None:
+            headed, copier = True, _Copier(file, record) if file else None
+        if not headed:
             break  # without its header nothing else is what it seems
-        copier.copy(record)
+        if copier:
+            copier.copy(record)
         if event := raw.take(record):
             summary.events += 1
             summary.last_ns = max(summary.last_ns, event.time_ns)

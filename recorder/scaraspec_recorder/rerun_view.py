@@ -4,6 +4,9 @@ Law: drawn from the derived layer alone, and never the truth: what is lost here 
 capture.mcap. How it looks stands in `blueprint`, how it is sent in `rerun_rows`.
 """
 
+import errno
+import os
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
@@ -21,6 +24,7 @@ from scaraspec_recorder import arm_model, wording
 from scaraspec_recorder.arm_model import Box
 from scaraspec_recorder.deriver import Item
 from scaraspec_recorder.optimizing import optimize
+from scaraspec_recorder.passages import Latencies
 from scaraspec_recorder.sinks import SinkFailed
 from scaraspec_recorder.wording import Line
 
@@ -34,6 +38,7 @@ from scaraspec_recorder import blueprint, rerun_files, rerun_rows
 APPLICATION: Final = "scaraspec"
 FILE_DELAY_NS: Final = 5_000_000_000
 LIVE_DELAY_NS: Final = 100_000_000
+_LITTLE_BYTES: Final = 1 << 20  # where no more is free, a refused write is put down to that
 _MOST_NAMES: Final = 100  # that a lane has a look for
 _PAGE_CHARACTERS: Final = 200_000
 _PORTS: Final = range(1, 41)  # L655, L667
@@ -65,10 +70,9 @@ class RerunSink:
         self._number = 0
         self._lanes: dict[str, str] = {}
         self._names: dict[str, list[str]] = {blueprint.PROGRAM: [], blueprint.TRANSFER: []}
-        self._flying: dict[
-            int, str
-        ] = {}  # two-stage commands in flight, by identity of the request
+        self._flying: dict[int, str] = {}  # two-stage commands, by identity of the request
         self._connected: set[str] = set()
+        self._latencies = Latencies()
         self._tool: arm_model.Vector | None = None
         self._links: dict[str, str] = {}  # the entity of each link of the arm, once it is drawn
         self._drawers: dict[str, Callable[[Exchange], None]] = {
@@ -106,7 +110,7 @@ class RerunSink:
         Raises:
             SinkFailed: From every method, where the file cannot be written.
         """
-        with _failing():
+        with _failing(path):
             stream = rerun_files.begin(APPLICATION, path, blueprint.layout())
         sink = cls(stream, session)
         sink._path, sink._optimized = path, optimized
@@ -115,6 +119,7 @@ class RerunSink:
     def write(self, event: WireEvent) -> None:
         """Take the time of a raw event, and whether its link is up; its bytes are not drawn."""
         self._now_ns = event.time_ns
+        self._latencies.write(event)
         if self._batches is None:
             self._batches = rerun_rows.Batches(self._stream, event.time_ns)
             self._stream.send_recording_start_time_nanos(event.time_ns)
@@ -152,14 +157,14 @@ class RerunSink:
         self._bring_out()
         self._stream.disconnect()
         self._batches = None
-        del self._stream
+        del self._stream  # only what nobody has any longer is released
         rerun_files.release()
         if self._path and self._optimized:
             optimize(self._path)
 
     def _bring_out(self) -> None:
         """Wait until what was sent is written."""
-        with _failing():
+        with _failing(self._path):
             self._stream.flush()
 
     def _put(
@@ -198,6 +203,7 @@ class RerunSink:
         self._state(blueprint.LINK, state)
 
     def _frame(self, seen: FrameSeen) -> None:
+        self._latencies.frame(seen)
         parsed = seen.parsed
         if parsed and parsed.part == "request" and parsed.command.two_stage:
             self._flying[id(seen)] = parsed.command.name
@@ -207,16 +213,22 @@ class RerunSink:
         if self._flying.pop(id(exchange.request), None):
             self._state(blueprint.COMMAND, next(reversed(self._flying.values()), ""))
         command = exchange.command
-        if exchange.latency_ns is not None:
+        latency = self._latencies.exchange(exchange)
+        latency_ns = latency.robot_ns if latency else exchange.latency_ns
+        if latency_ns is not None:
             query = command and command.hazard is Hazard.READ_ONLY
             series = "chunks" if exchange.chunk else "queries" if query else "commands"
-            self._put(f"latency/{series}", rerun_rows.scalars, exchange.latency_ns / 1e6)
+            self._put(f"latency/{series}", rerun_rows.scalars, latency_ns / 1e6)
+        if latency:
+            self._put(blueprint.ADDED_LATENCY, rerun_rows.scalars, latency.recorder_ns / 1e6)
         if exchange.duration_ns is not None:
             self._put(blueprint.DURATION, rerun_rows.scalars, exchange.duration_ns / 1e9)
         if exchange.name in ("upload_name", "download_name") and exchange.transfer:
             what = "upload" if exchange.transfer.upload else "download"
             self._state(blueprint.TRANSFER, f"{what} {show(exchange.transfer.name)}")
         drawer = self._drawers.get(exchange.name)
+        if exchange.answer is None and exchange.name != "get_running_program":
+            return  # a refusal; but that no program runs is a state
         if drawer and exchange.reply and not wording.complaints(exchange.reply):
             drawer(exchange)
 
@@ -295,9 +307,11 @@ class RerunSink:
 
 
 @contextmanager
-def _failing() -> Iterator[None]:
+def _failing(path: Path | None) -> Iterator[None]:
     """Tell a disk that refuses by its own kind of error: rerun has but one for everything."""
     try:
         yield
     except RuntimeError as error:
+        if path and shutil.disk_usage(path.parent).free < _LITTLE_BYTES:
+            raise SinkFailed(os.strerror(errno.ENOSPC)) from None
         raise SinkFailed(f"nothing can be drawn: {error}") from None

@@ -129,6 +129,7 @@ class Scribe:
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._reader = reader
+        self._asked: int = reader.state.get("asked", 0)
         self._now_ns = now_ns
         self._ticked_ns = now_ns()
         self.progress = Progress.read(reader.state)
@@ -139,7 +140,7 @@ class Scribe:
         self._unspooler = Unspooler(counts, state.get("unspooler", {}))
         trouble = reader.trouble
         news = {"interrupted": _words(trouble)} if trouble else None
-        folder = Folder(out_dir, self.progress.files, news)
+        self._folder = folder = Folder(out_dir, self.progress.files, news)
         self._sinks = [_Guarded(partial(make, folder), self.progress.problems) for make in sinks]
         begin_ns = self._unspooler.time_ns  # what comes next is as old as that
         self._give(list(self._unspooler.reopened(now_ns() if begin_ns is None else begin_ns)))
@@ -154,19 +155,35 @@ class Scribe:
         self._give(self._unspooler.take(records))
         now_ns = self._now_ns()
         if not 0 <= now_ns - self._ticked_ns < TICK_NS:  # the clock may have been set back
-            self._ticked_ns = now_ns
-            for sink in self._sinks:
-                sink.tick(now_ns)
+            self._heed()
+            self._tick(now_ns)
             self._acknowledge()
         return bool(records)
 
     def finish(self) -> None:
         """Nothing more will come: end what is open, and close the sinks."""
-        self._give(self._unspooler.cut(self._now_ns(), "the recording ended"))
+        now_ns = self._now_ns()
+        self._give(self._unspooler.cut(now_ns, "the recording ended"))
+        if self._heed():
+            self._tick(now_ns)
         for sink in self._sinks:
             sink.close()
         self.progress.finished = True
         self._acknowledge()
+
+    def _heed(self) -> bool:
+        """Pass on that somebody asks for an incident, if so; return whether."""
+        asked = self._reader.asked()
+        news = asked > self._asked
+        if news:
+            self._folder.ask()
+        self._asked = asked
+        return news
+
+    def _tick(self, now_ns: int) -> None:
+        self._ticked_ns = now_ns
+        for sink in self._sinks:
+            sink.tick(now_ns)
 
     def _give(self, events: Sequence[WireEvent]) -> None:
         self.progress.connections = self._unspooler.connections
@@ -180,7 +197,8 @@ class Scribe:
         self.progress.earlier_files += len(forgotten)
         del self.progress.files[: len(forgotten)]
         progress = asdict(self.progress)
-        self._reader.acknowledge({"progress": progress, "unspooler": self._unspooler.state})
+        state = {"progress": progress, "unspooler": self._unspooler.state, "asked": self._asked}
+        self._reader.acknowledge(state)
 
 
 def run(spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.socket) -> None:

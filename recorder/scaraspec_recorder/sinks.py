@@ -60,6 +60,16 @@ class Folder:
         self.path = path
         self._files = files
         self._news = dict(news or {})
+        self._when_asked: list[Callable[[], None]] = []
+
+    def when_asked(self, do: Callable[[], None]) -> None:
+        """Have this called whenever somebody asks for an incident, just before a tick."""
+        self._when_asked.append(do)
+
+    def ask(self) -> None:
+        """Somebody asks for an incident."""
+        for do in self._when_asked:
+            do()
 
     def take_news(self) -> dict[str, str]:
         """Return what a new file is to say besides what it always says; once, then nothing."""

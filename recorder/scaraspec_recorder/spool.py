@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.judgement.wire import Kind
+from scaraspec_recorder import asking
 from scaraspec_recorder.records import (
     CODES,
     HEAD_BYTES,
@@ -108,19 +109,32 @@ class SpoolWriter:
         self._segment_bytes = 0
         self._spooled_bytes = 0  # never less than what lies there: deletions are seen late
         self._block = Block()
+        self._add = self._block.parts.append
         self._timed = False
         self._refusal = ""
         self._owed: list[Record] = []
         self._owed_gaps: dict[int, int] = {}  # by stream: the index of its last gap in `_owed`
         self.append(Mark.SEAM, 0, now_ns(), 0, b"the forwarding process started")
 
-    def append(
-        self, kind: Kind | Mark, stream: int, time_ns: int, offset_bytes: int, payload: bytes = b""
+    def append(  # noqa: PLR0913, PLR0917 - a record's fields, for the fewest calls
+        self,
+        kind: Kind | Mark,
+        stream: int,
+        time_ns: int,
+        offset_bytes: int,
+        payload: bytes = b"",
+        forwarded_ns: int = 0,
+        kernel_time: bool = False,  # noqa: FBT001, FBT002 - as above
     ) -> None:
         """Take one record (fields as in `Record`); it is written within `FLUSH_S`."""
-        block, size_bytes = self._block, len(payload)
+        block, add, size_bytes = self._block, self._add, len(payload)
         # What follows is `Block.add` without a call, for every byte passes here.
-        block.parts += (pack_head(size_bytes, CODES[kind], stream, time_ns, offset_bytes), payload)
+        add(
+            pack_head(
+                size_bytes, CODES[kind], stream, time_ns, offset_bytes, forwarded_ns, kernel_time
+            )
+        )
+        add(payload)
         block.size_bytes += HEAD_BYTES + size_bytes
         if not self._timed:
             self._timed = True
@@ -157,11 +171,11 @@ class SpoolWriter:
     def _owe(self, block: Block) -> None:
         """Keep a block's records for later: bytes as gaps, each joined to the one before it."""
         for record in block.records():
-            kind, stream, time_ns, offset_bytes, payload = record
+            kind, stream, time_ns, offset_bytes, payload, *_ = record
             if kind is not Kind.BYTES:
                 self._owed.append(record)
             elif (index := self._owed_gaps.get(stream)) is not None:
-                _, _, time_ns, begin_bytes, _ = self._owed[index]
+                _, _, time_ns, begin_bytes, *_ = self._owed[index]
                 length_bytes = offset_bytes + len(payload) - begin_bytes
                 self._owed[index] = gap(stream, time_ns, begin_bytes, length_bytes, self._refusal)
             else:
@@ -306,6 +320,10 @@ class SpoolReader:
         for number in _segments(self._directory):
             if number < self._number:
                 _path(self._directory, number).unlink()
+
+    def asked(self) -> int:
+        """Return how often somebody asked for an incident, see `asking`."""
+        return asking.asked(self._directory)
 
     def close(self) -> None:
         """Let another reader have the spool."""

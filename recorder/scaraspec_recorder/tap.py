@@ -17,7 +17,7 @@ from typing import Final, cast
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec_recorder import tcp
+from scaraspec_recorder import stamps, tcp
 from scaraspec_recorder.children import ignore_signals
 from scaraspec_recorder.records import Mark, stream_number
 from scaraspec_recorder.routes import Route
@@ -29,14 +29,13 @@ BUFFER_BYTES: Final = 256 << 10
 STOP_S: Final = 2.0
 """How long connections may take to pass on what is queued when the tap stops."""
 
-_READ_BYTES: Final = 64 << 10
 _READ_SIZE: Final = "max_size"  # asyncio's name for it; uvloop's transports have none
 _DESCRIPTORS: Final = os.name == "posix"  # elsewhere a socket is no file
 
 _write: Final = os.write  # these two are looked up for every chunk
 _BYTES: Final = Kind.BYTES
 
-Append = Callable[[Kind | Mark, int, int, int, bytes], None]
+Append = Callable[..., None]
 """Takes the fields of a `records.Record`; never raises and never waits."""
 
 Connect = Callable[["Tap", int], "Connection"]
@@ -50,6 +49,7 @@ class Tap:
         route: Where to.
         append: Takes what happens.
         connect: Makes connections that are not to be passed on unchanged; None for those that are.
+        kernel_time: Whether to ask the system when bytes came in, see `stamps`.
         now_ns: The clock.
     """
 
@@ -59,10 +59,12 @@ class Tap:
         append: Append,
         connect: Connect | None = None,
         *,
+        kernel_time: bool = False,
         now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self.route = route
         self.append = append
+        self.kernel_time = kernel_time
         self.now_ns = now_ns
         self.resets = tcp.ResetWatch()
         self._connect = connect or Connection
@@ -73,6 +75,7 @@ class Tap:
 
     async def start(self, listener: socket.socket) -> None:
         """Begin to accept; `listener` is closed by `stop`."""
+        self.kernel_time = self.kernel_time and stamps.ask(listener)
         loop = asyncio.get_running_loop()
         self._server = await loop.create_server(self._accept, sock=listener, backlog=tcp.BACKLOG)
 
@@ -122,6 +125,7 @@ def run(  # noqa: PLR0913, PLR0917 - all that a process is given
     spool: Path,
     limit_bytes: int,
     connect: Connect | None,
+    kernel_time: bool,  # noqa: FBT001 - as above
     _scribe_line: socket.socket,
     line: socket.socket,
 ) -> None:
@@ -136,7 +140,7 @@ def run(  # noqa: PLR0913, PLR0917 - all that a process is given
     async def relay() -> None:
         loop = asyncio.get_running_loop()
         writer = SpoolWriter(spool, loop.call_later, limit_bytes=limit_bytes)
-        tap = Tap(route, writer.append, connect)
+        tap = Tap(route, writer.append, connect, kernel_time=kernel_time)
         await tap.start(listener)
         gc.freeze()  # what was imported lives on: no collection need look at it
         line.settimeout(0)
@@ -161,7 +165,8 @@ class End(asyncio.Protocol):
         self.closed = False
         self.transport: asyncio.Transport | None = None
         self.descriptor = -1
-        self.early: list[bytes] = []  # read before the other socket was connected
+        self.early: list[tuple[bytes, int, bool]] = []  # read before the peer was connected
+        self._reader: asyncio.Transport | stamps.StampedReader | None = None
         self._append = connection.tap.append
         self._now_ns = connection.tap.now_ns
 
@@ -172,18 +177,27 @@ class End(asyncio.Protocol):
         tcp.tune(sock)
         transport.set_write_buffer_limits(high=BUFFER_BYTES)
         if hasattr(transport, _READ_SIZE):  # 256 KiB, which glibc maps and unmaps for every read
-            setattr(transport, _READ_SIZE, _READ_BYTES)
+            setattr(transport, _READ_SIZE, stamps.READ_BYTES)
         self.descriptor = sock.fileno()
-        self.transport = transport
+        self.transport = self._reader = transport
+        if self.connection.tap.kernel_time and stamps.ask(sock):
+            # Not now: the event loop begins to read when this returns.
+            asyncio.get_running_loop().call_soon(self._read_stamped, transport)
         self.connection.connected(self)
 
-    def data_received(self, data: bytes) -> None:
-        """Pass bytes on, then tell of them."""
-        time_ns = self._now_ns()
+    def data_received(self, data: bytes, time_ns: int = 0, kernel_time: bool = False) -> None:  # noqa: FBT001, FBT002 - an event loop gives the data alone
+        """Pass bytes on, then tell of them.
+
+        Args:
+            data: The bytes.
+            time_ns: When they came in; 0 for now.
+            kernel_time: Whether the system says so.
+        """
+        time_ns = time_ns or self._now_ns()
         peer = self.peer
         transport = peer.transport
         if transport is None:
-            self.early.append(data)
+            self.early.append((data, time_ns, kernel_time))
             self.pause()
             return
         if transport.get_write_buffer_size() or not _DESCRIPTORS:
@@ -196,7 +210,8 @@ class End(asyncio.Protocol):
                 sent = 0  # it is full or dead; the transport will find out which
             if sent < len(data):
                 transport.write(memoryview(data)[sent:])
-        self._append(_BYTES, self.stream, time_ns, self.received_bytes, data)
+        offset_bytes, forwarded_ns = self.received_bytes, self._now_ns()
+        self._append(_BYTES, self.stream, time_ns, offset_bytes, data, forwarded_ns, kernel_time)
         self.received_bytes += len(data)
 
     def eof_received(self) -> bool:
@@ -208,6 +223,9 @@ class End(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The socket is closed."""
+        if isinstance(self._reader, stamps.StampedReader):
+            self._reader.close()
+            exc = exc or self._reader.failure
         self.connection.lost(self, _reason(exc) if exc else "reset")
 
     def pause_writing(self) -> None:
@@ -220,13 +238,27 @@ class End(asyncio.Protocol):
 
     def pause(self) -> None:
         """Read no more for now: the other socket takes nothing."""
-        if self.transport and not self.transport.is_closing():
-            self.transport.pause_reading()
+        if self._reader and not self._reader.is_closing():
+            self._reader.pause_reading()
 
     def resume(self) -> None:
         """Read on."""
-        if self.transport and not self.transport.is_closing() and not self.finished:
-            self.transport.resume_reading()
+        if self._reader and not self._reader.is_closing() and not self.finished:
+            self._reader.resume_reading()
+
+    def _read_stamped(self, transport: asyncio.Transport) -> None:
+        """Read with the system's times from now on."""
+        if transport.is_closing() or self.finished:
+            return
+        try:
+            reader = stamps.StampedReader(transport, self.data_received, self.eof_received)
+        except OSError:  # too many open files: as it is
+            return
+        reading = transport.is_reading()
+        transport.pause_reading()
+        self._reader = reader
+        if reading:
+            reader.resume_reading()
 
 
 class Connection:
@@ -254,8 +286,8 @@ class Connection:
             self._dialling = asyncio.get_running_loop().create_task(self._dial(end.transport))
         else:
             self.client.resume()
-            for data in self.client.early:
-                self.client.data_received(data)
+            for early in self.client.early:
+                self.client.data_received(*early)
             self.client.early.clear()
             if self.client.finished:
                 self.finished(self.client)
@@ -332,6 +364,7 @@ class Connection:
     def _end(self, kind: Kind, end: End, note: str) -> None:
         self._ended = True
         for each in self._ends:
+            each.pause()
             self._record(Mark.TOTAL, each)
         self._record(kind, end, note)
 

@@ -58,7 +58,7 @@ class Watcher:
 
 
 class Pressed(Watcher):
-    """Fires when somebody asks for it, which may be a signal's handler."""
+    """Fires when somebody asks for it."""
 
     def __init__(self) -> None:
         self._pressed = False

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, Direction
+from scaraspec_recorder.passages import Passage
 from scaraspec_recorder.records import Mark, Record, stream_number
 
 _HOLE: Final = "records are missing"
@@ -122,15 +123,19 @@ class Unspooler:
         if records:
             self.time_ns = records[-1].time_ns
         events: list[WireEvent] = []
-        add, streams, bytes_kind, make = events.append, self._streams, Kind.BYTES, WireEvent
+        add, streams, bytes_kind = events.append, self._streams, Kind.BYTES
         for record in records:
-            kind, number, time_ns, offset, payload = record
+            kind, number, time_ns, offset, payload, forwarded_ns, kernel_time = record
             stream = streams.get(number)
             if kind is bytes_kind and stream is not None and stream.next_bytes == offset:
                 size_bytes = len(payload)
                 stream.next_bytes = offset + size_bytes
                 stream.count.recorded_bytes += size_bytes
-                add(make(time_ns, stream.name, stream.direction, bytes_kind, payload, offset))
+                place = (time_ns, stream.name, stream.direction, bytes_kind, payload, offset)
+                if forwarded_ns or kernel_time:
+                    add(Passage(*place, 0, "", forwarded_ns, kernel_time))
+                else:
+                    add(WireEvent(*place))
             else:
                 events += self._take(record)
         return events
@@ -152,7 +157,7 @@ class Unspooler:
 
     def _take(self, record: Record) -> list[WireEvent]:
         """Take a record of any kind."""
-        kind, number, time_ns, offset, _ = record
+        kind, number, time_ns, offset, *_ = record
         if kind is Mark.SEAM:
             events = self.cut(time_ns, record.note)
             self._base = self.connections

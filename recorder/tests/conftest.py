@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import fields
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.transfer import Chunk
+from scaraspec_recorder.passages import Passage
 
 # A failure prints the blob that replays it; examples are drawn the same way on every machine.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
@@ -134,6 +136,22 @@ def shift(program_file: bytes) -> list[WireEvent]:
     talk.mark(C2A, Kind.HALF_CLOSED)
     talk.mark(A2C, Kind.CLOSED)
     return talk.events
+
+
+@pytest.fixture(scope="session")
+def passed(shift: list[WireEvent]) -> list[WireEvent]:
+    """The same shift, as a recorder sees it that needs 20 µs to pass on, and asks the system."""
+    facts = {field.name for field in fields(WireEvent)}
+    return [
+        Passage(
+            **{name: getattr(event, name) for name in facts},
+            forwarded_ns=event.time_ns + 20_000,
+            kernel_time=True,
+        )
+        if event.kind is Kind.BYTES
+        else event
+        for event in shift
+    ]
 
 
 def _damage_chunk(path: Path, number: int) -> None:

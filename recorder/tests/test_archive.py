@@ -2,8 +2,7 @@
 
 import json
 import pickle
-import signal
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,8 +28,9 @@ class Recorder:
         self.folder = folder
         self.now_ns = now_ns
         self.free_bytes = free_bytes
+        self.out = Folder(folder, [])
         self.sink: Sink = archive_sink(
-            Folder(folder, []),
+            self.out,
             archive=archive,
             now_ns=lambda: self.now_ns,
             free_bytes=lambda: self.free_bytes,
@@ -48,14 +48,6 @@ class Recorder:
     def listed(self) -> list[dict[str, Any]]:
         lines = (self.folder / "contents.jsonl").read_text().splitlines()
         return [json.loads(line) for line in lines]
-
-
-@pytest.fixture(autouse=True)
-def _signal() -> Iterator[None]:
-    """Give SIGUSR1 back."""
-    before = signal.getsignal(signal.SIGUSR1)
-    yield
-    signal.signal(signal.SIGUSR1, before)
 
 
 def payload(paths: Iterable[Path]) -> bytes:
@@ -81,7 +73,7 @@ def test_triggers_alone_write_nothing_else(tmp_path: Path, shift: list[WireEvent
     recorder = Recorder(tmp_path, archive, shift[0].time_ns)
     recorder.feed(shift[:200])
     assert not list(tmp_path.glob("*.mcap"))
-    signal.raise_signal(signal.SIGUSR1)
+    recorder.out.ask()
     recorder.feed(shift[200:])
     recorder.sink.close()
     assert {line["trigger"] for line in recorder.listed} == {"signal", "refusal"}

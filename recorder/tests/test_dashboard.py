@@ -107,17 +107,18 @@ def test_ending_says_that_it_takes_its_time() -> None:
 
 
 def test_the_dashboard_shows_everything() -> None:
-    """Connections, rates, bytes, gaps, what waits, free space, the file, and what is wrong."""
+    """Connections, rates, bytes, gaps, what waits, free space, the file, what is wrong: at 80."""
     screen = io.StringIO()
-    console = Console(file=screen, force_terminal=True, width=140, color_system=None)
+    console = Console(file=screen, force_terminal=True, width=80, color_system=None)
     busy = replace(gaps(2), a2c=Count(9000, 200, 2), problems=["out of luck"])
     with Dashboard(console) as dashboard:
         dashboard.update([CALM], ending=False)
         dashboard.update([at(2, busy, LATE_S + 7)], ending=True)
-    last = screen.getvalue().rpartition("robot  ")[2]
-    row = "line-3 127.0.0.1:8877 3 1.1 kB 0 B 509 kB 2 1.5 MB 2 TB capture.mcap"
+    last = screen.getvalue().rpartition("robot ")[2]
+    row = "line-3 3 1.1 kB 0 B 509 kB 2 1.5 MB 2 TB"
     assert row in " ".join(last.split())
     for shown in (
+        "line-3: clients at 127.0.0.1:8877, capture.mcap",
         "line-3: out of luck",
         "line-3: 200 B not recorded in 2 gaps",
         "line-3: nothing was written for 12 s",

@@ -33,6 +33,7 @@ from scaraspec_recorder.deriver import Deriver
 from scaraspec_recorder.masking import Redactor
 from scaraspec_recorder.mcap_file import McapSink
 from scaraspec_recorder.mcap_reading import read_mcap
+from scaraspec_recorder.passages import Passage
 from scaraspec_recorder.problems import CaptureError
 
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
@@ -98,7 +99,8 @@ texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 @st.composite
 def conversations(draw: st.DrawFn) -> list[WireEvent]:
     """Anything that a source may tell of two connections."""
-    events, ends = [], dict.fromkeys([(name, d) for name in ("1", "2") for d in Direction], 0)
+    events: list[WireEvent] = []
+    ends = dict.fromkeys([(name, d) for name in ("1", "2") for d in Direction], 0)
     for _ in range(draw(st.integers(0, 30))):
         name, direction = draw(st.sampled_from(sorted(ends, key=str)))
         kind = draw(st.sampled_from([Kind.BYTES, Kind.BYTES, Kind.BYTES, *Kind]))
@@ -106,7 +108,11 @@ def conversations(draw: st.DrawFn) -> list[WireEvent]:
         length = draw(st.integers(-1, 1000)) if kind is Kind.GAP else 0
         offset, note = ends[name, direction], draw(texts)
         time_ns = draw(st.integers(0, 2**63 - 1))
-        events.append(WireEvent(time_ns, name, direction, kind, data, offset, length, note))
+        event = (time_ns, name, direction, kind, data, offset, length, note)
+        if kind is Kind.BYTES and draw(st.booleans()):
+            events.append(Passage(*event, draw(st.integers(1, 2**63 - 1)), draw(st.booleans())))
+        else:
+            events.append(WireEvent(*event))
         ends[name, direction] += len(data) + max(length, 0)
         if kind in (Kind.OPENED, Kind.CLOSED, Kind.RESET):
             ends |= {(name, d): 0 for d in Direction}
@@ -163,6 +169,30 @@ def test_exchanges_tell_the_whole_story(capture: Path) -> None:
     assert (refused.accepted, refused.code, refused.result) == (False, "01", "")
     assert refused.duration_s is None
     assert sorted(x.number for x in found) == list(range(1, len(found) + 1))
+
+
+def test_the_robots_latency_is_told_from_the_recorders(
+    tmp_path: Path, passed: list[WireEvent]
+) -> None:
+    """Two milliseconds between the times of receipt: twenty microseconds were the recorder's."""
+    path = record(tmp_path / "capture.mcap", passed)
+    chunks = messages(path, "/raw/a2c")
+    assert {chunk.kernel_time for chunk in chunks} == {True}
+    assert [chunk.forwarded_ns for chunk in chunks] == [
+        e.time_ns + 20_000 for e in passed if e.kind is Kind.BYTES and e.direction is A2C
+    ]
+    answered = [x for x in messages(path, "/exchanges") if x.reply]
+    assert {round(x.latency_ms, 6) for x in answered} == {2.0}
+    assert {round(x.robot_ms, 6) for x in answered} == {1.98}
+    assert {round(x.recorder_ms, 6) for x in answered} == {0.04}
+    assert list(read_mcap(path)) == passed
+
+
+def test_what_is_not_known_of_a_latency_is_not_said(capture: Path) -> None:
+    """A capture of somebody else does not tell when bytes were passed on."""
+    assert {x.robot_ms for x in messages(capture, "/exchanges")} == {None}
+    assert {x.recorder_ms for x in messages(capture, "/exchanges")} == {None}
+    assert {chunk.forwarded_ns for chunk in messages(capture, "/raw/c2a")} == {None}
 
 
 def test_frames_tile_what_was_recorded(capture: Path, shift: list[WireEvent]) -> None:

@@ -7,6 +7,7 @@ import sys
 import sysconfig
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from rerun.chunk import RrdReader
 
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
+from scaraspec.protocol.commands import COMMANDS, Command
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.programs import listing, parse
@@ -165,6 +167,21 @@ def test_every_series_has_a_name_with_its_unit(drawing: Path) -> None:
         assert name.split()[-1] in ("°", "mm", "°C")
 
 
+def test_the_robots_latency_is_told_from_the_recorders(
+    passed: list[WireEvent], drawing: Path, tmp_path: Path
+) -> None:
+    """Each has points of its own; where nobody knows, the sum has the robot's."""
+    path = tmp_path / "capture.rrd"
+    draw_capture(passed, path)
+    queries = column(path, "latency/queries", "Scalars:scalars")
+    assert {round(value, 6) for value in queries} == {1.98}
+    added = column(path, blueprint.ADDED_LATENCY, "Scalars:scalars")
+    assert {round(value, 6) for value in added} == {0.04}
+    whole = column(drawing, "latency/queries", "Scalars:scalars")
+    assert {round(value, 6) for value in whole} == {2.0}
+    assert not column(drawing, blueprint.ADDED_LATENCY, "Scalars:scalars")
+
+
 def test_rows_are_sent_in_batches(
     shift: list[WireEvent], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -216,6 +233,19 @@ def test_a_drawing_that_cannot_be_made_leaves_nothing(
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"mine"]
 
 
+@pytest.mark.parametrize(
+    ("free_bytes", "reason"), [(0, "^No space left on device$"), (10**9, "^nothing can be drawn: ")]
+)
+def test_why_a_drawing_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free_bytes: int, reason: str
+) -> None:
+    """The SDK does not tell a full disk from others, and the user must know."""
+    usage = SimpleNamespace(free=free_bytes)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: usage)
+    with pytest.raises(SinkFailed, match=reason):
+        RerunSink.to_file(tmp_path / "gone" / "capture.rrd")
+
+
 def test_names_have_no_colour_that_means_something(shift: list[WireEvent], drawing: Path) -> None:
     """A program is neither good nor bad; each has a colour of its own, until there are too many."""
     assert static(drawing, blueprint.PROGRAM, "StateConfiguration:labels") == "pick.rob"
@@ -236,6 +266,14 @@ def test_hostile_numbers_are_not_drawn(talk: Any, tmp_path: Path) -> None:
     draw_capture(talk.events, path)
     drawn = {chunk.entity_path for chunk in RrdReader(path).stream().to_chunks()}
     assert {entity for entity in drawn if entity.startswith("/analog")} == {"/analog/40"}
+
+
+@pytest.mark.parametrize("command", [c for c in COMMANDS if c.asker is A2C], ids=lambda c: c.name)
+def test_refusals_are_no_values(talk: Any, tmp_path: Path, command: Command) -> None:
+    """A robot that answers anything with ``0`` is drawn all the same."""
+    talk.send(A2C, Frame(A2C, command.opcode, b"1").encode())
+    talk.send(C2A, Frame(C2A, command.opcode, b"0").encode())
+    draw_capture(talk.events, tmp_path / "capture.rrd")
 
 
 def test_a_recording_of_nothing_is_a_drawing_of_nothing(tmp_path: Path) -> None:

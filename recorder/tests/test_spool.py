@@ -98,6 +98,8 @@ record_fields = st.tuples(
     st.integers(0, 2**64 - 1),
     st.integers(0, 2**64 - 1),
     st.binary(max_size=300),
+    st.integers(0, 2**64 - 1),
+    st.booleans(),
 )
 
 

@@ -27,6 +27,8 @@ BULK_BYTES = 3 << 20
 class Bench:
     """A tap on the present event loop, a server behind it, and all that the tap tells."""
 
+    kernel_time = False
+
     def __init__(self, route: Any = None) -> None:
         self.records: list[Record] = []
         self.told = asyncio.Event()
@@ -35,7 +37,12 @@ class Bench:
         listener = tcp.listen("127.0.0.1", 0)
         self.address = listener.getsockname()
         self._listener = listener
-        self.tap = Tap(route or Upstream(*self.server.getsockname()), self.take, now_ns=lambda: 7)
+        self.tap = Tap(
+            route or Upstream(*self.server.getsockname()),
+            self.take,
+            kernel_time=self.kernel_time,
+            now_ns=lambda: 7,
+        )
         self._sockets = [self.server]
         self._stopped = False
 
@@ -99,10 +106,14 @@ class Bench:
         return [(r.kind, r.direction) for r in self.records if r.kind is not Kind.BYTES]
 
 
-@pytest.fixture(params=["uvloop", "asyncio"])
-def run(request: pytest.FixtureRequest) -> Callable[[Callable[[], Awaitable[None]]], None]:
+@pytest.fixture(params=["uvloop", "asyncio", "uvloop, kernel time", "asyncio, kernel time"])
+def run(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[Callable[[], Awaitable[None]]], None]:
     """Run a test's coroutine on an event loop, for a bounded time."""
-    if request.param == "uvloop":
+    loop, _, clock = request.param.partition(", ")
+    monkeypatch.setattr(Bench, "kernel_time", bool(clock))
+    if loop == "uvloop":
         pytest.importorskip("uvloop")
         factory = tap_module.new_event_loop
     else:
@@ -494,7 +505,7 @@ def test_a_reset_does_not_wait_for_ever(run: Any, monkeypatch: pytest.MonkeyPatc
             client, server = await bench.pair()
             (connection,) = bench.tap._connections
             block = bytes(1 << 16)
-            while not connection.upstream.transport or connection.client.transport.is_reading():
+            while not connection.upstream.transport or connection.client._reader.is_reading():
                 try:
                     client.send(block)
                 except BlockingIOError:
@@ -538,7 +549,7 @@ def test_stopping_does_not_wait_for_a_side_that_takes_nothing(
             client, server = await bench.pair()
             (connection,) = bench.tap._connections
             block = bytes(1 << 16)
-            while not connection.upstream.transport or connection.client.transport.is_reading():
+            while not connection.upstream.transport or connection.client._reader.is_reading():
                 try:
                     client.send(block)
                 except BlockingIOError:

@@ -2,9 +2,10 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Final, Self
+from typing import Final, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -22,15 +23,13 @@ from scaraspec.suite.bracket import Outcome
 from scaraspec.suite.case import Case
 from scaraspec.suite.plan import Options, why_not
 from scaraspec.suite.statement import Statement
-from scaraspec_recorder.capture import capture_sink, draw_capture
-from scaraspec_recorder.sinks import TICK_NS, Folder
-from scaraspec_recorder.source import open_capture
-
-if TYPE_CHECKING:
-    from scaraspec_recorder.deriver import Deriver
+from scaraspec_recorder.aside import Aside
+from scaraspec_recorder.capture import capture_sink
+from scaraspec_recorder.sinks import SinkFailed
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
 STATE: Final = "state.json"
+CAPTURE: Final = "capture.mcap"
 
 _RISKS: Final = {
     Hazard.READ_ONLY: "ask only",
@@ -58,17 +57,23 @@ def show_plan(
 
 
 class Display:
-    """A bar on a terminal, plain lines elsewhere."""
+    """A bar on a terminal, plain lines elsewhere.
 
-    def __init__(self, console: Console, count: int) -> None:
-        self._console = console
+    Args:
+        console: Where to.
+        count: How many cases there are.
+        ticks: Each case has its line, as a list is ticked off, and there is no bar.
+    """
+
+    def __init__(self, console: Console, count: int, *, ticks: bool = False) -> None:
+        self._console, self._ticks = console, ticks
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
             console=console,
-            disable=not console.is_terminal,
+            disable=ticks or not console.is_terminal,
             transient=True,
         )
         self._task = self._bar.add_task("certifying", total=count)
@@ -90,7 +95,7 @@ class Display:
     def tell(self, outcome: Outcome, _count: int) -> None:
         """A case is over."""
         self._bar.update(self._task, advance=1, description=outcome.case.id)
-        if outcome.verdict not in (Verdict.PASS, Verdict.NONE):
+        if self._ticks or outcome.verdict not in (Verdict.PASS, Verdict.NONE):
             said = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"
             self._console.print(Text(visible(said)), soft_wrap=True)
 
@@ -98,35 +103,51 @@ class Display:
 class Files:
     """The folder of a run: what is recorded while it lasts, and the reports at its end.
 
+    Args:
+        out: The folder; None for none.
+        sittings: What an earlier run left there is gone on with, not refused; what is recorded
+            from then on goes into a folder of its own, ``sitting-2`` and so on.
+
+    Attributes:
+        earlier: What the earlier run found out.
+
     Raises:
         Problem: The folder holds the results of an earlier run.
+        ResultsError: They are to be gone on with, and cannot be read.
         OSError: It cannot be made.
     """
 
-    def __init__(self, out: Path | None) -> None:
+    def __init__(self, out: Path | None, *, sittings: bool = False) -> None:
         self._out = out
-        self._sink: Deriver | None = None
-        self._ticked_ns = 0
+        self._recording: Aside | None = None
+        self.earlier: Results | None = None
         if out is None:
             return
         out.mkdir(parents=True, exist_ok=True)
-        if there := [name for name in RESULTS if (out / name).exists()]:
+        there = [name for name in RESULTS if (out / name).exists()]
+        if there and not sittings:
             raise Problem(f"{out} holds {there[0]} of an earlier run: name another folder")
-        self._sink = capture_sink(Folder(out, []), draw=False)
+        folder = out
+        if there:
+            self.earlier = Results.read(out / RESULTS[0])
+            folder = out / f"sitting-{len(list(out.glob('sitting-*'))) + 2}"
+            folder.mkdir()
+        self._recording = Aside(folder, [partial(capture_sink, draw=has_viewer())])
 
     @property
     def state_file(self) -> Path | None:
         """Where the subject's state is kept until it is put back."""
         return self._out / STATE if self._out else None
 
+    @property
+    def capture(self) -> str:
+        """The recording, from where the results are; empty where one could be mistaken."""
+        return CAPTURE if self._out and not self.earlier else ""
+
     def take(self, event: WireEvent) -> None:
         """Record what passed."""
-        if self._sink is None:
-            return
-        self._sink.write(event)
-        if event.time_ns - self._ticked_ns > TICK_NS:
-            self._sink.tick(event.time_ns)
-            self._ticked_ns = event.time_ns
+        if self._recording:
+            self._recording.write(event)
 
     def write(self, results: Results) -> None:
         """Write every report."""
@@ -147,11 +168,13 @@ class Files:
         value: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End the recording, and draw it."""
-        if self._sink is None or self._out is None:
-            return
-        self._sink.close()
-        if has_viewer():
-            draw_capture(
-                open_capture(self._out / "capture.mcap", port=None), self._out / "capture.rrd"
-            )
+        """End the recording.
+
+        Raises:
+            Problem: It could not be written.
+        """
+        if self._recording:
+            try:
+                self._recording.close()
+            except SinkFailed as error:
+                raise Problem(f"{self._out}: the recording is not whole: {error}") from None

@@ -117,7 +117,7 @@ def _brain(fault: str | None) -> type[Brain]:
     if fault is None:
         return Brain
     try:
-        return faults()[fault].brain
+        return faults()[fault].wrong
     except KeyError:
         raise Problem(
             f"--fault {fault}: there is no such fault; scaraspec prove lists them"

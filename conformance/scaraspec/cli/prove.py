@@ -7,35 +7,41 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from scaraspec.cli.problems import Problem
-from scaraspec.cli.proving import Proof, alarm_of, dialects, proof_of, prove
-from scaraspec.controller.faults import Fault, faults
+from scaraspec.cli.proofs import STANDS, Proof, alarm_of, dialects, proof_of
 from scaraspec.judgement.requirements import UnknownRequirementError, select
 from scaraspec.judgement.verdicts import Conclusion, ExitStatus
 from scaraspec.report.files import write_whole
+from scaraspec.report.model import Role
+from scaraspec.seeding import Fault
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import collect
 
 EXAMPLE = "Example: scaraspec prove --only 4.15 --out proof"
 
 _PATH = click.Path(path_type=Path)
-MATRIX: Final = "kill-matrix.controller.json"
+MATRIX: Final = "kill-matrix.{role}.json"
+_RUNS: Final = 50  # in one process
 
 
 @click.command(epilog=EXAMPLE)
 @click.option(
-    "--role", type=click.Choice(["controller"]), default="controller", help="What is faulty."
+    "--role",
+    type=click.Choice([role.value for role in STANDS]),
+    default=Role.CONTROLLER.value,
+    show_default=True,
+    help="What is faulty.",
 )
 @click.option("--fault", "names", multiple=True, metavar="ID", help="Only this one; repeatable.")
 @click.option("--only", metavar="LIST", help="Only faults and cases of these requirements.")
 @click.option(
-    "--quick", is_flag=True, help="Run against each fault only the cases of what it violates."
+    "--quick", is_flag=True, help="Against each fault, run only the cases of what it violates."
 )
 @click.option(
     "--every", type=click.IntRange(1), default=1, metavar="N", help="Only every Nth of the faults."
@@ -44,7 +50,7 @@ MATRIX: Final = "kill-matrix.controller.json"
     "--dialects",
     "other_dialects",
     is_flag=True,
-    help="No faults: the faultless controller under every reading, and every pair of them.",
+    help="No faults: the faultless one under every reading, and every pair of them.",
 )
 @click.option(
     "--examples",
@@ -60,7 +66,7 @@ MATRIX: Final = "kill-matrix.controller.json"
     show_default=True,
     help="How many processes work.",
 )
-@click.option("--out", type=_PATH, metavar="DIR", help=f"Write {MATRIX} here.")
+@click.option("--out", type=_PATH, metavar="DIR", help="Write kill-matrix.ROLE.json here.")
 def command(  # noqa: PLR0913 - one for each option
     *,
     role: str,
@@ -73,31 +79,48 @@ def command(  # noqa: PLR0913 - one for each option
     jobs: int,
     out: Path | None,
 ) -> None:
-    """Show that the suite bites: run it against the virtual controller with each seeded fault.
+    """Show that the suite bites: run it against our controller or client with each seeded fault.
 
-    A fault is killed where a case fails of a requirement that it violates. Exit status 0 where
-    every fault is killed and the faultless controller conformant, 1 where not.
+    A fault is killed where a case fails of a requirement that it violates; so --quick, with no
+    other case than those, kills as many, minutes instead of hours. A case that kills no fault of
+    those that were run is told. Exit status 0 where every fault is killed and the faultless
+    implementation conformant, 1 where not.
     """
-    del role
-    options = Options(only=_requirements(only), allowed=ALL, undefined=True, examples=examples)
+    party = Role(role)
+    options = Options(
+        only=_requirements(only), allowed=ALL, undefined=True, examples=examples, exhaustive=True
+    )
     if other_dialects:
-        _prove_dialects(options, jobs)
+        _prove_dialects(party, options, jobs)
         return
-    chosen = _chosen(names, options)[::every]
-    sound = prove(options)
+    chosen = _chosen(party, names, options)[::every]
+    sound = STANDS[party].prove(options)
     click.echo(f"without a fault: {sound.verdict.value}, {len(sound.cases)} cases")
-    proofs = list(_shown(_proofs(chosen, options, jobs, quick=quick), len(chosen)))
+    proofs = list(_shown(_proofs(party, chosen, options, jobs, quick=quick), len(chosen)))
     survived = [proof for proof in proofs if not proof.killers]
     for proof in survived:
         click.echo(f"SURVIVED {proof.fault}: {proof.sentence} ({', '.join(proof.requirements)})")
-    idle = _idle(options, proofs) if not names and not quick and every == 1 else []
+    cases = [case.id for case in collect(options, party)]
+    idle = _idle(cases, proofs) if not names and every == 1 else []
     for case in idle:
         click.echo(f"kills nothing: {case}")
-    click.echo(f"{len(proofs) - len(survived)} of {len(proofs)} faults killed")
+    counts = _counts(proofs)
+    click.echo(
+        "{killed} of {faults} faults killed, {subtle_killed} of {subtle} subtle".format(**counts)
+    )
     if out:
         out.mkdir(parents=True, exist_ok=True)
-        matrix = {"role": "controller", "faults": [proof.plain() for proof in proofs], "idle": idle}
-        write_whole(out / MATRIX, json.dumps(matrix, ensure_ascii=False, indent=1) + "\n")
+        matrix = {
+            "role": role,
+            "quick": quick,
+            "without_fault": sound.verdict.value,
+            "counts": {**counts, "cases": len(cases), "idle": len(idle)},
+            "faults": [proof.plain() for proof in proofs],
+            "idle": idle,
+        }
+        write_whole(
+            out / MATRIX.format(role=role), json.dumps(matrix, ensure_ascii=False, indent=1) + "\n"
+        )
     if survived or sound.verdict is not Conclusion.CONFORMANT:
         raise SystemExit(ExitStatus.NONCONFORMANT)
 
@@ -109,8 +132,8 @@ def _requirements(only: str | None) -> frozenset[str] | None:
         raise Problem(f"--only: {error}") from None
 
 
-def _chosen(names: Sequence[str], options: Options) -> list[Fault]:
-    known = faults()
+def _chosen(role: Role, names: Sequence[str], options: Options) -> list[Fault[Any]]:
+    known = STANDS[role].faults()
     for name in names:
         if name not in known:
             raise Problem(f"--fault {name}: there is no such fault; --out lists them all")
@@ -123,24 +146,25 @@ def _chosen(names: Sequence[str], options: Options) -> list[Fault]:
 
 
 def _proofs(
-    chosen: Iterable[Fault], options: Options, jobs: int, *, quick: bool
+    role: Role, chosen: Iterable[Fault[Any]], options: Options, jobs: int, *, quick: bool
 ) -> Iterator[Proof]:
     """What the suite finds of each fault, in order, on several processes."""
     with _pool(jobs) as pool:
         names = [fault.name for fault in chosen]
-        yield from pool.map(partial(proof_of, options=options, quick=quick), names)
+        yield from pool.map(partial(proof_of, role=role, options=options, quick=quick), names)
 
 
 def _pool(jobs: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(jobs, get_context("forkserver"))
+    """Processes that are young: pytest and hypothesis keep something of every run."""
+    return ProcessPoolExecutor(jobs, get_context("forkserver"), max_tasks_per_child=_RUNS)
 
 
-def _prove_dialects(options: Options, jobs: int) -> None:
-    """Show that no conforming controller is failed, whatever readings it follows."""
+def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
+    """Show that no conforming implementation is failed, whatever readings it follows."""
     spoken = list(dialects())
     wrong = 0
     with _pool(jobs) as pool:
-        alarms = pool.map(partial(alarm_of, options=options), spoken)
+        alarms = pool.map(partial(alarm_of, role=role, options=options), spoken)
         for number, alarm in enumerate(alarms, 1):
             wrong += alarm.false
             click.echo(f"{number}/{len(spoken)} {alarm.verdict} {' '.join(alarm.readings)}")
@@ -167,7 +191,18 @@ def _shown(proofs: Iterator[Proof], count: int) -> Iterator[Proof]:
             yield proof
 
 
-def _idle(options: Options, proofs: Iterable[Proof]) -> list[str]:
-    """Cases that fail under no fault."""
-    failed = {case for proof in proofs for case in proof.failures}
-    return [case.id for case in collect(options) if case.id not in failed]
+def _idle(cases: Iterable[str], proofs: Iterable[Proof]) -> list[str]:
+    """Cases that kill no fault."""
+    killers = {case for proof in proofs for case in proof.killers}
+    return [case for case in cases if case not in killers]
+
+
+def _counts(proofs: Iterable[Proof]) -> dict[str, int]:
+    """How many faults there were, how many of them were killed, and so of the subtle ones."""
+    killed = [(proof.subtle, bool(proof.killers)) for proof in proofs]
+    return {
+        "faults": len(killed),
+        "killed": sum(dead for _, dead in killed),
+        "subtle": sum(subtle for subtle, _ in killed),
+        "subtle_killed": sum(subtle and dead for subtle, dead in killed),
+    }

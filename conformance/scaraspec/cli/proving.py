@@ -4,30 +4,26 @@ The one place where both meet. The machine can be handled as a real subject can 
 statement of conformance: switched off and on, its inputs driven, its motors broken.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, Literal
 
-from allpairspy import AllPairs  # type: ignore[import-untyped] # it ships no types
-
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.control import ControlError, obey
-from scaraspec.controller.faults import Fault, faults
+from scaraspec.controller.faults import Fault
 from scaraspec.controller.plant import Plant
 from scaraspec.controller.session import Action, Close
 from scaraspec.controller.store import Store
-from scaraspec.judgement.verdicts import Conclusion, Verdict
 from scaraspec.links.memory import MemoryNetwork
-from scaraspec.protocol.readings import READINGS, Dialect
+from scaraspec.protocol.readings import Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.hooks import HookError
 from scaraspec.suite.plan import Options
-from scaraspec.suite.run import Run, Setting
+from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
-
-_ALARMING: Final = (Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.ERROR)
 
 PASSWORD: Final = b"password"  # the virtual controller's own
 _EPOCH_NS: Final = 1_767_225_600_000_000_000  # 2026-01-01
@@ -115,7 +111,9 @@ class _RobotHook:
         self.act(values)
 
 
-def prove(options: Options, fault: Fault | None = None, dialect: Dialect | None = None) -> Results:
+def prove_controller(
+    options: Options, fault: Fault | None = None, dialect: Dialect | None = None
+) -> Results:
     """Run the suite against the virtual controller.
 
     Args:
@@ -124,7 +122,7 @@ def prove(options: Options, fault: Fault | None = None, dialect: Dialect | None 
         dialect: The readings that it follows, which it claims too.
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
-    robot = Robot(fault.brain if fault else Brain, spoken)
+    robot = Robot(fault.wrong if fault else Brain, spoken)
     statement = Statement(
         name=fault.name if fault else "virtual controller",
         dialect=spoken,
@@ -132,89 +130,7 @@ def prove(options: Options, fault: Fault | None = None, dialect: Dialect | None 
         hooks=_hooks(robot),
     )
     access = MemoryAccess(robot.network)
-    return Run(Setting(access, statement, PASSWORD, options, link="memory")).results()
-
-
-@dataclass(frozen=True, slots=True)
-class Proof:
-    """What the suite found of one fault.
-
-    Attributes:
-        fault: Its name.
-        sentence: What it does wrong.
-        requirements: What it violates.
-        failures: Every case that failed, and its message.
-        killers: Those that failed of a requirement that the fault violates.
-    """
-
-    fault: str
-    sentence: str
-    requirements: tuple[str, ...]
-    failures: Mapping[str, str]
-    killers: tuple[str, ...]
-
-    def plain(self) -> dict[str, object]:
-        """As JSON can hold it."""
-        return asdict(self)
-
-
-def proof_of(name: str, options: Options, *, quick: bool) -> Proof:
-    """Run the suite against a fault; a quick run tries only the cases of what it violates."""
-    fault = faults()[name]
-    violated = frozenset(fault.requirements)
-    if quick:
-        options = replace(options, only=violated)
-    failed = [case for case in prove(options, fault).cases if case.verdict is Verdict.FAIL]
-    return Proof(
-        name,
-        fault.sentence,
-        fault.requirements,
-        {case.id: case.message for case in failed},
-        tuple(case.id for case in failed if violated & set(case.requirements)),
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class Alarm:
-    """What the suite says of a faultless controller that follows other readings.
-
-    Attributes:
-        readings: Where it differs from the default, as ``key=option``.
-        verdict: What the run amounts to.
-        cases: Every case that is neither passed, tolerated nor left out, and its message.
-    """
-
-    readings: tuple[str, ...]
-    verdict: str
-    cases: Mapping[str, str]
-
-    @property
-    def false(self) -> bool:
-        """Whether it is a false alarm."""
-        return self.verdict != Conclusion.CONFORMANT.value
-
-
-def alarm_of(dialect: Dialect, options: Options) -> Alarm:
-    """Run the suite against a faultless controller of this dialect."""
-    results = prove(options, dialect=dialect)
-    return Alarm(
-        tuple(f"{key}={option}" for key, option in dialect.differences().items()),
-        results.verdict.value,
-        {case.id: case.message for case in results.cases if case.verdict in _ALARMING},
-    )
-
-
-def dialects() -> Iterator[Dialect]:
-    """Every reading but the default by itself, then dialects in which every pair of them occurs.
-
-    Without a blank in place of the bar, which the register lists and calls wrong (A-0-2).
-    """
-    several = [r for r in READINGS.values() if len(r.options) > 1 and r.key != "err_sep"]
-    for reading in several:
-        for option in reading.options[1:]:
-            yield Dialect({reading.key: option.name})
-    for names in AllPairs([[option.name for option in r.options] for r in several]):
-        yield Dialect(dict(zip((r.key for r in several), names, strict=True)))
+    return Run(ControllerSetting(access, statement, PASSWORD, options, link="memory")).results()
 
 
 def _hooks(robot: Robot) -> dict[str, _RobotHook]:

@@ -29,11 +29,11 @@ from scaraspec.links.url import (
     split_host_port,
 )
 from scaraspec_recorder import relay, rules
-from scaraspec_recorder.children import Child
 from scaraspec_recorder.config import (
     DEFAULT_LISTEN,
     DEFAULT_OUT,
     MODES,
+    Clock,
     ConfigError,
     Robot,
     read_config,
@@ -41,7 +41,7 @@ from scaraspec_recorder.config import (
 )
 from scaraspec_recorder.dashboard import Dashboard, Display, Lines
 from scaraspec_recorder.live import live_sink
-from scaraspec_recorder.recording import record
+from scaraspec_recorder.recording import Recording, record
 from scaraspec_recorder.routes import Mode, Route, route
 from scaraspec_recorder.seams import safe_name
 from scaraspec_recorder.sinks import SinkFactory
@@ -61,7 +61,7 @@ _DASHBOARD_S: Final = 0.5
 
 _GROUPS: Final = {
     "The link": ("listen", "mode", "print_rules", "inject", "i_mean_it", "config"),
-    "The files": ("out", "rotate", "keep", "min_free", "redact"),
+    "The files": ("out", "rotate", "keep", "min_free", "redact", "timestamps"),
     "Incidents": ("trigger", "ring"),
     "Watching": ("live", "metrics"),
 }
@@ -81,6 +81,11 @@ _OF_ALL: Final = ("config", "live", "metrics", "print_rules")  # these say nothi
 @click.option("--keep", metavar="LIMITS", help="Remove what is beyond 30d, 20GB or 30d,20GB.")
 @click.option("--min-free", metavar="SIZE", help="Remove the oldest where less is free, as 2GB.")
 @click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes too.")
+@click.option(
+    "--timestamps",
+    type=click.Choice([clock.value for clock in Clock]),
+    help="Who says when bytes came in [user].",
+)
 @click.option(
     "--trigger",
     metavar="COND",
@@ -238,21 +243,16 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
             whole.cancel()
         stopped.set()
 
-    writers: list[Child] = []
-
-    def press() -> None:
-        if not [writer for writer in writers if writer.send_signal(signal.SIGUSR1)]:
-            click.echo("SIGUSR1 does nothing: no recording is under way with --trigger signal")
-
+    asked: list[Recording] = []
     with contextlib.suppress(NotImplementedError, AttributeError):  # not on every system
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, end)
-        loop.add_signal_handler(signal.SIGUSR1, press)
+        loop.add_signal_handler(signal.SIGUSR1, _ask, asked)
     showing = loop.create_task(_show(watches, stopped))
     try:
         async with asyncio.TaskGroup() as group:
             for plan in plans:
-                group.create_task(_record_one(plan, viewer, watches, writers, stopped))
+                group.create_task(_record_one(plan, viewer, watches, asked, stopped))
     except* Problem as problems:
         raise problems.exceptions[0] from None
     except* asyncio.CancelledError:
@@ -262,26 +262,42 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
         await asyncio.gather(showing, return_exceptions=True)
 
 
+def _ask(asked: Sequence[Recording]) -> None:
+    """Ask for an incident of each of these."""
+    if not asked:
+        click.echo("SIGUSR1 does nothing: no recording is under way with --trigger signal")
+    for recording in asked:
+        try:
+            recording.ask()
+        except OSError as error:
+            click.echo(f"SIGUSR1 does nothing: {error}")
+
+
 async def _record_one(
     plan: _Plan,
     viewer: str | None,
     watches: list[Watch],
-    writers: list[Child],
+    asked: list[Recording],
     stopped: asyncio.Event,
 ) -> None:
-    """Record one robot; `writers` takes what writes incidents on a signal."""
+    """Record one robot; `asked` takes the recording if it writes incidents on a signal."""
     robot = plan.robot
     try:
         async with (
             record(
-                plan.way, plan.listen, robot.out, plan.sinks(viewer), injection=robot.injection
+                plan.way,
+                plan.listen,
+                robot.out,
+                plan.sinks(viewer),
+                injection=robot.injection,
+                kernel_time=robot.timestamps is Clock.KERNEL,
             ) as recording,
             plan.calling(recording.address) as where,
         ):
             recording.drain_s = _DRAIN_S
             watches.append(Watch(robot.name, recording, robot.out))
             if SIGNAL in robot.triggers:
-                writers.append(recording.scribe)
+                asked.append(recording)
             click.echo(f"recording {where} to {robot.url} in {robot.out}; Ctrl-C ends it")
             await stopped.wait()
     except OSError as error:

@@ -1,5 +1,6 @@
 """`scaraspec recover`: recordings whose recorder was killed, made whole again."""
 
+import errno
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -44,7 +45,9 @@ def command(files: tuple[Path, ...]) -> None:
             whole = False
             click.echo(f"scaraspec: {error}", err=True)
         except OSError as error:
-            raise Problem(f"{file} cannot be repaired: {error.strerror or error}") from None
+            advice = "; free as much as it takes" if error.errno == errno.ENOSPC else ""
+            why = f"{error.strerror or error}{advice}"
+            raise Problem(f"{file} cannot be repaired, and is as it was: {why}") from None
     if not whole:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
 
@@ -64,7 +67,10 @@ def _draw(report: Report) -> None:
     drawn = report.path.with_suffix(".rrd")
     if is_drawn(drawn) and not report.repaired:
         return
-    if has_viewer():
-        click.echo(f"  {redraw(report.path)} drawn anew")
-    else:
+    if not has_viewer():
         click.echo(f"  {drawn} is not drawn: {NO_VIEWER}")
+        return
+    try:
+        click.echo(f"  {redraw(report.path)} drawn anew")
+    except OSError as error:  # the recording itself is whole by now
+        click.echo(f"  {drawn} is not drawn: {error.strerror or error}")

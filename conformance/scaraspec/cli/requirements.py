@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
@@ -19,7 +20,10 @@ from scaraspec.judgement.requirements import (
 from scaraspec.judgement.rules import RULES
 from scaraspec.judgement.rules.undecided import UNDECIDED
 from scaraspec.suite.plan import Options
-from scaraspec.suite.run import collect
+from scaraspec.suite.run import METHODS, collect
+
+if TYPE_CHECKING:
+    from scaraspec.report.model import Role
 
 EXAMPLE = "Example: scaraspec requirements --clause 4.15,3/31"
 
@@ -31,20 +35,20 @@ class Coverage:
     """What tests each requirement."""
 
     def __init__(self) -> None:
-        self._cases: dict[str, list[str]] = {}
-        for case in collect(Options()):
-            for requirement in case.requirements:
-                self._cases.setdefault(requirement, []).append(case.id)
+        self._cases: dict[tuple[Role, str], list[str]] = {}
+        for role in METHODS:
+            for case in collect(Options(), role):
+                for requirement in case.requirements:
+                    self._cases.setdefault((role, requirement), []).append(case.id)
 
     def of(self, requirement: Requirement) -> dict[str, object]:
         """Rules and cases by method; the reason where there are none."""
         told: dict[str, object] = {}
         if Method.PASSIVE in requirement.testable:
             told["capture"] = _RULES[requirement.id] or UNDECIDED.get(requirement.id, "no rule")
-        if Method.ACTIVE_CONTROLLER in requirement.testable:
-            told["controller"] = self._cases.get(requirement.id, "no case")
-        if Method.ACTIVE_CLIENT in requirement.testable:
-            told["client"] = "no case"
+        for role, method in METHODS.items():
+            if method in requirement.testable:
+                told[role.value] = self._cases.get((role, requirement.id), "no case")
         if Method.STATIC in requirement.testable:
             told["file"] = "scaraspec program check"
         return told or {"untested": _HARM}

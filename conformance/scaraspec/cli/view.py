@@ -1,13 +1,20 @@
 """`scaraspec view`: a capture in the Rerun viewer."""
 
+import os
+import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import time
 from contextlib import suppress
+from datetime import UTC, datetime
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Final
 
 import click
+import numpy as np
 
 from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
@@ -22,18 +29,23 @@ from scaraspec_recorder.source import McapCapture, open_capture
 EXAMPLE = "Example: scaraspec view captures/capture.mcap"
 
 _RRD_MAGIC: Final = b"RRF2"
+_NS: Final = 10**9
+_OPENING_S: Final = 60.0
+_AGAIN_S: Final = 0.2
 
 
 @click.command(epilog=EXAMPLE)
 @click.argument("file", type=click.Path(path_type=Path))
 @capture_port
-def command(file: Path, port: int | None) -> None:
+@click.option("--at", metavar="TIME", help="Go there: 2026-11-21T08:15:30.5, UTC, or Unix seconds.")
+def command(file: Path, port: int | None, at: str | None) -> None:
     """Open FILE in the Rerun viewer: a recording (.mcap, .rrd), or a pcap or pcapng.
 
     What is not drawn yet is drawn first: a recording into the .rrd file beside it, all else for
     this once. A recording whose recorder was killed is repaired before, one that is being made is
     shown as far as it has come. Ends when the viewer is closed.
     """
+    at_ns = _instant_ns(at) if at else None
     if not has_viewer():
         raise Problem(NO_VIEWER)
     with tempfile.TemporaryDirectory(prefix="scaraspec-") as scratch:
@@ -43,7 +55,25 @@ def command(file: Path, port: int | None) -> None:
             raise Problem(f"{error}") from None
         except OSError as error:
             raise Problem(f"{file} cannot be drawn: {error.strerror or error}") from None
-        _show(drawn)
+        _show(drawn, at_ns)
+
+
+def _instant_ns(text: str) -> int:
+    """Nanoseconds since the Unix epoch, as a report or a log names them.
+
+    Raises:
+        Problem: The text is no instant.
+    """
+    try:
+        return int(Decimal(text) * _NS)
+    except (InvalidOperation, ValueError, OverflowError):
+        pass
+    try:
+        instant = datetime.fromisoformat(text)
+    except ValueError:
+        told = f"--at {text!r} is no instant: write 2026-11-21T08:15:30.5, or Unix seconds"
+        raise Problem(told) from None
+    return round(instant.replace(tzinfo=instant.tzinfo or UTC).timestamp() * _NS)
 
 
 def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
@@ -69,15 +99,47 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
     return scratch
 
 
-def _show(drawn: Path) -> None:
-    """Open the viewer, and wait until it is closed."""
+def _show(drawn: Path, at_ns: int | None) -> None:
+    """Open the viewer, go to a moment if there is one, and wait until it is closed."""
     click.echo(f"{drawn} in the viewer; close it to end")
-    arguments = ("--new", "--bind", "127.0.0.1", str(drawn))
-    with suppress(KeyboardInterrupt):
-        done = subprocess.run(  # noqa: S603 - our own interpreter and arguments
-            [sys.executable, "-m", "rerun", *arguments], stderr=subprocess.DEVNULL, check=False
-        )
-        if done.returncode:
+    port = _free_port()
+    arguments = ("--bind", "127.0.0.1", "--port", f"{port}", str(drawn))
+    viewer = subprocess.Popen(  # noqa: S603 - our own interpreter and arguments
+        [sys.executable, "-m", "rerun", *arguments],
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        if at_ns is not None:
+            _seek(viewer, f"rerun+http://127.0.0.1:{port}/proxy", at_ns)
+        if viewer.wait():
             raise Problem(
                 "the Rerun viewer does not open: is there a screen?", ExitStatus.INCONCLUSIVE
             )
+    except KeyboardInterrupt:
+        os.killpg(viewer.pid, signal.SIGTERM)  # what was started starts the viewer itself
+        viewer.wait()
+
+
+def _free_port() -> int:
+    """A port of its own: the viewer does not join one that is open already."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _seek(viewer: subprocess.Popen[bytes], url: str, at_ns: int) -> None:
+    """Move the viewer's cursor, as soon as it has read the recording."""
+    from rerun.experimental import ViewerClient  # noqa: PLC0415 - it needs the viewer
+
+    deadline_s = time.monotonic() + _OPENING_S
+    while viewer.poll() is None and time.monotonic() < deadline_s:
+        with suppress(Exception):  # the bindings raise whatever gRPC says
+            client = ViewerClient.connect(url)
+            if client.get_state().recordings:
+                moment = np.datetime64(at_ns, "ns")
+                client.set_time("time", timestamp=moment, play_state="paused")
+                return
+        time.sleep(_AGAIN_S)
+    click.echo("the viewer is not to be reached: go to the moment by hand", err=True)

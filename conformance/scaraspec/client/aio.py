@@ -6,7 +6,7 @@ Here the core meets an asyncio transport and the loop's clock.
 import asyncio
 from collections.abc import Callable
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 from scaraspec.client.core import ClientCore
 from scaraspec.client.exchange import Exchange
@@ -51,6 +51,9 @@ class AsyncClient(Shell):
         UrlError: The text is no such URL.
     """
 
+    core: ClassVar[type[ClientCore]] = ClientCore
+    """What is inside; a client that is wrong on purpose has another one."""
+
     def __init__(
         self,
         url: str,
@@ -59,7 +62,7 @@ class AsyncClient(Shell):
         dialect: Dialect = DEFAULT,
         connect_timeout_s: float = CONNECT_TIMEOUT_S,
     ) -> None:
-        super().__init__(ClientCore(dialect))
+        super().__init__(self.core(dialect))
         address = parse(url)
         if not isinstance(address, Tcp):
             raise UrlError(f"{url} is no network link: use Client, in a thread")
@@ -171,8 +174,8 @@ class AsyncClient(Shell):
         self._core.lose(reason, _now_s())
         self._stir()
 
-    def _tick(self) -> None:
-        self._core.tick(_now_s())
+    def _tick(self, due_s: float) -> None:
+        self._core.tick(max(due_s, _now_s()))  # alarms may come early by the clock's resolution
         self._stir()
 
     def _stir(self) -> None:
@@ -184,7 +187,8 @@ class AsyncClient(Shell):
             self._timer = None
         if self._core.deadline_s is not None:
             loop = asyncio.get_running_loop()
-            self._timer = loop.call_at(self._core.deadline_s, self._tick)
+            due_s = self._core.deadline_s
+            self._timer = loop.call_at(due_s, self._tick, due_s)
         waiters, self._waiters = self._waiters, set()
         for waiter in waiters:
             if not waiter.done():

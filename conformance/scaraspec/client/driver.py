@@ -22,7 +22,8 @@ from scaraspec.client.words import OPERATIONS, TRANSFERS, json_of
 from scaraspec.links.link import LinkError
 from scaraspec.links.url import join_host_port
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.protocol.fields import Clock, Notes, PayloadError
+from scaraspec.protocol.fields import PayloadError
+from scaraspec.protocol.port import DEFAULT_PORT
 
 MakeClient = Callable[[str, str | None], AsyncClient]
 """A client for a URL and a password."""
@@ -78,7 +79,9 @@ class Driver:
         else:
             self._write({"id": number, "ok": True, "result": result})
 
-    async def _connect(self, host: str, port: int, password: str | None = None) -> None:
+    async def _connect(
+        self, host: str, port: int = DEFAULT_PORT, password: str | None = None
+    ) -> None:
         await self._disconnect()
         self._client = self._make(f"tcp://{join_host_port(host, port)}", password)
         await self._client.connect()
@@ -120,18 +123,7 @@ def _arguments(name: str, values: Mapping[str, Any]) -> list[Any]:
         return [values[parameter] for parameter in takes]
     if takes == ["direction"]:
         return [direction_of(values["direction"])]
-    return [
-        _time(field, values[field.name]) if isinstance(field, Clock) else values[field.name]
-        for field in BY_NAME[name].request.fields
-    ]
-
-
-def _time(field: Clock, text: str) -> datetime:
-    notes = Notes()
-    value = field.read(str(text).encode(), notes)
-    if value is None or notes.complaints:
-        raise PayloadError(f"{text!r} is no time: it is written as YYYYMMDDHHMMSS (L172)")
-    return value
+    return [values[field.name] for field in BY_NAME[name].request.fields]
 
 
 def _told(name: str, result: Any) -> Any:

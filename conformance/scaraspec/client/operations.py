@@ -24,7 +24,7 @@ from scaraspec.protocol.commands import (
     PortValue,
     Pose,
 )
-from scaraspec.protocol.fields import PayloadError
+from scaraspec.protocol.fields import Clock, Notes, PayloadError
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.readings import Dialect
 
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+_CLOCK = Clock("time")
 
 Text = str | bytes
 """A name or a password. `str` goes out in the dialect's encoding, UTF-8 unless it says otherwise,
@@ -149,9 +151,13 @@ class Operations:
         return _ask("set_network", Network(ip, mask, gateway))
 
     @operation
-    def set_time(self, time: datetime) -> Call[None]:
-        """Set the clock, to the second; a time zone is not sent (4.5, L169; A-4.5-1)."""
-        return _ask("set_time", time)
+    def set_time(self, time: datetime | str) -> Call[None]:
+        """Set the clock, to the second; a time zone is not sent (4.5, L169; A-4.5-1).
+
+        Args:
+            time: A time, or its text as YYYYMMDDHHMMSS.
+        """
+        return _ask("set_time", time if isinstance(time, datetime) else _time(time))
 
     @operation
     def get_time(self) -> Call[datetime]:
@@ -423,6 +429,18 @@ class Operations:
     def _encoding(self) -> str:
         encoding = self.dialect["text_encoding"]
         return "utf-8" if encoding == "bytes" else encoding
+
+
+def _time(text: str) -> datetime:
+    """The time that a text of the protocol means.
+
+    Raises:
+        PayloadError: It means none.
+    """
+    time = _CLOCK.read(str(text).encode(), Notes())
+    if time is None:
+        raise PayloadError(f"{text!r} is no time: it is written as YYYYMMDDHHMMSS (L172)")
+    return time
 
 
 def direction_of(direction: JogDirection | str) -> JogDirection:

@@ -4,7 +4,7 @@ What a chunk may be, and when a transfer is over, stands in `protocol.transfer`;
 the file on this side in `files`.
 """
 
-from typing import Final
+from typing import ClassVar, Final
 
 from scaraspec.client.exchange import Exchange, Progress, Stage
 from scaraspec.client.problems import ClientError, Refused, TransferFailed
@@ -100,6 +100,9 @@ class Upload(Transfer):
         PayloadError: The name or the file cannot be sent.
     """
 
+    sender: ClassVar[type[Sender]] = Sender
+    """What cuts the file; an upload that is wrong on purpose has another one."""
+
     def __init__(self, name: bytes, content: bytes, dialect: Dialect) -> None:
         super().__init__(_UPLOAD_NAME, name, dialect)
         if not content and dialect["empty_file"] == "refused":
@@ -139,7 +142,7 @@ class Upload(Transfer):
         """The chunk that follows what was just answered; None behind the last."""
         if self._sender is None:
             self.accepted, self.stage = True, Stage.EXECUTING
-            self._sender = Sender(self._content, now_s, self._dialect)
+            self._sender = self.sender(self._content, now_s, self._dialect)
         else:
             self._sender.acknowledge(accepted=True, now_s=now_s)
             self.moved_bytes = self._sender.acknowledged_bytes
@@ -171,6 +174,9 @@ class Download(Transfer):
     Raises:
         PayloadError: The name cannot be sent.
     """
+
+    receiver: ClassVar[type[Receiver]] = Receiver
+    """What judges the chunks; a download that is wrong on purpose has another one."""
 
     def __init__(self, name: bytes, limit_bytes: int, dialect: Dialect) -> None:
         super().__init__(_DOWNLOAD_NAME, name, dialect)
@@ -213,4 +219,4 @@ class Download(Transfer):
             self._give_up(str(problem))
         else:
             self.accepted, self.stage = True, Stage.EXECUTING
-            self._receiver = Receiver(now_s, self._dialect, limit_bytes=self._limit_bytes)
+            self._receiver = self.receiver(now_s, self._dialect, limit_bytes=self._limit_bytes)

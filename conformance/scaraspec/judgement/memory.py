@@ -42,9 +42,13 @@ class Memory:
 
     def between(self, name: str, begin_ns: int, end_ns: int) -> Iterator[Exchange]:
         """The exchanges of a command that lie between two times, oldest first."""
-        for x in self.recent.get(name, ()):
+        found = []
+        for x in reversed(self.recent.get(name, ())):
+            if answered_ns(x) <= begin_ns:  # and so were all before it
+                break
             if begin_ns < x.request.place.time_ns and answered_ns(x) < end_ns:
-                yield x
+                found.append(x)
+        yield from reversed(found)
 
     def take(self, happening: Happening, *, busy: bool) -> None:
         """Remember what a happening says, once it has been judged.

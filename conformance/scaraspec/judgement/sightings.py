@@ -75,17 +75,19 @@ def _of_two_stage(x: Exchange) -> Iterator[Sighting]:
     elif x.during and x.ending is Ending.UNANSWERED:
         yield Sighting(C2A, "busy_reply", "silence")
     if x.interrupted_by and x.interrupted_by.name == "emergency_stop":
-        if x.result:
+        here = x.interrupted_by.request.place.connection == x.request.place.connection
+        if x.result and here:  # between connections there is no order
             yield Sighting(C2A, "estop_interrupted", "after" if x.after_stop else "first")
         elif x.ending is Ending.UNFINISHED:
             yield Sighting(C2A, "estop_interrupted", "none")
 
 
-_BOTH: Final = frozenset({"op_get_default", "prelogin", "estop_interrupted"})
+_BOTH: Final = frozenset({"op_get_default", "prelogin", "estop_interrupted", "busy_reply"})
 """Points at which one peer may show several options without mixing readings.
 
-A controller may serve both opcodes, treat commands differently before a login (A-4-4), and stop
-two commands in different ways (jog, A-4.17-4).
+A controller may serve both opcodes, treat commands differently before a login (A-4-4), stop two
+commands in different ways (jog, A-4.17-4), and be silent while it is busy to all but a reset, whose
+refusal is drawn (A-4-2).
 """
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
+from urllib.parse import quote
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -39,6 +40,8 @@ _SIGNS: Final = {
     Verdict.NONE: "·",
 }
 """So that no verdict is told by its colour alone."""
+
+_NS: Final = 1_000_000_000
 
 
 def write(results: Results, path: Path, language: Language = Language.ENGLISH) -> None:
@@ -157,9 +160,11 @@ def _environment() -> Environment:
         "instant": figures.instant,
         "readings": READINGS,
         "requirements": REQUIREMENTS,
+        "link_to": lambda file: quote(file, safe="/"),
         "say": _say,
         "script": Markup(script),  # noqa: S704 - our own file
         "script_digest": digest,
+        "seconds": lambda time_ns: f"{time_ns // _NS}.{time_ns % _NS:09}",
         "segments": segments,
         "signs": {verdict.value: sign for verdict, sign in _SIGNS.items()},
         "style": Markup(style),  # noqa: S704 - our own file

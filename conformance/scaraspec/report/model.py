@@ -57,7 +57,9 @@ class Subject:
         name: As its statement of conformance calls it.
         version: The version that it claims or reports.
         link: Where it was reached, such as ``tcp://192.168.1.2``.
-        file: The capture's file.
+        file: The capture's file; of a run, the one that was recorded beside the results.
+        claims: What else its statement of conformance claims.
+        complaints: The end of what its process complained of.
     """
 
     kind: Role
@@ -65,11 +67,13 @@ class Subject:
     version: str = ""
     link: str = ""
     file: str = ""
+    claims: Mapping[str, str] = field(default_factory=dict)
+    complaints: str = ""
 
     @property
     def title(self) -> str:
         """What to call it."""
-        return self.name or self.file or self.link
+        return self.name or self.link or self.file
 
 
 @dataclass(frozen=True, slots=True)

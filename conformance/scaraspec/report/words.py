@@ -75,6 +75,8 @@ WORDS: Final[Mapping[str, Words]] = MappingProxyType(
         "link": Words("Link", "连接"),
         "file": Words("File", "文件"),
         "role": Words("Judged as", "判定角色"),
+        "claims": Words("Statement of conformance (ICS)", "实现符合性声明（ICS）"),
+        "complaints": Words("What its process complained of", "被测进程的错误输出"),
         "controller": Words("controller", "控制层"),
         "client": Words("client", "应用层"),
         "capture": Words("capture of both sides", "双方通信的捕获"),
@@ -145,6 +147,7 @@ WORDS: Final[Mapping[str, Words]] = MappingProxyType(
         "whole_frame": Words("whole frame", "完整帧"),
         "more_bytes": Words("… {count} more", "……另有 {count} 字节"),
         "replay": Words("Show it again", "重现命令"),
+        "moment": Words("Look at the moment", "查看该时刻"),
         "copy": Words("copy", "复制"),
         "unknown_requirement": Words("not in this tool's catalogue", "本工具的要求目录中没有此项"),
         # What happened

@@ -16,16 +16,15 @@ from hypothesis.errors import Flaky
 
 from scaraspec.judgement.happenings import FrameSeen, Undecodable
 from scaraspec.judgement.verdicts import Cause, Verdict
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import Subject
+from scaraspec.report.model import Role
 from scaraspec.suite.case import Case, case_of, declare_mark, is_case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.party import Party
 from scaraspec.suite.plan import Options, wanted, why_not
+from scaraspec.suite.wire import Wire
 
 _NS: Final = 1e9
 _SENTENCE: Final = 500
-_ALIVE: Final = "3/31"
-"""The requirement that a subject which does not survive a case violates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,28 +59,32 @@ class Bracket:
 
     Args:
         subject: The subject; None to collect only.
+        role: Whom the cases are to try.
         options: What the tester asks for.
         tell: Called with each outcome as it comes, and how many cases there are.
         loud: Whether pytest reports by itself, too.
 
     Attributes:
+        over: The ids of cases that are over since an earlier sitting.
         before_last: Called ahead of the first case behind which the subject may be gone.
     """
 
     def __init__(
         self,
-        subject: Subject | None,
+        subject: Party | None,
+        role: Role,
         options: Options,
         tell: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
         *,
         loud: bool = False,
     ) -> None:
         self.options = options
-        self._subject = subject
+        self._subject, self._role = subject, role
         self.outcomes: list[Outcome] = []
         self.cases: list[Case] = []
         self.mistakes: list[str] = []
         self._tell, self._loud = tell, loud
+        self.over: frozenset[str] = frozenset()
         self.before_last: Callable[[], None] = lambda: None
         self._dead = ""
         self._profile = settings.get_current_profile_name()
@@ -120,12 +123,15 @@ class Bracket:
         ids = [case.id for case in cases.values()]
         if twice := {i for i in ids if ids.count(i) > 1}:
             self.mistakes.append(f"cases of the same name: {', '.join(sorted(twice))}")
-        chosen = [item for item in cases if wanted(cases[item], self.options)]
+        chosen = [item for item in cases if self._tries(cases[item])]
         chosen.sort(key=lambda item: cases[item].last)
         self.cases = [cases[item] for item in chosen]
         items[:] = own + chosen
         if self._subject is None:
             items.clear()
+
+    def _tries(self, case: Case) -> bool:
+        return case.role is self._role and wanted(case, self.options)
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         """A file of the suite that cannot be read is a mistake of the suite."""
@@ -140,7 +146,7 @@ class Bracket:
             return None
         case = case_of(item)
         self.subject.observer.begin(case.id)
-        outcome = self._why_not(case)
+        outcome = self._known(case)
         if outcome is None:
             outcome = self._run(case, item, nextitem)
         else:  # pytest has to tear down what it had set up for this one
@@ -168,24 +174,27 @@ class Bracket:
     # ------------------------------------------------------------------ fixtures
 
     @property
-    def subject(self) -> Subject:
-        """The controller under test."""
+    def subject(self) -> Party:
+        """Whoever is under test."""
         assert self._subject is not None, "nothing runs without a subject"
         return self._subject
 
     @pytest.fixture(name="subject")
-    def _the_subject(self) -> Subject:
-        """The controller under test."""
+    def _the_subject(self) -> Party:
+        """Whoever is under test."""
         return self.subject
 
     @pytest.fixture(name="line")
-    def _a_line(self) -> Line:
+    def _a_line(self) -> Wire:
         """A connection that has logged in."""
         return self.subject.open()
 
     # ------------------------------------------------------------------ one case
 
-    def _why_not(self, case: Case) -> Outcome | None:
+    def _known(self, case: Case) -> Outcome | None:
+        """What comes of a case without running it; None if it has to run."""
+        if case.id in self.over:
+            return Outcome(case, Verdict.NONE, message="it is over since an earlier sitting")
         why = why_not(case, self.options, self.subject.statement)
         if not why and case.requirements[0] in self._failed and not self.options.exhaustive:
             why = f"{case.requirements[0]} has failed already: --exhaustive goes on"
@@ -251,12 +260,12 @@ class Bracket:
                 return outcome
             message = f"the subject did not survive the case: {error}"
             observed = error.observed
-            expected = "a login and get_status are answered afterwards"
+            expected = "a connection, a login and get_status go through afterwards"
             frames = tuple(subject.observer.recent)
             return Outcome(
                 case,
                 Verdict.FAIL,
-                _ALIVE,
+                subject.survival or case.requirements[0],
                 Cause.SUBJECT,
                 message,
                 expected,
@@ -277,11 +286,8 @@ class Bracket:
     def _revive(self, case: Case) -> None:
         """Start the subject anew, where a hook can."""
         subject = self.subject
-        subject.created.clear()
-        subject.close_lines()
         try:
-            if subject.has_hook("restart"):
-                subject.hook("restart")
+            subject.revive()
             subject.settle()
         except (Unmet, Undecided):
             self.give_up(f"the subject was dead before this case, since case {case.id}")

@@ -10,8 +10,9 @@ from typing import Any, Final, TypeVar
 
 import pytest
 
-from scaraspec.judgement.requirements import Method, requirement
+from scaraspec.judgement.requirements import Method, Requirement, requirement
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.report.model import Role
 
 MARK: Final = "scaraspec_case"
 
@@ -32,6 +33,8 @@ class Case:
         sentence: What it tries, in one line.
         undefined: It sends opcodes that nobody defined.
         last: The subject may be gone afterwards.
+        attended: It is on the checklist of an operator, too.
+        role: Whom it tries.
     """
 
     id: str
@@ -41,11 +44,32 @@ class Case:
     sentence: str = ""
     undefined: bool = False
     last: bool = False
+    attended: bool = False
+    role: Role = Role.CONTROLLER
 
     @property
     def hazard(self) -> Hazard:
         """The worst of its hazards."""
         return max(self.hazards, key=_GRAVITY.index)
+
+
+def client_case(*requirements: str, name: str = "", attended: bool = False) -> Callable[[F], F]:
+    """Make a test function a case that plays the controller.
+
+    Args:
+        requirements: What it judges; its id is the first of them.
+        name: The suffix of its id where the first requirement has several cases.
+        attended: It is on the checklist of an operator, too.
+
+    Raises:
+        UnknownRequirementError: A requirement does not exist.
+        ValueError: A requirement cannot be tested on a client.
+    """
+    _check(requirements, Method.ACTIVE_CLIENT, "controller")
+    nothing = frozenset({Hazard.READ_ONLY})
+    identity = _identity(requirements, name)
+    made = Case(identity, requirements, nothing, attended=attended, role=Role.CLIENT)
+    return _marked(made)
 
 
 def case(
@@ -56,7 +80,7 @@ def case(
     undefined: bool = False,
     last: bool = False,
 ) -> Callable[[F], F]:
-    """Make a test function a case.
+    """Make a test function a case that plays the client.
 
     Args:
         requirements: What it judges; its id is the first of them.
@@ -70,13 +94,27 @@ def case(
         UnknownRequirementError: A requirement does not exist.
         ValueError: A requirement cannot be tested on a controller.
     """
+    entries = _check(requirements, Method.ACTIVE_CONTROLLER, "client")
+    worst = frozenset(hazards or (entry.hazard for entry in entries)) | {Hazard.READ_ONLY}
+    identity = _identity(requirements, name)
+    made = Case(identity, requirements, worst, needs, undefined=undefined, last=last)
+    return _marked(made)
+
+
+def _check(requirements: tuple[str, ...], method: Method, part: str) -> list[Requirement]:
     entries = [requirement(r) for r in requirements]
     for entry in entries:
-        if Method.ACTIVE_CONTROLLER not in entry.testable:
-            raise ValueError(f"{entry.id} cannot be tested by playing the client")
-    worst = frozenset(hazards or (entry.hazard for entry in entries)) | {Hazard.READ_ONLY}
-    identity = f"{requirements[0]}.{name}" if name else requirements[0]
-    made = Case(identity, requirements, worst, needs, undefined=undefined, last=last)
+        if method not in entry.testable:
+            raise ValueError(f"{entry.id} cannot be tested by playing the {part}")
+    return entries
+
+
+def _identity(requirements: tuple[str, ...], name: str) -> str:
+    return f"{requirements[0]}.{name}" if name else requirements[0]
+
+
+def _marked(made: Case) -> Callable[[F], F]:
+    """A decorator that marks a test function with its case."""
 
     def mark(function: F) -> F:
         told = replace(made, sentence=(function.__doc__ or "").strip().partition("\n")[0])

@@ -16,8 +16,9 @@ from scaraspec.judgement.requirements import REQUIREMENTS, Binds
 from scaraspec.judgement.rules.rule import sender_of
 from scaraspec.judgement.verdicts import Finding
 from scaraspec.judgement.wire import WireEvent
-from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.readings import Dialect
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.report.model import Role
+from scaraspec.suite.statement import Statement
 
 _RECENT_FRAMES: Final = 12
 """Frames kept as evidence of what a case did last."""
@@ -39,27 +40,27 @@ class Observer:
     """Watches all connections of a run.
 
     Args:
-        claims: What the subject claims of its time-outs.
+        role: What the subject is.
+        statement: What it claims.
         needs_login: False for a serial link (L83).
-        beyond: Requirements that the judge cannot decide on this subject: only the cases can.
         take: Is given every wire event: a recording.
         hear: Is given what happened and what is wrong with it: statistics.
     """
 
     def __init__(
         self,
-        claims: Dialect,
+        role: Role,
+        statement: Statement,
         *,
         needs_login: bool = True,
-        beyond: frozenset[str] = frozenset(),
         take: Take = lambda _: None,
         hear: Hear = lambda _: None,
     ) -> None:
-        self.judge = Judge(claims, needs_login=needs_login)
+        self.judge = Judge(statement.dialect, needs_login=needs_login)
         self.sightings: list[Sighting] = []
         self.case = ""
         self.recent: deque[FrameSeen | Undecodable] = deque(maxlen=_RECENT_FRAMES)
-        self._beyond = beyond
+        self._role, self._beyond = role, statement.beyond_the_judge
         self._take, self._hear = take, hear
         self._overlooked = ""
 
@@ -103,17 +104,23 @@ class Observer:
                 happening = item
             elif item.requirement in (self._overlooked, *self._beyond) or happening is None:
                 continue
-            elif blames_controller(item, happening):
+            elif blamed(item, happening) is self._role:
                 self.sightings.append(Sighting(self.case, item))
 
 
-def blames_controller(finding: Finding, happening: Happening) -> bool:
-    """Whether a finding is the controller's, and not that of the suite that plays the client."""
+def speaks(role: Role) -> Direction:
+    """The direction in which a subject of this role sends."""
+    return C2A if role is Role.CONTROLLER else A2C
+
+
+def blamed(finding: Finding, happening: Happening) -> Role | None:
+    """Whose finding it is, who may be the suite that plays the other end; None for nobody's."""
     binds = REQUIREMENTS[finding.requirement].binds
     if binds is not Binds.BOTH:
-        return binds is Binds.CONTROLLER
+        return Role.CONTROLLER if binds is Binds.CONTROLLER else Role.CLIENT
     if isinstance(happening, Transfer):
-        return not happening.upload
+        return Role.CLIENT if happening.upload else Role.CONTROLLER
     if isinstance(happening, Exchange):
-        return happening.name != "upload_chunk"
-    return sender_of(happening) not in (A2C, None)
+        return Role.CLIENT if happening.name == "upload_chunk" else Role.CONTROLLER
+    sender = sender_of(happening)
+    return None if sender is None else Role.CONTROLLER if sender is C2A else Role.CLIENT

@@ -29,6 +29,7 @@ class Options:
         seed: Of everything that is drawn at random.
         examples: How many values a drawn case tries.
         exhaustive: Go on with a requirement that has failed.
+        attended: Only what is on the checklist of an operator.
     """
 
     only: frozenset[str] | None = None
@@ -37,6 +38,7 @@ class Options:
     seed: int = 0
     examples: int = 20
     exhaustive: bool = False
+    attended: bool = False
 
 
 def hazards(text: str) -> frozenset[Hazard]:
@@ -68,4 +70,6 @@ def why_not(case: Case, options: Options, statement: Statement) -> str:
 
 def wanted(case: Case, options: Options) -> bool:
     """Whether a case judges anything that was asked for."""
+    if options.attended and not case.attended:
+        return False
     return options.only is None or any(r in options.only for r in case.requirements)

@@ -18,12 +18,14 @@ from scaraspec.links.url import parse
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
 from scaraspec.suite.as_client.access import UrlAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import declare_mark
 from scaraspec.suite.plan import Options, hazards
-from scaraspec.suite.run import Run, Setting
+from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement, StatementError
 
-_RUN: Final = pytest.StashKey[Run]()
+_RUN: Final = pytest.StashKey[Run[Subject]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -48,7 +50,7 @@ def pytest_configure(config: pytest.Config) -> None:
     only = config.getoption("--requirements")
     try:
         parse(url)
-        setting = Setting(
+        setting = ControllerSetting(
             UrlAccess(url, config.getoption("--patience")),
             Statement.read(Path(ics)) if ics else Statement(),
             config.getoption("--subject-password").encode(),

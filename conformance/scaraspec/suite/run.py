@@ -7,16 +7,14 @@ their outcomes, so that a requirement's verdict is the gravest of both.
 import os
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 import pytest
 
 from scaraspec.judgement.requirements import REQUIREMENTS, Method
 from scaraspec.judgement.verdicts import Cause, Verdict, conclude, worst
-from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report import model
@@ -25,27 +23,28 @@ from scaraspec.report.exhibits import exhibit
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite import case as cases
-from scaraspec.suite.as_client import restore
-from scaraspec.suite.as_client.access import Access
-from scaraspec.suite.as_client.probes import probe_all
-from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.bracket import Bracket, Outcome
-from scaraspec.suite.expect import Unmet
-from scaraspec.suite.observer import Observer, Sighting, Take
+from scaraspec.suite.expect import Undecided, Unmet
+from scaraspec.suite.observer import Observer, Sighting, Take, speaks
+from scaraspec.suite.party import Party
 from scaraspec.suite.plan import Options
 from scaraspec.suite.statement import Statement
 
-CONTROLLER: Final = Path(__file__).parent / "controller"
+CASES: Final = {role: Path(__file__).parent / role.value for role in (Role.CONTROLLER, Role.CLIENT)}
+"""Where the shipped cases are."""
+
+METHODS: Final = {Role.CONTROLLER: Method.ACTIVE_CONTROLLER, Role.CLIENT: Method.ACTIVE_CLIENT}
+"""How a subject is tested."""
 
 
-def collect(options: Options) -> list[cases.Case]:
-    """The cases that `options` ask for, without any subject.
+def collect(options: Options, role: Role = Role.CONTROLLER) -> list[cases.Case]:
+    """The cases for subjects of this role that `options` ask for, without any subject.
 
     Raises:
         SuiteError: The suite itself is broken.
     """
-    bracket = Bracket(None, options)
-    _pytest(bracket, options)
+    bracket = Bracket(None, role, options)
+    _pytest(bracket, role, options)
     return bracket.cases
 
 
@@ -53,34 +52,62 @@ class SuiteError(Exception):
     """The suite cannot be run; the text says what is broken."""
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What a run is about.
-
-    Attributes:
-        access: The way to the subject.
-        statement: What it claims.
-        password: What opens it.
-        options: What the tester asks for.
-        link: How to call the way to it, in the results.
-        replay: The command line that runs the suite again, without ``--only``.
-        state_file: Where the subject's state is kept until it is put back; None for nowhere.
-    """
-
-    access: Access
-    statement: Statement
-    password: bytes
-    options: Options
-    link: str = ""
-    replay: str = ""
-    state_file: Path | None = None
+P = TypeVar("P", bound=Party)
 
 
-class Run:
+class Setting(Protocol[P]):
+    """What a run is about."""
+
+    @property
+    def role(self) -> Role:
+        """What the subject is."""
+
+    @property
+    def statement(self) -> Statement:
+        """What it claims."""
+
+    @property
+    def options(self) -> Options:
+        """What the tester asks for."""
+
+    @property
+    def link(self) -> str:
+        """How to call the way to it, in the results."""
+
+    @property
+    def capture(self) -> str:
+        """The file in which it is recorded, beside the results; empty for none."""
+
+    @property
+    def replay(self) -> str:
+        """The command line that runs the suite again, without ``--only``."""
+
+    @property
+    def needs_login(self) -> bool:
+        """Whether a login comes first; a serial link needs none (L83)."""
+
+    def subject(self, observer: Observer) -> P:
+        """The subject."""
+
+    def begin(self, subject: P) -> Mapping[str, Any]:
+        """Get ready; what was found is given to `put_back`.
+
+        Raises:
+            Unmet: The subject is not there.
+            Undecided: It cannot be dealt with.
+            OSError: What it is like cannot be written down.
+        """
+
+    def put_back(self, subject: P, state: Mapping[str, Any]) -> list[str]:
+        """Leave all as it was found; what could not be is told."""
+
+
+class Run(Generic[P]):
     """One run of the suite; whoever runs pytest himself calls `begin` before and `end` after it.
 
     Args:
         setting: What it is about.
+        earlier: What an interrupted run of the same found out, which is not tried again.
         take: Is given every wire event: a recording.
         tell: Is told each outcome as it comes, and of how many.
         loud: Whether pytest reports by itself, too.
@@ -91,8 +118,9 @@ class Run:
 
     def __init__(
         self,
-        setting: Setting,
+        setting: Setting[P],
         *,
+        earlier: Results | None = None,
         take: Take = lambda _: None,
         tell: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
         loud: bool = False,
@@ -100,21 +128,20 @@ class Run:
         self.setting = setting
         self._stats = SessionStats()
         self._observer = Observer(
-            setting.statement.dialect,
-            needs_login=setting.access.needs_login,
-            beyond=setting.statement.beyond_the_judge,
+            setting.role,
+            setting.statement,
+            needs_login=setting.needs_login,
             take=take,
             hear=self._stats.add,
         )
-        self._subject = Subject(
-            setting.access,
-            setting.statement,
-            setting.password,
-            self._observer,
-            setting.options.allowed,
-        )
-        self.bracket = Bracket(self._subject, setting.options, tell, loud=loud)
+        self._subject = setting.subject(self._observer)
+        self.bracket = Bracket(self._subject, setting.role, setting.options, tell, loud=loud)
         self.bracket.before_last = self._put_back
+        cases_before = earlier.cases if earlier else ()
+        self._earlier = {
+            c.id: c for c in cases_before if c.verdict is not Verdict.NONE and c.requirements
+        }
+        self.bracket.over = frozenset(self._earlier)
         self._state: Mapping[str, Any] = {}
         self._problems: list[str] = []
 
@@ -127,7 +154,7 @@ class Run:
         """
         try:
             self.begin()
-            _pytest(self.bracket, self.setting.options)
+            _pytest(self.bracket, self.setting.role, self.setting.options)
         except KeyboardInterrupt:
             self.bracket.outcomes.append(
                 _set_up("interrupted", "the tester ended the run before its end")
@@ -142,37 +169,30 @@ class Run:
         Raises:
             OSError: Its state cannot be written down.
         """
-        file = self.setting.state_file
         try:
-            self._state = (restore.load(file) if file else None) or restore.save(self._subject)
-        except Unmet as error:
+            self._state = self.setting.begin(self._subject)
+        except (Unmet, Undecided) as error:
             self._subject.close_lines()
             self.bracket.give_up(f"the subject was not there to begin with: {error}")
-            return
-        if file:
-            restore.keep(file, self._state)
-        probe_all(self._subject)
 
     def end(self) -> None:
         """Put everything back; what could not be is told, and stays written down."""
         if not self._subject.off:  # else it was done before it was switched off
             self._put_back()
-        problems = self._problems
-        if self.setting.state_file and not problems:
-            self.setting.state_file.unlink(missing_ok=True)
-        self.bracket.outcomes += [_set_up("restore", problem) for problem in problems]
+        self.bracket.outcomes += [_set_up("restore", problem) for problem in self._problems]
         self._observer.close()
 
     def _put_back(self) -> None:
-        self._problems = restore.restore(self._subject, self._state) if self._state else []
+        self._problems = self.setting.put_back(self._subject, self._state)
         self._subject.close_lines()
 
     def told(self) -> Results:
         """What came of it."""
         outcomes = (*self.bracket.outcomes, *self._wrong_claims())
-        tried = [self._case(outcome) for outcome in outcomes]
-        seen = [self._seen(n, same) for n, same in _grouped(self._observer.sightings)]
-        made = (*tried, *seen)
+        tried = [self._earlier.get(o.case.id) or self._case(o) for o in outcomes]
+        seen_before = [case for key, case in self._earlier.items() if _SEEN in key]
+        groups = _grouped(self._observer.sightings, seen_before)
+        made = (*tried, *seen_before, *(self._seen(n, same) for n, same in groups))
         by_requirement: defaultdict[str, list[Case]] = defaultdict(list)
         for each in made:
             for requirement in each.requirements:
@@ -187,20 +207,23 @@ class Run:
             )
             for entry in REQUIREMENTS.values()
             if entry.id in by_requirement
-            or (Method.ACTIVE_CONTROLLER in entry.testable and (scope is None or entry.id in scope))
+            or (METHODS[setting.role] in entry.testable and (scope is None or entry.id in scope))
         )
         return Results(
             tool=Tool.own(),
             subject=model.Subject(
-                Role.CONTROLLER,
+                setting.role,
                 setting.statement.name,
                 setting.statement.version,
                 setting.link,
+                setting.capture,
+                setting.statement.told,
+                self._subject.complaints,
             ),
-            role=Role.CONTROLLER,
+            role=setting.role,
             verdict=conclude(Counter(each.verdict for each in made)),
             counts=dict.fromkeys(Verdict, 0) | Counter(each.verdict for each in made),
-            readings={"controller": self._readings()},
+            readings={setting.role.value: self._readings()},
             requirements=requirements,
             cases=made,
             session=self._stats.session(),
@@ -210,7 +233,7 @@ class Run:
         """What was seen at the open points, by the judge or by a probe, beside what is claimed."""
         statement = self.setting.statement
         claims = {key: statement.dialect[key] for key in statement.claimed}
-        readings = dict(readings_of(self._observer.judge, C2A, claims))
+        readings = dict(readings_of(self._observer.judge, speaks(self.setting.role), claims))
         for key, option in self._subject.found.items():
             default = option == READINGS[key].default
             readings[key] = ReadingSeen((option,), default, mixed=False, claimed=claims.get(key))
@@ -264,7 +287,7 @@ class Run:
         bad = finding.verdict is Verdict.FAIL
         where = f"; first seen in case {first.case}{times}" if first.case else times
         return Case(
-            id=f"{finding.requirement}.seen-{number}",
+            id=f"{finding.requirement}{_SEEN}{number}",
             requirements=(finding.requirement,),
             verdict=finding.verdict,
             cause=finding.cause,
@@ -283,6 +306,7 @@ class Run:
 
 
 _SHOWN: Final = 12
+_SEEN: Final = ".seen-"
 
 
 def _set_up(name: str, message: str) -> Outcome:
@@ -291,33 +315,37 @@ def _set_up(name: str, message: str) -> Outcome:
     return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message)
 
 
-def _grouped(sightings: list[Sighting]) -> Iterator[tuple[int, list[Sighting]]]:
-    """Sightings that say the same, numbered within their requirement; doubts are none."""
+def _grouped(
+    sightings: list[Sighting], before: Iterable[Case]
+) -> Iterator[tuple[int, list[Sighting]]]:
+    """Sightings that say the same, numbered on within their requirement; doubts are none."""
     groups: defaultdict[tuple[str, Verdict, object], list[Sighting]] = defaultdict(list)
     for sighting in sightings:
         finding = sighting.finding
         if finding.verdict is not Verdict.INCONCLUSIVE:
             what = finding.reading or finding.message
             groups[finding.requirement, finding.verdict, what].append(sighting)
-    numbers: Counter[str] = Counter()
+    numbers = Counter(requirement for case in before for requirement in case.requirements)
     for (requirement, _, _), listed in groups.items():
         numbers[requirement] += 1
         yield numbers[requirement], listed
 
 
-def _pytest(bracket: Bracket, options: Options) -> None:
+def _pytest(bracket: Bracket, role: Role, options: Options) -> None:
     """Let pytest collect and run the shipped cases, silently.
 
     Raises:
         SuiteError: It could not.
         KeyboardInterrupt: The tester ended it.
     """
-    _forget_cases()
+    folder = CASES[role]
+    _forget_cases(folder)
     quiet = ("-p", "no:terminal", "-p", "no:cacheprovider", "-p", "no:junitxml", "-p", "no:logging")
-    alone = ("-c", os.devnull, f"--rootdir={CONTROLLER}", f"--confcutdir={CONTROLLER}")
+    alone = ("-c", os.devnull, f"--rootdir={folder}", f"--confcutdir={folder}")
     drawn = (f"--hypothesis-seed={options.seed}",)
+    heard = ("--capture=no",) if options.attended else ()  # an operator reads and types
     status = pytest.main(
-        [str(CONTROLLER), *alone, *quiet, *drawn, "--import-mode=importlib"], plugins=[bracket]
+        [str(folder), *alone, *quiet, *drawn, *heard, "--import-mode=importlib"], plugins=[bracket]
     )
     if bracket.mistakes:
         raise SuiteError(bracket.mistakes[0])
@@ -327,9 +355,9 @@ def _pytest(bracket: Bracket, options: Options) -> None:
         raise SuiteError(f"pytest ended with {status!r}")
 
 
-def _forget_cases() -> None:
+def _forget_cases(folder: Path) -> None:
     """Let the cases be imported anew: how they draw is settled when they are."""
-    cases_here = str(CONTROLLER / "test_")
+    cases_here = str(folder / "test_")
     for name, module in list(sys.modules.items()):
         if str(getattr(module, "__file__", None)).startswith(cases_here):
             del sys.modules[name]

@@ -31,7 +31,7 @@ class Motion:
         longest_s: How long any move, reset or program may take, in seconds.
     """
 
-    step_mm: float = 5.0
+    step_mm: float = 4.5
     speed_percent: int = 10
     box_mm: tuple[tuple[float, float], ...] = ()
     jog_s: float = 0.5
@@ -81,6 +81,23 @@ class Statement:
         """What the judge cannot decide, who knows neither when 0x05 applies nor how time runs."""
         network = _ON_NETWORK if self.network_applies == "after-restart" else frozenset()
         return network | (_ON_TIME if self.time_scale != 1 else frozenset())
+
+    @property
+    def told(self) -> dict[str, str]:
+        """Its claims beside name, version and link, in the words of its file; hooks by name."""
+        told = {f"readings.{key}": self.dialect[key] for key in sorted(self.claimed)}
+        told |= {f"hooks.{name}": "given" for name in sorted(self.hooks)}
+        if self.lacks:
+            told["lacks"] = ", ".join(sorted(self.lacks))
+        if self.network_applies != _NETWORK_APPLIES[0]:
+            told["network_applies"] = self.network_applies
+        if self.time_scale != 1:
+            told["time_scale"] = f"{self.time_scale:g}"
+        usual = Motion()
+        for each in fields(Motion):
+            if (value := getattr(self.motion, each.name)) != getattr(usual, each.name):
+                told[f"motion.{each.name}"] = f"{value}"
+        return told
 
     def claiming(self, **choices: str) -> Self:
         """This statement with further claims.

@@ -29,9 +29,12 @@ while True:
     [
         ("raise SystemExit('no licence')", "no licence"),
         ("import time; time.sleep(60)", "has not answered levitate"),
-        ("import os\nwhile True: os.write(1, b'x' * 65536)", "a line of more than"),
+        (
+            "import os\nwhile True: os.write(1, b'x' * 65536)",
+            "goes on writing what answers nothing",
+        ),
         ("print('[]' * 10, flush=True); input(); input()", "has not answered levitate"),
-        (ANSWER.format("'ok': True"), "an operation that nobody has is answered ok"),
+        (ANSWER.format("'ok': True"), "an operation that nobody has is answered {"),
         (ANSWER.format("'unimplemented': True"), "no connection came"),
     ],
 )

@@ -4,39 +4,51 @@ import json
 from pathlib import Path
 from typing import Any
 
-from scaraspec.cli.proving import alarm_of, dialects
-from scaraspec.controller.faults import faults
+import pytest
+
+from scaraspec.cli.proofs import STANDS, alarm_of, dialects
 from scaraspec.judgement.requirements import REQUIREMENTS, by_clause
+from scaraspec.report.model import Role
 from scaraspec.suite.plan import ALL, Options
 
 
-def test_faults_name_what_they_violate() -> None:
-    """There are hundreds, each with its own sentence, of requirements that there are."""
-    known = faults().values()
-    assert len(known) >= 200
+@pytest.mark.parametrize(
+    ("role", "fewest", "fewest_subtle"), [(Role.CONTROLLER, 200, 60), (Role.CLIENT, 80, 20)]
+)
+def test_faults_name_what_they_violate(role: Role, fewest: int, fewest_subtle: int) -> None:
+    """There are many, each with its own sentence, of requirements that there are."""
+    known = STANDS[role].faults().values()
+    assert len(known) >= fewest
+    assert sum(fault.subtle for fault in known) >= fewest_subtle
     assert len({fault.sentence for fault in known}) == len(known)
     assert {requirement for fault in known for requirement in fault.requirements} <= set(
         REQUIREMENTS
     )
 
 
-def test_a_sample_of_the_faults_is_killed(processes: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("role", ["controller", "client"])
+def test_a_sample_of_the_faults_is_killed(processes: Any, tmp_path: Path, role: str) -> None:
     """The command says so, and the matrix says by which case; `make prove` takes all of them."""
-    sample = ("--quick", "--only", "4.8,5.3", "--every", "8")
-    done = processes.run("prove", *sample, "--out", str(tmp_path))
+    sample = ("--quick", "--only", "4.8", "--every", "5", "--examples", "5")
+    done = processes.run("prove", "--role", role, *sample, "--out", str(tmp_path))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "without a fault: conformant" in done.stdout
-    matrix = json.loads((tmp_path / "kill-matrix.controller.json").read_text(encoding="utf-8"))
+    matrix = json.loads((tmp_path / f"kill-matrix.{role}.json").read_text(encoding="utf-8"))
     assert matrix["faults"]
     assert all(fault["killers"] for fault in matrix["faults"])
+    counts = matrix["counts"]
+    assert counts["killed"] == counts["faults"] == len(matrix["faults"])
+    assert counts["subtle_killed"] == counts["subtle"] > 0
+    assert matrix["without_fault"] == "conformant"
 
 
-def test_another_dialect_is_no_false_alarm() -> None:
+@pytest.mark.parametrize("role", [Role.CONTROLLER, Role.CLIENT])
+def test_another_dialect_is_no_false_alarm(role: Role) -> None:
     """One of those in which every pair of readings occurs; `make prove` takes all of them."""
     *_, dialect = dialects()
     assert len(dialect.differences()) > 10
     only = frozenset(r.id for r in by_clause("4.12"))
-    alarm = alarm_of(dialect, Options(only=only, allowed=ALL, undefined=True))
+    alarm = alarm_of(dialect, role, Options(only=only, allowed=ALL, undefined=True))
     assert not alarm.false, alarm.cases
 
 

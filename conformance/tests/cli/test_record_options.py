@@ -18,6 +18,7 @@ from scaraspec.client import Client
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec_recorder.passages import Passage
 from scaraspec_recorder.source import open_capture
 
 LOCAL = ("--listen", "127.0.0.1:0")
@@ -111,6 +112,38 @@ def test_who_asks_gets_an_incident(processes: Any, controller: str, tmp_path: Pa
     assert sum(len(event.data) for event in open_capture(incident, port=None)) > 20
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the writing process by /proc")
+def test_who_asks_while_nobody_writes_gets_an_incident(
+    processes: Any, controller: str, tmp_path: Path
+) -> None:
+    """The writing process is dead, and not started again yet."""
+    recorder = processes.start(
+        *("record", controller, *LOCAL, "--out", str(tmp_path)),
+        *("--ring", "60s", "--trigger", "signal"),
+    )
+    ask(url_in(recorder.stdout.readline()))
+    os.kill(scribe_of(recorder.pid), signal.SIGKILL)
+    recorder.send_signal(signal.SIGUSR1)
+    assert any("asked for by SIGUSR1" in line for line in recorder.stdout)
+    end(recorder)
+    assert len(list(tmp_path.glob("*_signal.mcap"))) == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems stamp nothing")
+def test_the_kernels_time_is_recorded(processes: Any, controller: str, tmp_path: Path) -> None:
+    """The raw chunks say when the system received them and when they were passed on."""
+    recorder = processes.start(
+        *("record", controller, *LOCAL, "--out", str(tmp_path), "--timestamps", "kernel")
+    )
+    ask(url_in(recorder.stdout.readline()))
+    end(recorder)
+    events = list(open_capture(tmp_path / "capture.mcap", port=None))
+    passages = [event for event in events if isinstance(event, Passage)]
+    assert len(passages) == sum(event.kind is Kind.BYTES for event in events)
+    assert all(event.time_ns <= event.forwarded_ns for event in passages)
+    assert any(event.kernel_time for event in passages)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGUSR1")
 def test_a_signal_that_means_nothing_ends_nothing(
     processes: Any, controller: str, tmp_path: Path
@@ -173,10 +206,7 @@ def test_a_second_signal_ends_the_waiting(processes: Any, controller: str, tmp_p
     recorder = processes.start(*arguments)
     url = url_in(recorder.stdout.readline())
     ask(url)
-    until_s = time.monotonic() + DEADLINE_S
-    while not (scribe := [c for c in children(recorder.pid) if name_of(c) == "scara-scribe"]):
-        assert time.monotonic() < until_s, "there is no scribe"
-    os.kill(scribe[0], signal.SIGSTOP)
+    os.kill(scribe_of(recorder.pid), signal.SIGSTOP)
     recorder.send_signal(signal.SIGINT)
     assert recorder.stdout.readline().startswith("ending: ")
     told = end(recorder, signal.SIGINT)
@@ -189,6 +219,14 @@ def test_a_second_signal_ends_the_waiting(processes: Any, controller: str, tmp_p
     assert "files: capture" in told
     recorded = [e for file in tmp_path.glob("*.mcap") for e in open_capture(file, port=None)]
     assert sum(len(event.data) for event in recorded) > 20
+
+
+def scribe_of(pid: int) -> int:
+    """The writing process of a recorder, as soon as it is there."""
+    until_s = time.monotonic() + DEADLINE_S
+    while not (scribe := [c for c in children(pid) if name_of(c) == "scara-scribe"]):
+        assert time.monotonic() < until_s, "there is no scribe"
+    return scribe[0]
 
 
 def children(pid: int) -> list[int]:

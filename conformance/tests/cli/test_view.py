@@ -1,10 +1,18 @@
 """`scaraspec view`: what the viewer is given to show."""
 
+import re
+import signal
 import sys
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+import rerun_cli
+from rerun.experimental import ViewerClient
+
+from scaraspec_recorder.source import open_capture
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a script stands in as the viewer")
 
@@ -24,7 +32,7 @@ def shown(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPa
 def given(shown: Path) -> str:
     """The file that the viewer was called with; it was a whole drawing."""
     called = (shown / "called").read_text().split()
-    assert called[:-1] == ["--new", "--bind", "127.0.0.1"]
+    assert called[:3] == ["--bind", "127.0.0.1", "--port"]
     assert b"RRF2FOOT" in (shown / "drawn").read_bytes()[-12:]
     return called[-1]
 
@@ -97,3 +105,53 @@ def test_what_is_no_capture(processes: Any, tmp_path: Path) -> None:
     done = processes.run("view", str(tmp_path / "none.mcap"))
     assert done.returncode == 2
     assert "No such file" in done.stderr
+
+
+def test_a_moment(
+    processes: Any, fixtures_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A real viewer, without a screen, stands there, on the timeline of the clock."""
+    real = Path(rerun_cli.__file__).parent / "rerun"
+    viewer = tmp_path / "viewer"
+    viewer.write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/called\nexec {real} --headless "$@"\n')
+    viewer.chmod(0o755)
+    monkeypatch.setenv("RERUN_CLI_PATH", str(viewer))
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    *_, last = open_capture(source, port=None)
+    at_ns = last.time_ns - 1_000
+    process = processes.start("view", str(source), "--at", f"{at_ns // 10**9}.{at_ns % 10**9:09}")
+    assert process.stdout
+    assert "in the viewer" in process.stdout.readline()
+    assert stands_at(tmp_path / "called", at_ns)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(30) == 0
+
+
+def stands_at(called: Path, at_ns: int) -> bool:
+    """Whether the viewer that was called gets to a moment."""
+    deadline_s = time.monotonic() + 60
+    while time.monotonic() < deadline_s:
+        with suppress(Exception):
+            port = re.search(r"--port (\d+)", called.read_text())
+            assert port
+            client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port[1]}/proxy")
+            (recording,) = client.get_state().recordings
+            if (recording.current_timeline, recording.current_time) == ("time", at_ns):
+                return True
+    return False
+
+
+def test_a_viewer_that_cannot_be_led(processes: Any, fixtures_dir: Path, shown: Path) -> None:
+    """It shows the recording all the same, and the moment is left to its user."""
+    source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
+    done = processes.run("view", str(source), "--at", "2026-01-01T00:00:01.5")
+    assert done.returncode == 0, done.stderr
+    assert "go to the moment by hand" in done.stderr
+    assert given(shown)
+
+
+def test_no_moment(processes: Any) -> None:
+    """One sentence."""
+    done = processes.run("view", "capture.mcap", "--at", "noon")
+    assert done.returncode == 2
+    assert "'noon' is no instant" in done.stderr

@@ -47,6 +47,7 @@ CASES = (
     ("3/4", "fail", "login\n> get_status\n< = AA 09 02 30 30 CC\n< get_status 00"),
     ("3/5", "pass", QUERY),
     ("3/5", "fail", "login\n> get_status\n< = CC 09 02 30 30 BB\n> get_time"),
+    ("3/5", "fail", "login\n> get_status\n< = CC 09 02 30 30 CC\n> get_time"),
     ("3/5", "fail", "login\n> reset\n< reset 1\n< = CC 90 33 02 31 31 BB\n> get_time"),
     ("3/6", "pass", QUERY),
     ("3/6", "fail 3/7", "login\n> get_status\n< = CC 09 01 30 30 AA\n> get_time"),
@@ -248,6 +249,17 @@ CASES = (
         "3/31",
         "tolerated default_none=silence",
         "login\n> get_default_program\n> get_status\n< get_status 00\n+11\n> get_status",
+    ),
+    (
+        "3/31",
+        "tolerated jog_byte=binary",
+        "login\n> jog 1\n> get_status\n< get_status 00\n+11\n> get_status\n< get_status 00",
+    ),
+    # It takes this notation.
+    (
+        "3/31",
+        "fail",
+        "login\n> jog 1\n< jog 0|05\n> jog 2\n> get_status\n< get_status 00\n+11\n> close",
     ),
     ("3/32", "pass", QUERY),
     ("3/32", "fail", "login\n> = 00\n> get_status\n< get_status 00"),

@@ -74,7 +74,11 @@ _CASES = (
 
 FULL = Results(
     tool=Tool("scaraspec", "0.1.0"),
-    subject=Subject(Role.CONTROLLER, "Cell 7 控制器", "1.0.0", "tcp://192.168.1.2", "run.mcap"),
+    subject=Subject(
+        *(Role.CONTROLLER, "Cell 7 控制器", "1.0.0", "tcp://192.168.1.2", "run.mcap"),
+        claims={"readings.endian": "little"},
+        complaints="it is warm in here",
+    ),
     role=Role.CONTROLLER,
     verdict=Conclusion.NONCONFORMANT,
     counts=dict.fromkeys(Verdict, 1),
@@ -174,7 +178,7 @@ def hostile() -> Results:
     return replace(
         FULL,
         tool=Tool(HOSTILE, HOSTILE),
-        subject=Subject(Role.CLIENT, HOSTILE, HOSTILE, HOSTILE, HOSTILE),
+        subject=Subject(Role.CLIENT, *[HOSTILE] * 4, {HOSTILE: HOSTILE}, HOSTILE),
         readings={HOSTILE: {HOSTILE: odd}},
         requirements=(RequirementResult(HOSTILE, Verdict.FAIL, (cases[0].id,)),),
         cases=cases,

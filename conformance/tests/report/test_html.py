@@ -16,7 +16,7 @@ import pytest
 
 from scaraspec.judgement.verdicts import Conclusion
 from scaraspec.report import html
-from scaraspec.report.model import Results
+from scaraspec.report.model import Results, Role
 from scaraspec.report.words import WORDS, Language
 
 _VOID = frozenset({"meta", "input", "br"})
@@ -294,8 +294,26 @@ def test_every_id_is_there_once_and_every_link_leads_somewhere(
     for each in (page, Page(html.render(hostile))):
         ids = [e.attributes["id"] for e in each.all if "id" in e.attributes]
         assert len(ids) == len(set(ids))
-        links = {e.attributes["href"][1:] for e in each.all if "href" in e.attributes}
-        assert links <= set(ids)
+        links = {e.attributes["href"] for e in each.all if "href" in e.attributes}
+        assert {link[1:] for link in links if link.startswith("#")} <= set(ids)
+        assert len({link for link in links if not link.startswith("#")}) == 1  # the recording
+
+
+def test_a_case_leads_to_its_moment_in_the_recording(full: Results, page: Page) -> None:
+    """By the command that shows it; the file itself is a link where it lies beside the page."""
+    case = next(case for case in full.cases if case.wire)
+    at = f"{case.wire[-1].time_ns / 10**9:.3f}"[:-1]
+    (place, *_) = [e for e in page.of("code") if "--at" in e.text]
+    assert place.text.startswith(f"scaraspec view run.mcap --at {at}")
+    assert any(e.attributes.get("href") == "run.mcap" for e in page.of("a"))
+    audit = replace(full, role=Role.CAPTURE)
+    assert not any(e.attributes.get("href") == "run.mcap" for e in Page(html.render(audit)).of("a"))
+
+
+def test_the_statement_of_conformance_is_there(page: Page) -> None:
+    """What was claimed, and what the process complained of."""
+    assert any("readings.endian = little" in " ".join(e.text.split()) for e in page.of("code"))
+    assert any(e.text == "it is warm in here" for e in page.of("pre"))
 
 
 def test_a_file_name_of_right_to_left_letters_turns_nothing_else(full: Results) -> None:

@@ -11,9 +11,10 @@ from scaraspec.controller.session import Session
 from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.report.model import Case, Results
+from scaraspec.report.model import Case, Results, Role
 from scaraspec.suite import run as suite
 from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.statement import Statement
 
@@ -38,10 +39,10 @@ def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
     ) -> Results:
         file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
         file.write_text(HEAD + text, encoding="utf-8")
-        monkeypatch.setattr(suite, "CONTROLLER", tmp_path)
+        monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
         robot = Robot(brain, DEFAULT)
         access = MemoryAccess(robot.network)
-        return suite.Run(suite.Setting(access, statement, PASSWORD, options)).results()
+        return suite.Run(ControllerSetting(access, statement, PASSWORD, options)).results()
 
     return run
 

@@ -18,8 +18,9 @@ from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case
 from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run, Setting
+from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
 GOOD = (Verdict.PASS, Verdict.TOLERATED)
@@ -30,7 +31,7 @@ def tried(brain: type[Brain], *only: str, **claims: Any) -> Mapping[str, Case]:
     robot = Robot(brain, DEFAULT)
     options = Options(only=frozenset(only), allowed=ALL, examples=5)
     access = MemoryAccess(robot.network)
-    results = Run(Setting(access, Statement(**claims), PASSWORD, options)).results()
+    results = Run(ControllerSetting(access, Statement(**claims), PASSWORD, options)).results()
     return {case.id: case for case in results.cases}
 
 
@@ -167,3 +168,41 @@ def test_who_cannot_be_asked_while_executing_is_not_failed(brain: type[Brain]) -
     """What cannot be seen so is not tried (A-4-3)."""
     cases = tried(brain, "4.8/4", "4.8/5", "4.9/2", "4.9/3", "4.9/4")
     assert Verdict.FAIL not in {case.verdict for case in cases.values()}
+
+
+class WasNeverSetUp(Brain):
+    """Its initial position is six zeros, and its default program is not stored: it refuses both."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.save(initial_tool_position=(0.0,) * 6, default_program=b"gone.rob")
+
+    def get_default_program(self, _: Request) -> bytes:
+        """Tell it all the same."""
+        return self.store.settings.default_program
+
+
+def test_what_nobody_can_put_back() -> None:
+    """What the subject refuses to take back even at first leaves no run inconclusive."""
+    cases = tried(WasNeverSetUp, "4.13/3", "4.21/3", "4.13/2")
+    assert not wrong(cases)
+
+
+class HearsNothingButTheStopWhileItJogs(Brain):
+    """While it jogs only the emergency stop is served (A-4-3)."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Be deaf."""
+        task = self.robot.task
+        if task is None or task.request.command.name != "jog" or frame.opcode == 0x32:
+            super().handle(session, frame, now_s)
+
+
+def test_deaf_while_it_jogs() -> None:
+    """Who serves queries during programs and none during a jog is failed by nothing."""
+    cases = tried(
+        HearsNothingButTheStopWhileItJogs, "4.8/7", "4.25/5", "4.28/3", "4.28/4", "4.28/5", "4/6"
+    )
+    skipped = [case.id for case in cases.values() if case.verdict is Verdict.NONE]
+    assert "4.8/7.jogging" in skipped
+    assert all(case.verdict in (*GOOD, Verdict.NONE) for case in cases.values()), wrong(cases)

@@ -21,8 +21,9 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run, Setting
+from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
 _CLAUSES = ("4", "4.15", "4.16", "4.17", "4.18", "4.24", "4.25", "4.26", "4.27", "4.28", "7")
@@ -132,7 +133,9 @@ def test_no_false_alarm(brain: type[Brain]) -> None:
     """No case of the two-stage commands fails of what the register lets a controller do."""
     only = frozenset(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES)
     access = MemoryAccess(Robot(brain, DEFAULT).network)
-    setting = Setting(access, Statement(), PASSWORD, Options(only=only, allowed=ALL, examples=3))
+    setting = ControllerSetting(
+        access, Statement(), PASSWORD, Options(only=only, allowed=ALL, examples=3)
+    )
     results = Run(setting).results()
     bad = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
     assert [f"{c.id}: {c.message}" for c in results.cases if c.verdict in bad] == []

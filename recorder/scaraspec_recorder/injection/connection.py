@@ -26,13 +26,15 @@ class _InjectedEnd(End):
     connection: "InjectedConnection"
     blocked = False  # this socket takes nothing
 
-    def data_received(self, data: bytes) -> None:
+    def data_received(self, data: bytes, time_ns: int = 0, kernel_time: bool = False) -> None:  # noqa: FBT001, FBT002 - as in `End`
         if self.peer.transport:
-            self._append(Kind.BYTES, self.stream, self._now_ns(), self.received_bytes, data)
+            # When, and whether, they are passed on is the injector's affair.
+            passage = (time_ns or self._now_ns(), self.received_bytes, data, 0, kernel_time)
+            self._append(Kind.BYTES, self.stream, *passage)
             self.received_bytes += len(data)
             self.connection.received(self, data)
         else:
-            super().data_received(data)  # to come again
+            super().data_received(data, time_ns, kernel_time)  # to come again
 
     def pause_writing(self) -> None:
         self.blocked = True

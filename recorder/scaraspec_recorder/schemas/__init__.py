@@ -21,13 +21,20 @@ PACKAGE: Final = "scara.v1"
 
 
 class RawChunk(NamedTuple):
-    """Bytes of one direction, as they passed: the truth from which all else can be made again."""
+    """Bytes of one direction, as they passed: the truth from which all else can be made again.
+
+    The message's time is when they came in: by the kernel's clock of receipt where `kernel_time` is
+    true, else when the recorder read them. `forwarded_ns` is when it had passed them on; absent
+    where nobody knows.
+    """
 
     connection: str
     direction: str
     offset_bytes: int
     data: bytes
     note: str
+    forwarded_ns: int | None = None
+    kernel_time: bool = False
 
 
 class ConnectionEvent(NamedTuple):
@@ -77,7 +84,11 @@ class Undecodable(NamedTuple):
 
 
 class Exchange(NamedTuple):
-    """A request and what answered it. Its number is the same in every output of a recording."""
+    """A request and what answered it. Its number is the same in every output of a recording.
+
+    Of the latency, `robot_ms` is from passing the request on to the reply's coming in, and
+    `recorder_ms` what passing on has added both ways; absent where the recording does not tell.
+    """
 
     number: int
     connection: str
@@ -95,6 +106,8 @@ class Exchange(NamedTuple):
     request_offset_bytes: int
     reply_offset_bytes: int | None
     result_offset_bytes: int | None
+    robot_ms: float | None = None
+    recorder_ms: float | None = None
 
 
 class Transfer(NamedTuple):

@@ -8,6 +8,8 @@ import ctypes
 import os
 import re
 import resource
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -16,11 +18,15 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
+from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.direction import Direction
+from scaraspec_recorder.mcap_file import McapSink
 from scaraspec_recorder.mcap_reading import Summary, records
 
 DISK_BYTES = 16 << 20
 FULL = "No space left on device"
+TOO_LARGE = (" UTC: File too large", " thread shut down prematurely")
+"""What either file says where a write is refused; rerun has but one reason for everything."""
 
 _CLONE_NEWNS = 0x20000
 _MS_RDONLY, _MS_REMOUNT, _MS_REC, _MS_PRIVATE = 0x1, 0x20, 0x4000, 0x40000
@@ -170,6 +176,39 @@ def test_a_disk_that_is_read_only(plant: Any, disk: Disk, recorded: Callable[[Pa
     assert books_are_right(plant, recorded) == 0
 
 
+@pytest.mark.network
+@pytest.mark.parametrize("torn", [True, False])
+def test_recovering_on_a_full_disk(tmp_path: Path, shift: list[WireEvent], *, torn: bool) -> None:
+    """A torn file that cannot be repaired stays as it was; a whole one just stays undrawn."""
+    disk = Disk(tmp_path)
+    capture = tmp_path / "capture.mcap"
+    sink = McapSink(capture.open("wb"))
+    for event in shift:
+        sink.write(event)
+    sink.close({})
+    if torn:
+        capture.write_bytes(capture.read_bytes()[:-100])
+    before = capture.read_bytes()
+    disk.fill()
+    done = subprocess.run(
+        [sys.executable, "-m", "scaraspec", "recover", capture],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if torn:
+        assert done.returncode == 2
+        why = f"{FULL}; free as much as it takes"
+        assert done.stderr == f"scaraspec: {capture} cannot be repaired, and is as it was: {why}\n"
+    else:
+        assert done.returncode == 0
+        drawn = capture.with_suffix(".rrd")
+        assert done.stdout.splitlines()[1].startswith(f"  {drawn} is not drawn: ")
+        assert "Traceback" not in done.stderr
+    assert capture.read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {"capture.mcap", "ballast"}
+
+
 def test_writes_that_the_system_refuses(plant: Any, recorded: Callable[[Path], Any]) -> None:
     """Any error of a write ends the file, which is mended and left; the next one goes on."""
     plant.recorder.start()
@@ -177,7 +216,7 @@ def test_writes_that_the_system_refuses(plant: Any, recorded: Callable[[Path], A
     plant.until_written()
     size_bytes = (plant.out / "capture.mcap").stat().st_size + 1000
     resource.prlimit(plant.recorder.child("scribe"), resource.RLIMIT_FSIZE, (size_bytes,) * 2)
-    plant.until_said("the recording is interrupted: ", "File too large")
+    plant.until_said("the recording is interrupted: ")
     plant.until_said("the recording goes on")
     plant.until_answered(100)
     plant.quiet()
@@ -185,5 +224,5 @@ def test_writes_that_the_system_refuses(plant: Any, recorded: Callable[[Path], A
     assert unharmed(plant)
     before, after = interruptions(plant.out)
     assert not before
-    assert after.endswith(" UTC: File too large")
+    assert after.endswith(TOO_LARGE)
     assert books_are_right(plant, recorded) == 0

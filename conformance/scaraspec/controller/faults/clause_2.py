@@ -26,7 +26,7 @@ class ClosesBehindReplies(Brain):
             self._end(session, 0.0)
 
 
-@fault("2/2")
+@fault("2/2", subtle=True)
 class EveryThirdConnection(Brain):
     """Every third connection is taken by the system, but nobody serves it."""
 
@@ -35,7 +35,7 @@ class EveryThirdConnection(Brain):
         return super().open(connection, now_s, link) if connection % 3 else []
 
 
-@fault("2/13")
+@fault("2/13", subtle=True)
 class FiftyConnections(Brain):
     """After fifty connections no further one is served."""
 
@@ -44,7 +44,7 @@ class FiftyConnections(Brain):
         return [Close(connection)] if connection > 50 else super().open(connection, now_s, link)
 
 
-@fault("2/13")
+@fault("2/13", subtle=True)
 class EveryNinetiethConnection(Brain):
     """Every ninetieth connection is refused."""
 
@@ -80,7 +80,7 @@ class _Leaky(Brain):
         return super().close(connection, now_s)
 
 
-@fault("2/13")
+@fault("2/13", subtle=True)
 class LeaksHalfFrames(_Leaky):
     """Sessions that end in the middle of a frame are never freed, and sixteen are all there are."""
 
@@ -89,7 +89,7 @@ class LeaksHalfFrames(_Leaky):
         return session.inlet.deadline_s is not None
 
 
-@fault("2/13")
+@fault("2/13", subtle=True)
 class LeaksTheSilent(_Leaky):
     """Sessions that ask nothing after the login are never freed, and sixteen are all there are."""
 
@@ -111,7 +111,7 @@ class LeaksTheSilent(_Leaky):
 # A further client
 
 
-@fault("2/12")
+@fault("2/12", subtle=True)
 class OneBufferForAll(Brain):
     """All connections share one receive buffer: what is half in one goes on in the other."""
 
@@ -124,7 +124,7 @@ class OneBufferForAll(Brain):
         return actions
 
 
-@fault("2/12")
+@fault("2/12", subtle=True)
 class NewcomerTakesTheReplies(Brain):
     """Replies go to the client that connected last, whoever has asked."""
 
@@ -133,7 +133,7 @@ class NewcomerTakesTheReplies(Brain):
         super().emit(self.sessions[max(self.sessions)] if self.sessions else session, frame)
 
 
-@fault("2/12")
+@fault("2/12", subtle=True)
 class NewcomerClearsBuffers(Brain):
     """When a client connects, what the others have half sent is thrown away."""
 
@@ -178,7 +178,7 @@ class _OverlooksEnds(Inlet):
         return super().receive(b"" if data == b"\xcc" else data, now_s)
 
 
-@fault("2/5")
+@fault("2/5", subtle=True)
 class EndByteAlone(OtherInlet):
     """A segment of one byte that is an end byte is overlooked."""
 
@@ -195,7 +195,7 @@ class _Cut(Inlet):
         return found
 
 
-@fault("2/5")
+@fault("2/5", subtle=True)
 class CutBehindLength(OtherInlet):
     """A frame that is cut just behind its length byte is lost."""
 
@@ -206,7 +206,7 @@ class _CutLater(_Cut):
     at_byte = 8
 
 
-@fault("2/5")
+@fault("2/5", subtle=True)
 class CutBehindEighthByte(OtherInlet):
     """A frame that is cut just behind its eighth byte is lost."""
 
@@ -234,7 +234,7 @@ class _FromTheFirstByte(Inlet):
         return found
 
 
-@fault("2/5")
+@fault("2/5", subtle=True)
 class CountsFromFirstByte(OtherInlet):
     """The time for a frame runs from its first byte, not from its last one so far."""
 
@@ -249,7 +249,7 @@ class _ForgetsTheRest(Inlet):
         return found
 
 
-@fault("2/5", "2/6")
+@fault("2/5", "2/6", subtle=True)
 class RestBehindFrame(OtherInlet):
     """Where a segment ends a frame and begins another, the beginning is lost."""
 
@@ -274,14 +274,14 @@ class _Sixteen(_First):
     most = 16
 
 
-@fault("2/6")
+@fault("2/6", subtle=True)
 class SixteenFramesPerSegment(OtherInlet):
     """Of more than sixteen frames in one segment the others are lost."""
 
     inlet = _Sixteen
 
 
-@fault("2/6")
+@fault("2/6", subtle=True)
 class SmallBuffer(Brain):
     """Of a segment of more than 256 bytes the rest is lost."""
 
@@ -290,7 +290,7 @@ class SmallBuffer(Brain):
         return super().receive(connection, data[:256], now_s)
 
 
-@fault("2/6")
+@fault("2/6", subtle=True)
 class LoginEndsTheSegment(Brain):
     """What comes in one segment with the login is lost."""
 
@@ -313,7 +313,7 @@ class NeedsNoLogin(Brain):
         self.sessions[connection].logged_in = True
 
 
-@fault("2/11")
+@fault("2/11", subtle=True)
 class OneLoginForAll(Brain):
     """While one client is logged in, all are."""
 
@@ -322,7 +322,7 @@ class OneLoginForAll(Brain):
         return anybody or super()._may_ask(session, command)
 
 
-@fault("2/11")
+@fault("2/11", subtle=True)
 class LoginOutlivesTheConnection(Brain):
     """Once somebody has logged in, nobody has to any more."""
 

@@ -63,7 +63,7 @@ class DeletionUnderDefault(_OtherOpcode):
     opcode, instead = 0x0C, 0x0D
 
 
-@fault("3/11", "3/31")
+@fault("3/11", "3/31", subtle=True)
 class OpcodeOfTheLastRequest(Brain):
     """After two hundred requests, replies bear the opcode of the request before."""
 
@@ -152,7 +152,7 @@ class DefaultsOnUnknown(_Undefined):
             self.save(gripper_center=(1.0, 1.0, 1.0))
 
 
-@fault("3/21")
+@fault("3/21", subtle=True)
 class DiesOfHighOpcodes(_Undefined):
     """An opcode beyond the table of commands, with 255 bytes of data, ends the program."""
 
@@ -175,7 +175,7 @@ class DeafAfterUnknown(_Undefined):
 # Requests without waiting
 
 
-@fault("3/24", "2/6", "3/31")
+@fault("3/24", "2/6", "3/31", subtle=True)
 class LosesThirdOfBurst(Brain):
     """Of requests that come together the third is never answered."""
 
@@ -183,7 +183,7 @@ class LosesThirdOfBurst(Brain):
         super()._take_in(session, found[:2] + found[3:], now_s)
 
 
-@fault("3/24", "2/6")
+@fault("3/24", "2/6", subtle=True)
 class AnswersSameOnce(Brain):
     """Of equal requests that come together only one is answered."""
 
@@ -233,7 +233,7 @@ class QueriesLast(_Sorts):
         return 1 if _is(item, 0x34) else 0
 
 
-@fault("3/30")
+@fault("3/30", subtle=True)
 class ClockOfTheFirst(Brain):
     """Of times that come together only the first is set, though all are answered with yes."""
 
@@ -300,7 +300,7 @@ class _Counts(_FallsSilent):
         raise NotImplementedError
 
 
-@fault("3/31")
+@fault("3/31", subtle=True)
 class ThousandRequests(_Counts):
     """After a thousand requests a connection is not served any more."""
 
@@ -309,7 +309,7 @@ class ThousandRequests(_Counts):
         return number > 1000
 
 
-@fault("3/31")
+@fault("3/31", subtle=True)
 class LosesOneInSevenHundred(_Counts):
     """Every seven-hundredth request of a connection is lost."""
 
@@ -318,7 +318,7 @@ class LosesOneInSevenHundred(_Counts):
         return number % 700 == 0
 
 
-@fault("3/31")
+@fault("3/31", subtle=True)
 class LosesRequestBehindRefusals(_FallsSilent):
     """Behind thirty refused downloads on a connection nothing is answered."""
 
@@ -339,7 +339,7 @@ class LosesRequestBehindRefusals(_FallsSilent):
         return self._refused.get(session, 0) >= 30
 
 
-@fault("3/31", "5.2/2")
+@fault("3/31", "5.2/2", subtle=True)
 class TwentyFileHandles(Brain):
     """Each upload keeps a file open; after twenty no further one is taken."""
 
@@ -370,7 +370,7 @@ class AnswersAfterSixSeconds(SendsLater):
             super().emit(session, frame)
 
 
-@fault("3/31")
+@fault("3/31", subtle=True)
 class TakesEqualsForRepetition(_FallsSilent):
     """A request that equals the one before on its connection is taken for its repetition."""
 

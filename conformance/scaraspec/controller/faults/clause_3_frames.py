@@ -58,7 +58,7 @@ class EndsLikeClient(AltersBytes):
         return data[:-1] + b"\xcc" if data[1] == 0x38 else data
 
 
-@fault("3/5")
+@fault("3/5", subtle=True)
 class EndsLongFramesWithZero(AltersBytes):
     """Frames of more than 200 bytes end with 0x00."""
 
@@ -85,7 +85,7 @@ class _OtherLength(AltersBytes):
         return data[:head] + self.length(data[head - 1], data[head]) + data[head + 1 :]
 
 
-@fault("3/6")
+@fault("3/6", subtle=True)
 class LengthOfTwoBytes(_OtherLength):
     """A length from 128 on takes two bytes, as in other protocols."""
 
@@ -141,7 +141,7 @@ class PadsNothing(AltersBytes):
         return data[:3] + b"\0" + data[3:] if data[2] == 0 else data
 
 
-@fault("3/6", "3/9")
+@fault("3/6", "3/9", subtle=True)
 class TakesLengthsForSigned(Brain):
     """Of a frame with more than 127 bytes of data the data are taken for frames."""
 
@@ -152,7 +152,7 @@ class TakesLengthsForSigned(Brain):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/6")
+@fault("3/6", subtle=True)
 class LosesStepAt255(Brain):
     """Behind a frame with 255 bytes of data the next one is answered wrongly."""
 
@@ -194,7 +194,7 @@ class EndsAtFirstEndByte(OtherInlet):
     inlet = _EndsAtMark
 
 
-@fault("3/9")
+@fault("3/9", subtle=True)
 class BeginsAnewAtStartByte(Brain):
     """In data of more than 50 bytes, 0xAA begins a frame anew."""
 
@@ -203,7 +203,7 @@ class BeginsAnewAtStartByte(Brain):
         return super().receive(connection, data[max(data.rfind(b"\xaa", 0, -50), 0) :], now_s)
 
 
-@fault("3/9")
+@fault("3/9", subtle=True)
 class NamesEndAtEndByte(Brain):
     """A frame with a name is searched for more frames behind a 0xCC in the name."""
 
@@ -215,7 +215,7 @@ class NamesEndAtEndByte(Brain):
         return actions
 
 
-@fault("3/9")
+@fault("3/9", subtle=True)
 class EscapesMarks(Brain):
     """In what is received, 0xCC 0xAA is taken for one escaped 0xAA."""
 

@@ -138,7 +138,7 @@ class NeedlessStopsHaveResults(_ResultOfRefusals):
     late_s = 0.1
 
 
-@fault("3/17")
+@fault("3/17", subtle=True)
 class BusyRefusalsHaveResults(_ResultOfRefusals):
     """The joints, which are not locked while a program runs, tell a moment later that they are."""
 
@@ -204,7 +204,7 @@ class LocksEndTwice(_Repeats):
         return frame.opcode == 0x3B
 
 
-@fault("3/18")
+@fault("3/18", subtle=True)
 class TenthRunEndsTwice(_Repeats):
     """The result of every tenth run is sent twice."""
 
@@ -218,9 +218,9 @@ class TenthRunEndsTwice(_Repeats):
         return frame.opcode == 0x30 and self._runs % 10 == 0
 
 
-@fault("3/18", "4.15/5")
+@fault("3/18", "4.15/5", "4.24/6", subtle=True)
 class ResultForTheNewest(Brain):
-    """The result of a run goes to the client that connected last."""
+    """Final results go to the client that connected last."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
         """Send it there."""

@@ -24,7 +24,7 @@ class DiesOfStrayBytes(Skips):
             self.die(now_s)
 
 
-@fault("3/19")
+@fault("3/19", subtle=True)
 class DiesOfMuchGarbage(Skips):
     """More than 4096 stray bytes at once end the program."""
 
@@ -42,6 +42,17 @@ class DiesOfZeros(Skips):
         """Die."""
         if item.data.startswith(b"\0" * 100):
             self.die(now_s)
+
+
+@fault("3/20", subtle=True)
+class RestartsAtWrongEnd(Skips):
+    """A wrong end byte ends the program, which is started anew at once: every client is cut off."""
+
+    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
+        """Die, and live again."""
+        if item.why is Why.BAD_END:
+            self.die(now_s)
+            self.dead = False
 
 
 class _Deaf(Inlet):
@@ -100,7 +111,7 @@ class DiesOfWrongEnds(Skips):
             self.die(now_s)
 
 
-@fault("3/20")
+@fault("3/20", subtle=True)
 class DiesOfSwappedEnd(Skips):
     """An end byte of 0xEC, a digit of which is wrong, ends the program."""
 
@@ -122,7 +133,7 @@ class DeafAfterWrongEnds(OtherInlet):
     inlet = _DeafAfterBadEnd
 
 
-@fault("3/20")
+@fault("3/20", subtle=True)
 class HundredWrongFrames(Skips):
     """After a hundred spoilt frames, on whatever connections, nobody is served any more."""
 
@@ -169,7 +180,7 @@ class DiesOfLengthsInDigits(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/20")
+@fault("3/20", subtle=True)
 class DiesOfTruncation(Mortal):
     """A frame that is cut behind its fifth byte, and followed by another, ends the program."""
 
@@ -186,7 +197,7 @@ class DiesOfTruncation(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/20")
+@fault("3/20", subtle=True)
 class DiesOfFrameInFrame(Mortal):
     """A whole frame inside of a spoilt one ends the program."""
 
@@ -259,7 +270,7 @@ class TakesRepliesForRequests(Brain):
 # Frames that stop
 
 
-@fault("3/29")
+@fault("3/29", subtle=True)
 class HalfFramesBlockAll(Brain):
     """While one client is in the middle of a frame, the others are not heard."""
 
@@ -276,7 +287,7 @@ class _Patient(Inlet):
         super().__init__(dialect.replace(partial_timeout="none"))
 
 
-@fault("3/29")
+@fault("3/29", subtle=True)
 class HalfFramesGoOn(OtherInlet):
     """What the last client has half sent stays in the buffer of the next one, for ever."""
 
@@ -298,7 +309,7 @@ class HalfFramesGoOn(OtherInlet):
             self.sessions[connection].inlet, self._left = self._left, None
 
 
-@fault("3/29")
+@fault("3/29", subtle=True)
 class DiesOfCutFrames(Mortal):
     """A connection that ends in the data of a frame ends the program."""
 
@@ -323,7 +334,7 @@ class DiesOfSilence(Skips):
             self.die(now_s)
 
 
-@fault("3/29")
+@fault("3/29", subtle=True)
 class ThreeHalfFrames(Brain):
     """While three clients are in the middle of a frame, no new one is served."""
 

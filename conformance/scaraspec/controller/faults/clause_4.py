@@ -88,7 +88,7 @@ class RefusesWithUnlistedCode(Brain):
         super().emit(session, frame)
 
 
-@fault("4/4")
+@fault("4/4", subtle=True)
 class BlamesTheWrongMotor(Brain):
     """A fault of the inner arm's motor refuses commands with the outer arm's code."""
 
@@ -155,6 +155,19 @@ class AnswersMoveAtItsEnd(Brain):
             return
         if frame.opcode == 0x39 and frame.tagged:
             super().emit(session, Frame(C2A, 0x39, b"1"))
+        super().emit(session, frame)
+
+
+@fault("4/14")
+class AnswersResetAtItsEnd(Brain):
+    """The first reply to a reset comes together with its final result."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Keep the first reply back until the end."""
+        if frame.opcode == 0x33 and frame.data == b"1" and not frame.tagged:
+            return
+        if frame.opcode == 0x33 and frame.tagged:
+            super().emit(session, Frame(C2A, 0x33, b"1"))
         super().emit(session, frame)
 
 
@@ -297,7 +310,7 @@ class EndsTwice(Brain):
             super().conclude(request, outcome)
 
 
-@fault("3/18")
+@fault("3/18", subtle=True)
 class RepeatsTheLastResult(Brain):
     """The reply to the first query behind a run's result is followed by that result again."""
 
@@ -313,7 +326,7 @@ class RepeatsTheLastResult(Brain):
             self._kept = frame
 
 
-@fault("3/18", "4.15/5")
+@fault("3/18", "4.15/5", subtle=True)
 class ForgetsTheFortiethResult(Brain):
     """The fortieth run has no final result."""
 
@@ -328,7 +341,7 @@ class ForgetsTheFortiethResult(Brain):
             self._ended += 1
 
 
-@fault("3/18", "4.15/5")
+@fault("3/18", "4.15/5", subtle=True)
 class LosesResultBetweenReplies(Brain):
     """A run that ends less than a tenth of a second behind a query has no final result."""
 
@@ -415,7 +428,7 @@ class StartsLater(Brain):
         return super()._must_wait(session, command, frame)
 
 
-@fault("4/6")
+@fault("4/6", subtle=True)
 class OtherClientsMayMove(Brain):
     """Whether the robot is busy is asked for each connection, not for the robot."""
 
@@ -450,7 +463,7 @@ class BusyIsAlwaysMoving(Brain):
         super().emit(session, frame)
 
 
-@fault("4/15", "4.15/4")
+@fault("4/15", "4.15/4", subtle=True)
 class BusyAfterRefusal(Brain):
     """A robot that has refused a missing program refuses the next run as busy."""
 
@@ -466,7 +479,7 @@ class BusyAfterRefusal(Brain):
         return answer
 
 
-@fault("4/15", "4.15/4")
+@fault("4/15", "4.15/4", subtle=True)
 class BusyAfterLostClient(Brain):
     """A program whose client was lost leaves the robot busy for runs."""
 
@@ -486,7 +499,7 @@ class BusyAfterLostClient(Brain):
         return super().run_program(request)
 
 
-@fault("4/15", "4.15/5")
+@fault("4/15", "4.15/5", subtle=True)
 class TiresAfterFortyRuns(Brain):
     """After forty runs every further one is refused as busy."""
 
@@ -503,7 +516,7 @@ class TiresAfterFortyRuns(Brain):
 # ---------------------------------------------------------------------- the status
 
 
-@fault("4/7")
+@fault("4/7", subtle=True)
 class StatusLags(Brain):
     """The first status behind a final result is still that of the command which has ended."""
 
@@ -523,7 +536,7 @@ class StatusLags(Brain):
         return last if now == "00" else now
 
 
-@fault("4/7")
+@fault("4/7", subtle=True)
 class SimulationNeverEnds(Brain):
     """Behind a simulation the status stays 02 until something else executes."""
 
@@ -588,7 +601,7 @@ class IdleDuringJog(_IdleDuring):
     during = 0x3D
 
 
-@fault("4/8", "4.8/4")
+@fault("4/8", "4.8/4", subtle=True)
 class FlickersIdle(Brain):
     """Every tenth status during a run is 00."""
 
@@ -601,7 +614,7 @@ class FlickersIdle(Brain):
         return "00" if now == "01" and self._asked % 10 == 0 else now
 
 
-@fault("4/8", "4.8/4")
+@fault("4/8", "4.8/4", subtle=True)
 class IdleBeforeTheResult(Brain):
     """The status is 00 for the last tenth of a second of a program, ahead of its result."""
 
@@ -613,7 +626,7 @@ class IdleBeforeTheResult(Brain):
         return super().get_status(request)
 
 
-@fault("3/31")
+@fault("3/31", subtle=True)
 class DeafForTheVersion(Brain):
     """While a program runs the version is not told."""
 

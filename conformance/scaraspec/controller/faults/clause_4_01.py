@@ -14,7 +14,7 @@ _LOGIN: Final = 0x01
 _LOGINS: Final = 7
 
 
-@fault("4.1/2")
+@fault("4.1/2", subtle=True)
 class RefusesSecondLogin(Brain):
     """Who has logged in and does so again is answered 0."""
 
@@ -23,7 +23,7 @@ class RefusesSecondLogin(Brain):
         return not request.session.logged_in and super().login(request)
 
 
-@fault("4.1/2", "4.1/6")
+@fault("4.1/2", "4.1/6", subtle=True)
 class EverySeventhLoginFails(Brain):
     """Every seventh login since power-on is answered 0, right as it is."""
 
@@ -35,7 +35,7 @@ class EverySeventhLoginFails(Brain):
         return super().login(request) and self._count % _LOGINS != 0
 
 
-@fault("4.1/6", "4.1/2")
+@fault("4.1/6", "4.1/2", subtle=True)
 class LoginBehindVersionFails(Brain):
     """The first login after the version was asked for is refused: a buffer is used for both."""
 
@@ -52,7 +52,7 @@ class LoginBehindVersionFails(Brain):
         return not spoilt and super().login(request)
 
 
-@fault("4.1/2", "4.1/7")
+@fault("4.1/2", "4.1/7", subtle=True)
 class WrongPasswordBarsTheConnection(Brain):
     """A connection on which a wrong password was tried can log in no more."""
 
@@ -68,7 +68,7 @@ class WrongPasswordBarsTheConnection(Brain):
         return right
 
 
-@fault("4.1/2", "4.1/7")
+@fault("4.1/2", "4.1/7", subtle=True)
 class WrongPasswordCostsTheNextLogin(Brain):
     """After a wrong password the next right one on another connection is refused once."""
 

@@ -41,7 +41,7 @@ class OldPasswordStillOpens(Brain):
         return super().login(request) or former
 
 
-@fault("4.2/4")
+@fault("4.2/4", subtle=True)
 class NewPasswordIsCut(Brain):
     """Of a new password eight bytes are kept, while logins are compared in full."""
 
@@ -52,7 +52,7 @@ class NewPasswordIsCut(Brain):
         return self.save(password=request.value.new[:_CUT_BYTES])
 
 
-@fault("4.2/4")
+@fault("4.2/4", subtle=True)
 class SecondChangeIsForgotten(Brain):
     """Only the first new password since power-on is set; further ones are just answered 1."""
 

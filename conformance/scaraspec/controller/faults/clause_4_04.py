@@ -53,7 +53,7 @@ class GatewayIsTheFirstHost(Brain):
         return self.save(ip=ip, mask=mask, gateway=f"{ip.rpartition('.')[0]}.1")
 
 
-@fault("4.4/4")
+@fault("4.4/4", subtle=True)
 class LongestAddressIsCut(Brain):
     """An address of fifteen characters loses its last one: there is no room for its NUL."""
 
@@ -63,7 +63,7 @@ class LongestAddressIsCut(Brain):
         return self.save(**Network(*cut)._asdict())
 
 
-@fault("4.4/4")
+@fault("4.4/4", subtle=True)
 class SecondNetworkIsForgotten(Brain):
     """Only the first new network since power-on is set."""
 

@@ -125,7 +125,7 @@ class LeapDaysAreRefused(Brain):
         return (time.month, time.day) != (2, 29) and super().set_time(request)
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class CenturyIsNoLeapYear(Brain):
     """29 February 2000 is answered 0: the rule of the fourth century is missing."""
 
@@ -136,7 +136,7 @@ class CenturyIsNoLeapYear(Brain):
         return leap and super().set_time(request)
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class TimesBehind2038AreRefused(Brain):
     """What 32 bits of seconds cannot hold is answered 0."""
 
@@ -145,7 +145,7 @@ class TimesBehind2038AreRefused(Brain):
         return request.value <= _END_OF_32_BITS and super().set_time(request)
 
 
-@fault("4.5/6", "4.5/4")
+@fault("4.5/6", "4.5/4", subtle=True)
 class YearsHaveTwoDigits(_SetsOtherwise):
     """Years from 2070 on are taken for 1970 and those behind it."""
 
@@ -174,7 +174,7 @@ class _RollsOtherwise(Brain):
         return time if self._set_to == datetime.min else self.wrong(self._set_to, time)  # noqa: DTZ901 - as above
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class MidnightIsSkipped(_RollsOtherwise):
     """At midnight the time of day begins anew, and the date remains."""
 
@@ -183,7 +183,7 @@ class MidnightIsSkipped(_RollsOtherwise):
         return datetime.combine(was.date(), time.time())
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class NewYearIsSkipped(_RollsOtherwise):
     """Behind December comes January of the same year."""
 
@@ -192,7 +192,7 @@ class NewYearIsSkipped(_RollsOtherwise):
         return time.replace(year=was.year)
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class LeapDayIsSkipped(_RollsOtherwise):
     """Behind 28 February comes 1 March in every year."""
 
@@ -202,7 +202,7 @@ class LeapDayIsSkipped(_RollsOtherwise):
         return time + _DAY if skipped else time
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class LeapDayEveryYear(_RollsOtherwise):
     """Behind 28 February one day more passes than there is, in common years too."""
 
@@ -212,7 +212,7 @@ class LeapDayEveryYear(_RollsOtherwise):
         return time - _DAY if extra else time
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class MonthsOfThirtyDays(_RollsOtherwise):
     """Behind the 30th of every month comes the 1st of the next one."""
 
@@ -221,7 +221,7 @@ class MonthsOfThirtyDays(_RollsOtherwise):
         return time + _DAY if time.day == 31 and was.day != time.day else time
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class ThirtyOneDaysInEveryMonth(_RollsOtherwise):
     """Behind the 30th of every month comes another day of it, shown as the 30th."""
 
@@ -231,7 +231,7 @@ class ThirtyOneDaysInEveryMonth(_RollsOtherwise):
         return time - _DAY if extra else time
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class HoursDoNotCarry(_RollsOtherwise):
     """Behind minute 59 the minutes begin anew, and the hour remains."""
 
@@ -241,7 +241,7 @@ class HoursDoNotCarry(_RollsOtherwise):
         return time.replace(hour=was.hour) if same else time
 
 
-@fault("4.5/6")
+@fault("4.5/6", subtle=True)
 class MinutesDoNotCarry(_RollsOtherwise):
     """Behind second 59 the seconds begin anew, and the minute remains."""
 

@@ -150,7 +150,7 @@ class ClockRunsTwiceAsFast(_RunsOtherwise):
         return passed_s * 2
 
 
-@fault("4.6/4")
+@fault("4.6/4", subtle=True)
 class ClockLosesLongIdleTimes(_RunsOtherwise):
     """Where nobody asks for a minute, the clock counts that minute alone."""
 
@@ -168,7 +168,7 @@ class ClockLosesLongIdleTimes(_RunsOtherwise):
         return super().set_time(request)
 
 
-@fault("4.6/4")
+@fault("4.6/4", subtle=True)
 class ClockGoesBackAtNoon(_RunsOtherwise):
     """The hours are those of twelve: behind noon the day begins again."""
 
@@ -183,7 +183,7 @@ class ClockGoesBackAtNoon(_RunsOtherwise):
         return passed_s
 
 
-@fault("4.6/4")
+@fault("4.6/4", subtle=True)
 class DaysAreSkipped(_RunsOtherwise):
     """At each midnight two days pass in place of one."""
 
@@ -192,7 +192,7 @@ class DaysAreSkipped(_RunsOtherwise):
         return passed_s + passed_s // 86_400 * 86_400
 
 
-@fault("4.6/4")
+@fault("4.6/4", subtle=True)
 class EveryTenthTimeIsTheOneBefore(Brain):
     """Every tenth reply tells the time that was told first: a buffer is not refreshed."""
 

@@ -34,7 +34,7 @@ class VersionCountsRequests(Brain):
         return super().get_version(request)[:-1] + f"{self._count}"
 
 
-@fault("4.7/4")
+@fault("4.7/4", subtle=True)
 class VersionChangesLate(Brain):
     """From the 256th request on the version is another one."""
 
@@ -46,7 +46,7 @@ class VersionChangesLate(Brain):
         return super().get_version(request) if self._count < _LATE else "1.0.255"
 
 
-@fault("4.7/4")
+@fault("4.7/4", subtle=True)
 class VersionOfTheConnection(Brain):
     """Every other connection is told another version."""
 

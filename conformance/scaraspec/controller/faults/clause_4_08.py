@@ -77,7 +77,7 @@ class _SaysOtherwise(Brain):
         return task.request.command.name if task else ""
 
 
-@fault("4.8/3")
+@fault("4.8/3", subtle=True)
 class LateStatusesAreMoving(_SaysOtherwise):
     """From the ninetieth request on a robot at rest is said to move."""
 
@@ -89,7 +89,7 @@ class LateStatusesAreMoving(_SaysOtherwise):
         return MOVING if status == IDLE and self._count % 100 >= _LATE else status
 
 
-@fault("4.8/3")
+@fault("4.8/3", subtle=True)
 class IdleIsRunningForOthers(_SaysOtherwise):
     """Once the version was asked for, every other connection is told that a program runs."""
 
@@ -123,7 +123,7 @@ class StatusIsReserved(_SaysOtherwise):
         return "07" if asked else status
 
 
-@fault("4.8/3", "4.8/9")
+@fault("4.8/3", "4.8/9", subtle=True)
 class MissingProgramStaysInTheStatus(_SaysOtherwise):
     """A missing program is the next status."""
 
@@ -141,7 +141,7 @@ class MissingProgramStaysInTheStatus(_SaysOtherwise):
         return "20" if missing else status
 
 
-@fault("4.8/3")
+@fault("4.8/3", subtle=True)
 class StatusLagsBehindTheResult(_SaysOtherwise):
     """For some seconds behind the end of a program the status goes on as before."""
 
@@ -188,7 +188,7 @@ class RunningIsMoving(_SaysOtherwise):
     wrong = _in_place_of("run_program", MOVING)
 
 
-@fault("4.8/4")
+@fault("4.8/4", subtle=True)
 class RunningIsIdleInWaits(_SaysOtherwise):
     """A program that has run for a second is said to be at rest until something moves."""
 

@@ -83,7 +83,7 @@ class NoneIsTheLastProgram(AltersReplies):
         return b"0" + self._last if data == b"0" else data
 
 
-@fault("4.9/6", "4.9/10")
+@fault("4.9/6", "4.9/10", subtle=True)
 class EndedProgramIsTold(Brain):
     """For some seconds behind its end a program is told to run."""
 
@@ -150,7 +150,7 @@ class RunIsNotTold(_TellsOtherwise):
         return told if task and task.request.command.name == "simulate_program" else None
 
 
-@fault("4.9/2", "4.9/10")
+@fault("4.9/2", "4.9/10", subtle=True)
 class RunIsToldForTwoSeconds(_TellsOtherwise):
     """A program that has run for two seconds is told no more."""
 
@@ -168,7 +168,7 @@ class NameIsCut(_TellsOtherwise):
         return told._replace(name=told.name[:_NAME_BYTES])
 
 
-@fault("4.9/4")
+@fault("4.9/4", subtle=True)
 class NameOfThirtyLosesOne(_TellsOtherwise):
     """A name of thirty bytes loses its last one: there is no room for its NUL."""
 
@@ -240,7 +240,7 @@ class RunTimeWithColons(_AltersTelling):
         return b"1|" + name + b"|" + b":".join(time[i : i + 2] for i in range(0, 8, 2))
 
 
-@fault("4.9/3")
+@fault("4.9/3", subtle=True)
 class HoursGoBeyondTheDay(_AltersTelling):
     """Hours go on behind 23, and days stay 00."""
 
@@ -250,7 +250,7 @@ class HoursGoBeyondTheDay(_AltersTelling):
         return b"1|" + name + b"|00%02d" % hours + time[4:]
 
 
-@fault("4.9/3")
+@fault("4.9/3", subtle=True)
 class MinutesGoBeyondTheHour(_AltersTelling):
     """Minutes go on behind 59, and hours stay 00."""
 
@@ -278,7 +278,7 @@ class RunTimeRunsFast(_TellsOtherwise):
         return told._replace(run_time_s=told.run_time_s * 2)
 
 
-@fault("4.9/5")
+@fault("4.9/5", subtle=True)
 class MinutesAreLost(_TellsOtherwise):
     """At each full minute the run time begins anew."""
 
@@ -287,7 +287,7 @@ class MinutesAreLost(_TellsOtherwise):
         return told._replace(run_time_s=told.run_time_s % _MINUTE_S)
 
 
-@fault("4.9/5")
+@fault("4.9/5", subtle=True)
 class HoursAreLost(_TellsOtherwise):
     """At each full hour the run time begins anew."""
 
@@ -296,7 +296,7 @@ class HoursAreLost(_TellsOtherwise):
         return told._replace(run_time_s=told.run_time_s % _HOUR_S)
 
 
-@fault("4.9/5")
+@fault("4.9/5", subtle=True)
 class DaysAreLost(_TellsOtherwise):
     """At each full day the run time begins anew."""
 
@@ -305,7 +305,7 @@ class DaysAreLost(_TellsOtherwise):
         return told._replace(run_time_s=told.run_time_s % _DAY_S)
 
 
-@fault("4.9/5")
+@fault("4.9/5", subtle=True)
 class RunTimeOverflows(_TellsOtherwise):
     """The run time is kept in sixteen bits of seconds."""
 

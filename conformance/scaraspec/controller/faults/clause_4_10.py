@@ -73,7 +73,7 @@ class LastPartAnnouncesAnother(AltersReplies):
         return b"1" + data[1:] if len(data) > 1 else data
 
 
-@fault("4.10/4")
+@fault("4.10/4", subtle=True)
 class LastOfSeveralPartsAnnouncesAnother(AltersReplies):
     """In a list of several parts the last one begins with 1, too."""
 
@@ -147,7 +147,7 @@ class EmptyNameBetween(AltersReplies):
         return data[:2] + data[2:].replace(b"|", b"||", 1)
 
 
-@fault("4.10/7")
+@fault("4.10/7", subtle=True)
 class SeamIsListedTwice(_AltersNames):
     """The last name of a part is the first one of the next part again."""
 
@@ -157,7 +157,7 @@ class SeamIsListedTwice(_AltersNames):
         return [*names[: len(first.names)], *names[len(first.names) - 1 :]] if first.more else names
 
 
-@fault("4.10/7")
+@fault("4.10/7", subtle=True)
 class NamesInOneListTwice(_AltersNames):
     """Of more than five programs the fifth is listed twice."""
 
@@ -199,7 +199,7 @@ class ListLengthOfTheNames(AltersLengths):
         return max(size_bytes - 2, 1)
 
 
-@fault("4.10/9")
+@fault("4.10/9", subtle=True)
 class ListLengthInSevenBits(AltersLengths):
     """Of the length of a long list the highest bit is missing."""
 
@@ -228,7 +228,7 @@ class OnlyTheFirstPart(AltersReplies):
         return first
 
 
-@fault("4.10/11")
+@fault("4.10/11", subtle=True)
 class NamesOfThirtyAreLeftOut(_AltersNames):
     """Names of thirty bytes are not listed."""
 
@@ -246,7 +246,7 @@ class NamesAreListedInLowerCase(_AltersNames):
         return [name.lower() for name in names]
 
 
-@fault("4.10/11")
+@fault("4.10/11", subtle=True)
 class NamesBeyondTwentyAreLeftOut(_AltersNames):
     """No more than twenty names are listed."""
 
@@ -255,7 +255,7 @@ class NamesBeyondTwentyAreLeftOut(_AltersNames):
         return names[:_MOST]
 
 
-@fault("4.10/11")
+@fault("4.10/11", subtle=True)
 class NameAtTheSeamIsLost(_AltersNames):
     """The name that did not fit into a part is not in the next one either."""
 
@@ -266,7 +266,7 @@ class NameAtTheSeamIsLost(_AltersNames):
         return names[:lost] + names[lost + 1 :] if first.more else names
 
 
-@fault("4.10/11")
+@fault("4.10/11", subtle=True)
 class OthersUploadsAreListedLater(_AltersNames):
     """A connection is not told of what others uploaded before it."""
 
@@ -285,7 +285,7 @@ class OthersUploadsAreListedLater(_AltersNames):
         return super().upload_name(request)
 
 
-@fault("4.10/11")
+@fault("4.10/11", subtle=True)
 class ListIsNotRefreshed(_AltersNames):
     """A list is shown three times before a newer one is."""
 

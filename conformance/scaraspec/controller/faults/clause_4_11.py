@@ -103,7 +103,7 @@ class DeletesItsNeighbour(Brain):
         return super().delete_program(request)
 
 
-@fault("4.11/3")
+@fault("4.11/3", subtle=True)
 class DeletesEachNameOnce(Brain):
     """A name that was deleted before is deleted no more, though the answer is 1."""
 

@@ -43,7 +43,7 @@ class DefaultIsForgotten(Brain):
         return self.is_program(request.value)
 
 
-@fault("4.13/3")
+@fault("4.13/3", subtle=True)
 class FirstDefaultRemains(Brain):
     """Once there is a default program, another one is answered 1 and not set."""
 
@@ -54,7 +54,7 @@ class FirstDefaultRemains(Brain):
         return super().set_default_program(request)
 
 
-@fault("4.13/3")
+@fault("4.13/3", subtle=True)
 class LongDefaultIsForgotten(Brain):
     """A default program with a name of thirty bytes is answered 1 and not set."""
 
@@ -65,7 +65,7 @@ class LongDefaultIsForgotten(Brain):
         return self.is_program(request.value)
 
 
-@fault("4.13/3")
+@fault("4.13/3", subtle=True)
 class DefaultOfTheConnection(Brain):
     """A default program is one for the connection that has set it."""
 
@@ -84,7 +84,7 @@ class DefaultOfTheConnection(Brain):
         return super().get_default_program(request) if own else b""
 
 
-@fault("4.13/5")
+@fault("4.13/5", subtle=True)
 class RefusalClearsTheDefault(Brain):
     """A program that is not stored is refused, and then there is no default program any more."""
 
@@ -93,7 +93,7 @@ class RefusalClearsTheDefault(Brain):
         return super().set_default_program(request) or not self.save(default_program=b"")
 
 
-@fault("4.13/5")
+@fault("4.13/5", subtle=True)
 class MalformedNameClearsTheDefault(Brain):
     """A name that is none is refused, and then there is no default program any more."""
 

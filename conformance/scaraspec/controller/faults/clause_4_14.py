@@ -55,7 +55,7 @@ class TemperaturesWithoutBars(AltersReplies):
         return data.replace(b"|", b"")
 
 
-@fault("4.14/2")
+@fault("4.14/2", subtle=True)
 class ColdMotorIsNotTold(AltersReplies):
     """From the third reply on a motor that has not warmed up has an empty field."""
 

@@ -35,7 +35,7 @@ class RunsDespiteFault(Brain):
         return super().run_program(request)
 
 
-@fault("4.15/2")
+@fault("4.15/2", subtle=True)
 class RunsWhatItHasRefused(Brain):
     """A run of a missing program is refused, and the robot is busy with it all the same."""
 
@@ -99,7 +99,7 @@ class AcceptsRunWithItsName(Brain):
         super().emit(session, frame)
 
 
-@fault("4.15/4")
+@fault("4.15/4", subtle=True)
 class RunsShortNamesAlone(Brain):
     """A program whose name has more than sixteen bytes cannot be run."""
 
@@ -107,7 +107,7 @@ class RunsShortNamesAlone(Brain):
         return None if name is not None and len(name) > 16 else super()._program(name)
 
 
-@fault("4.15/4")
+@fault("4.15/4", subtle=True)
 class RunsProgramOnce(Brain):
     """A program that has been run before is refused."""
 

@@ -31,7 +31,7 @@ class RefusesSimulationInOneByte(Brain):
         super().emit(session, frame)
 
 
-@fault("4.16/2")
+@fault("4.16/2", subtle=True)
 class SimulatesOnce(Brain):
     """Behind a run no program can be simulated any more."""
 
@@ -94,7 +94,7 @@ class SimulationEndsAsRun(Brain):
         super().emit(session, frame)
 
 
-@fault("4.16/3")
+@fault("4.16/3", subtle=True)
 class SecondSimulationFails(Brain):
     """From the second on every simulation ends with a failure."""
 
@@ -118,7 +118,7 @@ class SimulationIsRun(Brain):
         return self._start(request, RUNNING)
 
 
-@fault("4.8/4", "4.16/3")
+@fault("4.8/4", "4.16/3", subtle=True)
 class StaysInTheSimulator(Brain):
     """A run behind a simulation is reported as a simulation."""
 

@@ -36,7 +36,7 @@ class IdleStopIsAnsweredTwo(Brain):
         super().emit(session, frame)
 
 
-@fault("4.17/2", "3/31")
+@fault("4.17/2", "3/31", subtle=True)
 class SecondIdleStopIsLost(Brain):
     """Of stops where nothing is to be stopped every second one is not answered."""
 
@@ -97,7 +97,7 @@ class JogIsNotStopped(_NotDuring):
     during = "jog"
 
 
-@fault("4.17/6", "4.17/3")
+@fault("4.17/6", "4.17/3", subtle=True)
 class StopComesTooEarly(Brain):
     """A stop within a millisecond of the start of a program finds nothing to stop."""
 
@@ -109,7 +109,7 @@ class StopComesTooEarly(Brain):
         return super().emergency_stop(request)
 
 
-@fault("4.17/6")
+@fault("4.17/6", subtle=True)
 class OnlyTheStarterStops(Brain):
     """A stop is refused on every connection but that which began what executes."""
 
@@ -121,7 +121,7 @@ class OnlyTheStarterStops(Brain):
         return super().emergency_stop(request)
 
 
-@fault("4.17/6", "4.17/3")
+@fault("4.17/6", "4.17/3", subtle=True)
 class StopsTenTimes(Brain):
     """After ten stops every further one is refused."""
 
@@ -187,7 +187,7 @@ class StopFails(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.17/4")
+@fault("4.17/4", subtle=True)
 class SecondStopHasNoResult(Brain):
     """A second stop close behind the first is accepted, and has no final result."""
 

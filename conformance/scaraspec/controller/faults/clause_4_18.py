@@ -33,7 +33,7 @@ class ResetIsRefusedWithIdle(Brain):
         super().emit(session, frame)
 
 
-@fault("4.18/2")
+@fault("4.18/2", subtle=True)
 class RefusedResetEndsTheRun(Brain):
     """A reset during a run is refused, and the program ends all the same."""
 
@@ -67,7 +67,7 @@ class ResetNeedsFault(Brain):
         return super().reset(request)
 
 
-@fault("4.18/3")
+@fault("4.18/3", subtle=True)
 class ResetIsRefusedBehindStop(Brain):
     """The first reset behind an emergency stop is refused."""
 
@@ -130,7 +130,7 @@ class ResetIgnoresLastingFaults(Brain):
         return ACCEPTED
 
 
-@fault("4.18/4", "4/7")
+@fault("4.18/4", "4/7", subtle=True)
 class ResetStaysInItsState(Brain):
     """Behind a reset that had a way to go the status stays 03 until something else is asked."""
 

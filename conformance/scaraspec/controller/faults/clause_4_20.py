@@ -97,7 +97,7 @@ class GripperInSteps(_SetsOtherwise):
         return Point(*(round(value / 0.4) * 0.4 for value in point))
 
 
-@fault("4.20/3")
+@fault("4.20/3", subtle=True)
 class SmallNegativesLoseTheirSign(_SetsOtherwise):
     """Numbers between -1 and 0 lose their sign: it was kept with the whole part."""
 
@@ -106,7 +106,7 @@ class SmallNegativesLoseTheirSign(_SetsOtherwise):
         return Point(*(abs(value) if -1 < value < 0 else value for value in point))
 
 
-@fault("4.20/3")
+@fault("4.20/3", subtle=True)
 class GripperComesLate(Brain):
     """A new gripper centre is told a second later: until then the former one is."""
 
@@ -124,7 +124,7 @@ class GripperComesLate(Brain):
         return super().get_gripper_center(request)
 
 
-@fault("4.20/3")
+@fault("4.20/3", subtle=True)
 class LateGrippersAreForgotten(Brain):
     """From the thirtieth new gripper centre on each is answered 1 and not set."""
 
@@ -136,7 +136,7 @@ class LateGrippersAreForgotten(Brain):
         return self._count >= _MANY or super().set_gripper_center(request)
 
 
-@fault("4.20/3")
+@fault("4.20/3", subtle=True)
 class GripperOfTheConnection(Brain):
     """A connection is told the gripper centre that it has set itself, else zeros."""
 

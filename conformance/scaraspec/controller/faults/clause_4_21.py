@@ -114,7 +114,7 @@ class PositionMovesTheGripperCenter(Brain):
         )
 
 
-@fault("4.21/3")
+@fault("4.21/3", subtle=True)
 class PositionOfTheConnection(Brain):
     """Only the connection that has set an initial position is told it; others the former one."""
 

@@ -5,11 +5,14 @@ from typing import Final
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import fault
 from scaraspec.controller.faults.replying import AltersReplies
-from scaraspec.controller.session import Request
+from scaraspec.controller.session import Request, Session
 from scaraspec.protocol.commands import Pose
+from scaraspec.protocol.frames import Frame
 
 _GET_POSE: Final = 0x38
+_MOVE: Final = 0x39
 _MANY: Final = 6
+_CREEPS_S: Final = 2.0
 
 
 class _TellsOtherwise(Brain):
@@ -58,7 +61,7 @@ class AnglesAreNotNumbers(AltersReplies):
         return b"|".join((*data.split(b"|")[:4], b"nan", b"nan"))
 
 
-@fault("4.23/5")
+@fault("4.23/5", subtle=True)
 class CoordinatesTremble(_TellsOtherwise):
     """Every other reply is off by half a millimetre, though nothing moves."""
 
@@ -79,7 +82,27 @@ class CoordinatesDrift(_TellsOtherwise):
         return pose._replace(z=pose.z - request.now_s % 60)
 
 
-@fault("4.23/5")
+@fault("4.23/5", subtle=True)
+class ToolCreepsBehindMove(_TellsOtherwise):
+    """For two seconds behind a move the height sinks by a third of a millimetre a second."""
+
+    _has_ended = False
+    _ended_s = float("-inf")
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Note the end of a move."""
+        self._has_ended = self._has_ended or (frame.tagged and frame.opcode == _MOVE)
+        super().emit(session, frame)
+
+    def wrong(self, pose: Pose, request: Request) -> Pose:
+        """Creep from the first look behind it."""
+        if self._has_ended:
+            self._has_ended, self._ended_s = False, request.now_s
+        behind_s = request.now_s - self._ended_s
+        return pose._replace(z=pose.z - behind_s / 3) if behind_s < _CREEPS_S else pose
+
+
+@fault("4.23/5", subtle=True)
 class LateCoordinatesAreZero(_TellsOtherwise):
     """Every sixth reply tells zeros: nothing was measured."""
 
@@ -91,7 +114,7 @@ class LateCoordinatesAreZero(_TellsOtherwise):
         return Pose(0, 0, 0, 0, 0, 0) if self._count % _MANY == 0 else pose
 
 
-@fault("4.23/5")
+@fault("4.23/5", subtle=True)
 class CoordinatesOfTheConnection(_TellsOtherwise):
     """Every other connection is told where the arm would stand with the other elbow."""
 

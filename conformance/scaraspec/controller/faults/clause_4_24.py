@@ -110,7 +110,7 @@ class EverySpeedBelowTenIsRefused(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("4.24/5")
+@fault("4.24/5", subtle=True)
 class FullSpeedIsRefused(Brain):
     """A move at a hundred percent is refused."""
 
@@ -239,7 +239,7 @@ class EndsHalfWay(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("4.24/8")
+@fault("4.24/8", subtle=True)
 class DriftsWithEveryMove(_Retargeted):
     """Every move misses its target by half a millimetre more than the one before."""
 

@@ -73,7 +73,7 @@ class ReleaseEndsAsLock(Brain):
         super().emit(session, frame)
 
 
-@fault("4.25/3")
+@fault("4.25/3", subtle=True)
 class SecondReleaseFails(Brain):
     """From the second on every release ends with a failure."""
 

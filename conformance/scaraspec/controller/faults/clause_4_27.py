@@ -29,7 +29,7 @@ class FiveJoints(Brain):
         super().emit(session, frame)
 
 
-@fault("4.27/2")
+@fault("4.27/2", subtle=True)
 class AnglesWithCommas(Brain):
     """While the arm moves the angles have decimal commas."""
 
@@ -62,7 +62,7 @@ class AnglesHaveThePrintedLength(Brain):
         super().transmit(session, data)
 
 
-@fault("4.27/3", "3/7")
+@fault("4.27/3", "3/7", subtle=True)
 class AnglesOfMovingArmMiscount(Brain):
     """While the arm moves the length of the angles does not count their signs."""
 

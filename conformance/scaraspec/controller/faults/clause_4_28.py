@@ -137,7 +137,7 @@ class JogFailsWithMotor(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.28/5", "4.17/6")
+@fault("4.28/5", "4.17/6", subtle=True)
 class JogOfLostClientGoesOn(Brain):
     """A jog whose client is gone goes on, and no other client can stop it."""
 

@@ -102,7 +102,7 @@ class InputsOfLengthThree(_DeclaresThree):
     opcode = _INPUTS
 
 
-@fault("4.31/4", "4.31/2")
+@fault("4.31/4", "4.31/2", subtle=True)
 class InputsAsHexWhileRunning(_Says):
     """While a program runs the digital inputs are sent as two hexadecimal digits."""
 
@@ -186,7 +186,7 @@ class RefusesAndSetsAboveEight(Brain):
         return super().set_digital_output(request) and request.value.port <= 8
 
 
-@fault("4.32/4", "4.32/6")
+@fault("4.32/4", "4.32/6", subtle=True)
 class SettingsAreLostWhileRunning(Brain):
     """While a program runs a setting is answered as done, and is not carried out."""
 
@@ -296,7 +296,7 @@ class SettingsClearTheOthers(_Sets):
                 super().put(other, on=False)
 
 
-@fault("4.32/6")
+@fault("4.32/6", subtle=True)
 class SettingsOfPairs(_Sets):
     """Output 16 is set together with output 8."""
 
@@ -307,7 +307,7 @@ class SettingsOfPairs(_Sets):
             super().put(16, on=on)
 
 
-@fault("4.32/6")
+@fault("4.32/6", subtle=True)
 class HighestOutputIsDead(_Sets):
     """A setting of output 16 is answered as done, and has no effect."""
 
@@ -317,7 +317,7 @@ class HighestOutputIsDead(_Sets):
             super().put(port, on=on)
 
 
-@fault("4.32/6")
+@fault("4.32/6", subtle=True)
 class OutputsShowLate(Brain):
     """The outputs are shown as they were before the latest setting."""
 
@@ -334,7 +334,7 @@ class OutputsShowLate(Brain):
         return before or super().get_digital_outputs(request)
 
 
-@fault("4.32/6")
+@fault("4.32/6", subtle=True)
 class OutputsGoOffWithTheLink(Brain):
     """The outputs go off when a connection ends."""
 
@@ -345,7 +345,7 @@ class OutputsGoOffWithTheLink(Brain):
         return super().close(connection, now_s)
 
 
-@fault("4.32/6")
+@fault("4.32/6", subtle=True)
 class NoMoreThanEightOutputs(_Sets):
     """While eight outputs are on, no further one comes on, though that is answered as done."""
 
@@ -355,7 +355,7 @@ class NoMoreThanEightOutputs(_Sets):
             super().put(port, on=on)
 
 
-@fault("4.32/6")
+@fault("4.32/6", subtle=True)
 class SettingsWearOut(_Sets):
     """After the 150th setting none has an effect any more."""
 
@@ -605,7 +605,7 @@ class OutputsOfLengthThree(_DeclaresThree):
     opcode = _OUTPUTS
 
 
-@fault("4.34/4", "4.34/2")
+@fault("4.34/4", "4.34/2", subtle=True)
 class OutputsLoseLeadingZeros(_Says):
     """While a program runs the digital outputs are sent without their leading zeros."""
 
@@ -627,7 +627,7 @@ class OutputsFromPortOne(_Says):
         return data[:2] + data[:1:-1]
 
 
-@fault("4.34/2", "3/31")
+@fault("4.34/2", "3/31", subtle=True)
 class OutputsUnansweredWhileRunning(Brain):
     """While a program runs nobody answers what the digital outputs are."""
 

@@ -60,7 +60,7 @@ class TakesTornChunks(Brain):
         return super().upload_chunk(request)
 
 
-@fault("5.1/1", "5.1/2")
+@fault("5.1/1", "5.1/2", subtle=True)
 class LastChunkCutToWords(AltersChunkData):
     """The last chunk of a download is cut off behind its content, and then filled to 4 bytes."""
 
@@ -173,7 +173,7 @@ class FileSizeOneTooSmall(AltersChunks):
 # The end
 
 
-@fault("5.1/7", "5.2/13")
+@fault("5.1/7", "5.2/13", subtle=True)
 class EmptyChunkBehindFullOnes(SendsAfterTheEnd):
     """A download of a multiple of 200 bytes ends with a chunk of length 0."""
 
@@ -208,7 +208,7 @@ class UploadIsNeverOver(SendsAfterTheEnd):
 # Order
 
 
-@fault("5.1/8", "5.1/4")
+@fault("5.1/8", "5.1/4", subtle=True)
 class SendsTheLastChunkFirst(AltersChunks):
     """The last two chunks of a download of more than two change places."""
 
@@ -221,7 +221,7 @@ class SendsTheLastChunkFirst(AltersChunks):
         return (chunk._replace(position=2 * last - BUFFER_BYTES - chunk.position),)
 
 
-@fault("5.1/8")
+@fault("5.1/8", subtle=True)
 class RepeatsTheFourthChunk(AltersChunks):
     """The fourth chunk of a download is sent a second time in place of the fifth."""
 
@@ -233,7 +233,7 @@ class RepeatsTheFourthChunk(AltersChunks):
 # Byte order
 
 
-@fault("5.1/9")
+@fault("5.1/9", subtle=True)
 class LastChunkInTheOtherOrder(AltersChunkData):
     """The last chunk of a download is made elsewhere, in the other byte order."""
 
@@ -244,7 +244,7 @@ class LastChunkInTheOtherOrder(AltersChunkData):
         return FILE_DATA.encode(chunk, dialect)
 
 
-@fault("5.1/9")
+@fault("5.1/9", subtle=True)
 class EverySecondFileInTheOtherOrder(AltersChunkData):
     """Every second download has the other byte order."""
 
@@ -418,7 +418,7 @@ class _Overlapping(_Counting):
         return super()._problem(chunk) if chunk.position not in self._pieces else "repeated"
 
 
-@fault("5.1/13")
+@fault("5.1/13", subtle=True)
 class CountsOverlappingBytes(JudgesChunks):
     """A chunk that overlaps others is taken and counted in full, unless it begins as one did."""
 
@@ -438,7 +438,7 @@ class _Preallocated(Receiver):
         return super().content.ljust(self._first_bytes, b"\0")
 
 
-@fault("5.1/13")
+@fault("5.1/13", subtle=True)
 class KeepsTheFirstFileSize(JudgesChunks):
     """Room is made for the first fileSize, but a later, smaller one ends the file."""
 

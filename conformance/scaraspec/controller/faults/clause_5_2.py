@@ -31,7 +31,7 @@ class RefusesDashes(Brain):
         return b"-" not in request.value and super().upload_name(request)
 
 
-@fault("5.2/2")
+@fault("5.2/2", subtle=True)
 class RefusesThirtyBytes(Brain):
     """A name of 30 bytes is one too long: the limit is off by one."""
 
@@ -62,7 +62,7 @@ class AcceptsNoName(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.2/2", "5.4/1")
+@fault("5.2/2", "5.4/1", subtle=True)
 class RunsOutOfFileNumbers(Brain):
     """After 30 uploads no name is accepted any more, though files were deleted meanwhile."""
 
@@ -75,7 +75,7 @@ class RunsOutOfFileNumbers(Brain):
         return accepted
 
 
-@fault("5.2/2")
+@fault("5.2/2", subtle=True)
 class AnswersNamesTwice(Brain):
     """After the tenth name is accepted, each one is answered a second time."""
 
@@ -101,7 +101,7 @@ class EmptiesBeforeItRefuses(Brain):
         return super().upload_name(request)
 
 
-@fault("5.2/3", "5.1/10", "5.4/2")
+@fault("5.2/3", "5.1/10", "5.4/2", subtle=True)
 class RefusesATakenNameOnce(Brain):
     """A name that is taken is refused the first time; the second time it is accepted."""
 
@@ -121,7 +121,7 @@ class RefusesATakenNameOnce(Brain):
         return super().upload_name(request)
 
 
-@fault("5.2/3")
+@fault("5.2/3", subtle=True)
 class KnowsOnlyItsOwnFiles(SendsAfterTheEnd):
     """Only a name that this connection has uploaded counts as taken."""
 
@@ -258,7 +258,7 @@ class _ClippingFrames(_Clipping):
         return BUFFER_BYTES < chunk.length == len(chunk.buffer)
 
 
-@fault("5.2/10")
+@fault("5.2/10", subtle=True)
 class TakesLongFrames(JudgesChunks):
     """A chunk is taken with as many bytes as a frame can hold, if it really brings them."""
 
@@ -270,7 +270,7 @@ class _ClippingEnds(_Clipping):
         return chunk.length <= BUFFER_BYTES and 0 < chunk.file_size - chunk.position < chunk.length
 
 
-@fault("5.2/10")
+@fault("5.2/10", subtle=True)
 class ClipsAtTheEndOfTheFile(JudgesChunks):
     """Of a chunk that reaches beyond fileSize the part that fits is taken."""
 
@@ -285,7 +285,7 @@ class _ThirtyTwoBits(Receiver):
         return "" if in_bounds and overflows else super()._problem(chunk)
 
 
-@fault("5.2/10")
+@fault("5.2/10", subtle=True)
 class AddsInThirtyTwoBits(JudgesChunks):
     """Position and length are added in 32 bits: a sum that overflows passes the check."""
 
@@ -295,7 +295,7 @@ class AddsInThirtyTwoBits(JudgesChunks):
 # Chunks that belong to nothing
 
 
-@fault("5.2/11")
+@fault("5.2/11", subtle=True)
 class AnswersStrayChunksWithOne(Brain):
     """After a first upload, a chunk that belongs to no transfer is answered 1 and dropped."""
 
@@ -360,7 +360,7 @@ class TakesChunksWhileItSends(Brain):
         return super().upload_chunk(request) or sends
 
 
-@fault("5.2/11")
+@fault("5.2/11", subtle=True)
 class OneUploadForAllConnections(Brain):
     """A chunk goes into whatever upload is under way, on whichever connection it comes."""
 
@@ -376,7 +376,7 @@ class OneUploadForAllConnections(Brain):
         return super().upload_chunk(request)
 
 
-@fault("5.2/11")
+@fault("5.2/11", subtle=True)
 class UploadsOutliveTheirConnection(Brain):
     """An upload whose connection is lost goes on on the next one."""
 

@@ -20,7 +20,7 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, Receive
 _FIRST_OF_TRANSFERS = 0x50
 
 
-@fault("5.2/12")
+@fault("5.2/12", subtle=True)
 class ServesWhatItReadFirst(Brain):
     """What was once fetched under a name is served for ever, also when the file is another one."""
 
@@ -41,7 +41,7 @@ class ServesWhatItReadFirst(Brain):
         return accepted
 
 
-@fault("5.2/12")
+@fault("5.2/12", subtle=True)
 class KeepsTheTailOfTheOldFile(Brain):
     """A shorter file under a name that was deleted keeps the end of the old one."""
 
@@ -78,7 +78,7 @@ class ServesTheLastUpload(SendsAfterTheEnd):
         return super().download_name(replace(request, value=name))
 
 
-@fault("5.2/12", "5.3/2")
+@fault("5.2/12", "5.3/2", subtle=True)
 class ServesAFileTwice(Brain):
     """A file can be fetched twice; after that it cannot be sent any more."""
 
@@ -94,7 +94,7 @@ class ServesAFileTwice(Brain):
         return self.served[name] <= 2 and super().download_name(request)
 
 
-@fault("5.2/12")
+@fault("5.2/12", subtle=True)
 class WritesTheLastChunkLate(SendsAfterTheEnd):
     """The last chunk of an upload is written when the next command comes that is no transfer."""
 
@@ -134,7 +134,7 @@ class _Shared(Receiver):
         return taken
 
 
-@fault("5.2/12")
+@fault("5.2/12", subtle=True)
 class OneBufferForAllUploads(JudgesChunks):
     """Two uploads at the same time write into one buffer."""
 
@@ -164,7 +164,7 @@ class _Overwriting(Receiver):
         return taken
 
 
-@fault("5.2/12")
+@fault("5.2/12", subtle=True)
 class OneFileForOneName(JudgesChunks):
     """Two connections that upload under one name at the same time write into one file."""
 
@@ -228,7 +228,7 @@ class BarsSeparateContent(AltersContent):
         return content.replace(b"|", b"\0")
 
 
-@fault("5.2/14")
+@fault("5.2/14", subtle=True)
 class SingleZeroIsNothing(AltersContent):
     """A file of a single NUL is taken for an empty string."""
 
@@ -240,7 +240,7 @@ class SingleZeroIsNothing(AltersContent):
 # Sizes
 
 
-@fault("5.2/16", "5.2/12")
+@fault("5.2/16", "5.2/12", subtle=True)
 class LosesTheLastByteOfFullChunks(AltersContent):
     """A file of a multiple of 200 bytes loses its last byte."""
 
@@ -249,7 +249,7 @@ class LosesTheLastByteOfFullChunks(AltersContent):
         return content if len(content) % BUFFER_BYTES else content[:-1]
 
 
-@fault("5.2/16", "5.2/12")
+@fault("5.2/16", "5.2/12", subtle=True)
 class LosesASingleLastByte(AltersContent):
     """A last chunk of a single byte behind a full one is lost."""
 
@@ -259,7 +259,7 @@ class LosesASingleLastByte(AltersContent):
         return content[:-1] if lost else content
 
 
-@fault("5.2/16", "5.2/12")
+@fault("5.2/16", "5.2/12", subtle=True)
 class LosesTheEndOfHalfAChunk(AltersContent):
     """A last chunk of 60 to 110 bytes is moved in words, and its last bytes change places."""
 
@@ -280,7 +280,7 @@ class _Bounded(Receiver):
         return chunk.file_size >= 2**16
 
 
-@fault("5.2/16")
+@fault("5.2/16", subtle=True)
 class SixtyFourKibibytesAreTooMany(JudgesChunks):
     """A file of 65,536 bytes or more is refused: its size does not fit 16 bits."""
 
@@ -292,7 +292,7 @@ class _CountingChunks(_Bounded):
         return chunk.position >= 255 * BUFFER_BYTES
 
 
-@fault("5.2/16")
+@fault("5.2/16", subtle=True)
 class CountsChunksInAByte(JudgesChunks):
     """The 256th chunk of a file is refused: chunks are counted in a byte."""
 
@@ -304,14 +304,14 @@ class _SizeUnknown(_Bounded):
         return chunk.file_size == 2**16 - 1
 
 
-@fault("5.2/16")
+@fault("5.2/16", subtle=True)
 class SizeFfffIsUnknown(JudgesChunks):
     """A file of just 65,535 bytes is refused: FFFF stands for a size that is not known."""
 
     receiver: ClassVar[type[Receiver]] = _SizeUnknown
 
 
-@fault("5.2/16", "5.1/4", "5.1/8")
+@fault("5.2/16", "5.1/4", "5.1/8", subtle=True)
 class PositionsHaveSixteenBits(AltersChunks):
     """Behind 65,535 the positions of a download begin again at 0."""
 
@@ -320,7 +320,7 @@ class PositionsHaveSixteenBits(AltersChunks):
         return (chunk._replace(position=chunk.position & 0xFFFF),)
 
 
-@fault("5.2/16", "5.2/12")
+@fault("5.2/16", "5.2/12", subtle=True)
 class LosesAByteAfterAThousandChunks(Brain):
     """From the thousandth chunk on that a controller has taken, a byte of each is zero."""
 

@@ -32,7 +32,7 @@ class AnswersDownloadsWithTheSize(Brain):
         super().emit(session, frame)
 
 
-@fault("5.3/2", "5.2/12")
+@fault("5.3/2", "5.2/12", subtle=True)
 class SendsAFileOnce(Brain):
     """A connection can fetch a file once; the second time it is answered 0."""
 
@@ -52,7 +52,7 @@ class SendsAFileOnce(Brain):
         return accepted
 
 
-@fault("5.3/4", "5.1/8")
+@fault("5.3/4", "5.1/8", subtle=True)
 class OneReadingPositionForAll(Brain):
     """Two connections that fetch one file share the place where it is read."""
 
@@ -139,7 +139,7 @@ class KeepsFetchedFiles(Brain):
         return super().download_name(request)
 
 
-@fault("5.3/3")
+@fault("5.3/3", subtle=True)
 class ServesUnfinishedFilesAsWhole(Brain):
     """A file that is still being uploaded is served in its full size, zeros where nothing came."""
 
@@ -159,7 +159,7 @@ class ServesUnfinishedFilesAsWhole(Brain):
 # The content
 
 
-@fault("5.3/4", "5.2/12")
+@fault("5.3/4", "5.2/12", subtle=True)
 class SendsTheFileAskedForLast(Brain):
     """Every download goes on with the file that any connection asked for last."""
 
@@ -323,19 +323,19 @@ class _OtherTimeOut(Brain):
         return accepted
 
 
-@fault("5.3/7")
+@fault("5.3/7", subtle=True)
 class WaitsForAnswersTooLong(_OtherTimeOut):
     """A download that is not answered goes on after 90 s."""
 
 
-@fault("5.3/7")
+@fault("5.3/7", subtle=True)
 class GivesUpAnswersTooEarly(_OtherTimeOut):
     """A download that is not answered for 20 s is given up."""
 
     timeout_s = 20
 
 
-@fault("5.3/7")
+@fault("5.3/7", subtle=True)
 class DownloadsLastThirtySeconds(Brain):
     """A download is given up 30 s after it began, however often it was answered."""
 
@@ -356,7 +356,7 @@ class DownloadsLastThirtySeconds(Brain):
         return super().download_chunk(request)
 
 
-@fault("5.3/7")
+@fault("5.3/7", subtle=True)
 class LateAnswersReviveDownloads(Brain):
     """A download that was given up goes on when its answer comes after all."""
 
@@ -392,7 +392,7 @@ class IgnoresRefusals(Brain):
         return super().download_chunk(replace(request, value=True))
 
 
-@fault("5.3/9")
+@fault("5.3/9", subtle=True)
 class RefusalsStartOver(Brain):
     """After a later chunk was refused, a download begins again with the first."""
 
@@ -409,7 +409,7 @@ class RefusalsStartOver(Brain):
         return answer
 
 
-@fault("5.3/9")
+@fault("5.3/9", subtle=True)
 class ForgetsRefusals(Brain):
     """After a chunk was refused nothing comes, until a later 1 brings the next."""
 
@@ -418,7 +418,7 @@ class ForgetsRefusals(Brain):
         return SILENCE if request.value is False else super().download_chunk(request)
 
 
-@fault("5.3/9")
+@fault("5.3/9", subtle=True)
 class RefusedLastChunkSpoilsTheFile(Brain):
     """A file whose last chunk was refused is taken for damaged, and cut there."""
 
@@ -445,7 +445,7 @@ class EmptyChunkBehindARefusal(Brain):
         return accepted
 
 
-@fault("5.3/10")
+@fault("5.3/10", subtle=True)
 class StrayAnswersBringTheLastFile(Brain):
     """An answer to no chunk brings the first chunk of the file that was fetched last."""
 

@@ -26,7 +26,7 @@ _LOGIN = 0x01
 # The name
 
 
-@fault("5.4/1")
+@fault("5.4/1", subtle=True)
 class DeletedNamesStayTaken(Brain):
     """A name that was once deleted is never accepted again."""
 
@@ -47,7 +47,7 @@ class DeletedNamesStayTaken(Brain):
         return request.value not in self.deleted and super().upload_name(request)
 
 
-@fault("5.4/1")
+@fault("5.4/1", subtle=True)
 class NamesAskedForInVainAreTaken(Brain):
     """A name that was asked for in vain is entered in the directory, and then refused."""
 
@@ -67,7 +67,7 @@ class NamesAskedForInVainAreTaken(Brain):
         return request.value not in self.asked and super().upload_name(request)
 
 
-@fault("5.4/1")
+@fault("5.4/1", subtle=True)
 class OnlyTheOldestConnectionCreates(Brain):
     """A file is created for the oldest connection only; the others are answered 0."""
 
@@ -77,7 +77,7 @@ class OnlyTheOldestConnectionCreates(Brain):
         return request.session.connection == oldest and super().upload_name(request)
 
 
-@fault("5.4/1")
+@fault("5.4/1", subtle=True)
 class BrokenUploadsBlockTheirName(Brain):
     """The name of a broken upload stays taken for good, though there is no file."""
 
@@ -97,7 +97,7 @@ class BrokenUploadsBlockTheirName(Brain):
         return request.value not in self.blocked and super().upload_name(request)
 
 
-@fault("5.4/2", "5.2/3", "5.1/10")
+@fault("5.4/2", "5.2/3", "5.1/10", subtle=True)
 class FetchedNamesAreFree(SendsAfterTheEnd):
     """A file that was fetched whole may be overwritten."""
 
@@ -117,7 +117,7 @@ class FetchedNamesAreFree(SendsAfterTheEnd):
         return super().upload_name(request)
 
 
-@fault("5.4/2", "5.2/3", "5.1/10")
+@fault("5.4/2", "5.2/3", "5.1/10", subtle=True)
 class KnowsTheLastTenNames(SendsAfterTheEnd):
     """Whether a name is taken is looked up among the last ten only."""
 
@@ -185,7 +185,7 @@ class _WaitsBehindFullChunks(_WaitsForMore):
         return bool(self.size_bytes and self.size_bytes % BUFFER_BYTES == 0)
 
 
-@fault("5.4/4", "5.1/7", "5.2/16")
+@fault("5.4/4", "5.1/7", "5.2/16", subtle=True)
 class FullLastChunkIsNotTheEnd(JudgesChunks):
     """A file of a multiple of 200 bytes is complete only when a shorter chunk follows."""
 
@@ -247,7 +247,7 @@ class _FromTheBeginning(Receiver):
         return taken
 
 
-@fault("5.4/5")
+@fault("5.4/5", subtle=True)
 class UploadsLastThirtySeconds(JudgesChunks):
     """An upload is given up 30 s after its name came, however many chunks have come since."""
 
@@ -260,7 +260,7 @@ class _FromTheFirstChunk(Receiver):
         return super().deadline_s if self.received_bytes else None
 
 
-@fault("5.4/5")
+@fault("5.4/5", subtle=True)
 class WaitsForTheFirstChunkForEver(JudgesChunks):
     """An upload of which only the name came is never given up."""
 
@@ -284,7 +284,7 @@ class _Breaks(Brain):
             self.broken(session, transfer.name, transfer.end)
 
 
-@fault("5.4/6")
+@fault("5.4/6", subtle=True)
 class DeafAfterATimeOut(_Breaks):
     """After an upload was given up for silence, no request is answered any more."""
 
@@ -300,7 +300,7 @@ class DeafAfterATimeOut(_Breaks):
             super().handle(session, frame, now_s)
 
 
-@fault("5.4/6")
+@fault("5.4/6", subtle=True)
 class NoTransferAfterARefusedChunk(_Breaks):
     """After a chunk was refused the transfer unit stays busy: no name is accepted any more."""
 
@@ -329,7 +329,7 @@ class HangsOnAChunkOfLengthZero(Brain):
             super().handle(session, frame, now_s)
 
 
-@fault("5.4/6")
+@fault("5.4/6", subtle=True)
 class EmptyFilesBlockTransfers(Brain):
     """After a file of no bytes was offered, files arrive without their first byte."""
 
@@ -367,7 +367,7 @@ class KeepsWhatItRefused(Brain):
         return taken
 
 
-@fault("5.4/7")
+@fault("5.4/7", subtle=True)
 class ResumesBrokenUploads(_Breaks):
     """A new upload under the name of one that was closed begins with what was left of it."""
 
@@ -412,7 +412,7 @@ class CommandsBreakUploads(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.4/8")
+@fault("5.4/8", subtle=True)
 class CommandsSkipAChunk(Brain):
     """A list of programs that is asked for during a download makes it skip a chunk."""
 
@@ -475,7 +475,7 @@ class SecondNameTakesTheContent(Brain):
         return accepted
 
 
-@fault("5.4/8", "5.1/8")
+@fault("5.4/8", "5.1/8", subtle=True)
 class ResumesRefusedDownloads(Brain):
     """After a chunk of a download was refused, the next download of the file skips that chunk."""
 
@@ -505,7 +505,7 @@ class ResumesRefusedDownloads(Brain):
         return super().download_chunk(request)
 
 
-@fault("5.4/8")
+@fault("5.4/8", subtle=True)
 class RefusedChunkSpoilsTheNextUpload(Brain):
     """After a chunk of a download was refused, the next upload loses its last byte."""
 

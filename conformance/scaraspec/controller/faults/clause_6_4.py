@@ -45,7 +45,7 @@ class UnsignedVariables(_Initial):
         return {key: max(value, 0) for key, value in values.items()}
 
 
-@misrun("6.4/5")
+@misrun("6.4/5", subtle=True)
 class LastVariableForgotten(_Initial):
     """The last variable of a file begins at 0."""
 
@@ -54,7 +54,7 @@ class LastVariableForgotten(_Initial):
         return {**values, list(values)[-1]: 0} if values else values
 
 
-@misrun("6.4/5")
+@misrun("6.4/5", subtle=True)
 class ThirtyTwoVariables(_Initial):
     """Variables behind the 32nd begin at 0."""
 
@@ -72,7 +72,7 @@ class VariablesSortedByKey(_Initial):
         return dict(zip(sorted(values), values.values(), strict=True))
 
 
-@misrun("6.4/5")
+@misrun("6.4/5", subtle=True)
 class ValuesOfTheProgramBefore(_Initial):
     """A variable begins with what the program before has left under its key."""
 

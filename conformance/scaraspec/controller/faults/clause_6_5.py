@@ -47,7 +47,7 @@ class SkipsTheFirstNode(Run):
         self._index = 1
 
 
-@misrun("6.5/26")
+@misrun("6.5/26", subtle=True)
 class CountsNodesInOneByte(Run):
     """A program is over after 255 nodes."""
 
@@ -105,7 +105,7 @@ class OutputNodesClearTheOthers(Run):
         super()._set_output(output)
 
 
-@misrun("6.5/19")
+@misrun("6.5/19", subtle=True)
 class OutputNodesForgetTheHighestPort(Run):
     """An output node of port 16 has no effect."""
 
@@ -196,7 +196,7 @@ class WaitsOneSecondMore(_Waits):
         return duration_s + 1
 
 
-@misrun("6.5/20")
+@misrun("6.5/20", subtle=True)
 class WaitsSlightlyLess(_Waits):
     """A wait is over a twentieth of a second early."""
 
@@ -205,7 +205,7 @@ class WaitsSlightlyLess(_Waits):
         return max(duration_s - 0.05, 0)
 
 
-@misrun("6.5/20")
+@misrun("6.5/20", subtle=True)
 class WaitsSignedBytes(_Waits):
     """A wait of 128 seconds or more is over at once, as its byte is taken for a negative one."""
 
@@ -214,7 +214,7 @@ class WaitsSignedBytes(_Waits):
         return duration_s if duration_s < 0x80 else 0
 
 
-@misrun("6.5/20")
+@misrun("6.5/20", subtle=True)
 class WaitsTheSecondTimeForNothing(_Waits):
     """Only the first two waits of a program take time."""
 
@@ -327,35 +327,35 @@ class ConditionsAsOperators(_OtherConditions):
     )
 
 
-@misrun("6.5/9")
+@misrun("6.5/9", subtle=True)
 class GreaterOnTheEdge(_OtherConditions):
     """Condition 1 holds on its edge too."""
 
     others = MappingProxyType({Condition.GREATER: Condition.NOT_LESS})
 
 
-@misrun("6.5/9")
+@misrun("6.5/9", subtle=True)
 class LessOnTheEdge(_OtherConditions):
     """Condition 2 holds on its edge too."""
 
     others = MappingProxyType({Condition.LESS: Condition.NOT_GREATER})
 
 
-@misrun("6.5/9")
+@misrun("6.5/9", subtle=True)
 class EqualBelowTheEdge(_OtherConditions):
     """Condition 3 holds below its edge too."""
 
     others = MappingProxyType({Condition.EQUAL: Condition.NOT_GREATER})
 
 
-@misrun("6.5/9")
+@misrun("6.5/9", subtle=True)
 class NotGreaterOffTheEdge(_OtherConditions):
     """Condition 4 does not hold on its edge."""
 
     others = MappingProxyType({Condition.NOT_GREATER: Condition.LESS})
 
 
-@misrun("6.5/9")
+@misrun("6.5/9", subtle=True)
 class NotLessOffTheEdge(_OtherConditions):
     """Condition 5 does not hold on its edge."""
 
@@ -376,7 +376,7 @@ class ComparesTheValueWithTheInput(_OtherConditions):
     )
 
 
-@misrun("6.5/9")
+@misrun("6.5/9", subtle=True)
 class ComparesWholes(_Conditions):
     """What is less than one is left out of the value that an input is compared with."""
 
@@ -430,7 +430,7 @@ class InputsAreLookedAtOnce(_Conditions):
         return math.inf if id(wait) in self._failed_at else ends_s
 
 
-@misrun("6.5/21")
+@misrun("6.5/21", subtle=True)
 class InputsTimeOut(_Conditions):
     """A wait for an input is given up after less than half a second."""
 
@@ -504,7 +504,7 @@ class LoopsOfTheirLastNode(Run):
         self._index = max(start, self._index - 2)
 
 
-@misrun("6.5/23")
+@misrun("6.5/23", subtle=True)
 class LoopsFailTheSecondTime(Run):
     """A program fails when a loop is to come again."""
 
@@ -542,7 +542,7 @@ class AlwaysFirstBranchWithoutElse(Run):
         return partner.type == NodeType.ENDIF or super()._holds(operation)
 
 
-@misrun("6.5/24")
+@misrun("6.5/24", subtle=True)
 class NestedBranchesUncounted(Run):
     """Where a comparison does not hold, the program goes on at the next ELSE or ENDIF of any IF."""
 

@@ -158,7 +158,7 @@ class TakesKeysTwice(_Forgives):
     forgiven = frozenset({"P-key-twice"})
 
 
-@fault("6.5/28")
+@fault("6.5/28", subtle=True)
 class TakesKeysTwiceApart(_Forgives):
     """Two variables may have the same key unless they are neighbours."""
 

@@ -83,7 +83,7 @@ class MultipliesWithoutSign(_Alters):
         return abs(a), abs(b)
 
 
-@misrun("6.6a/11")
+@misrun("6.6a/11", subtle=True)
 class MultipliesHalves(_Alters):
     """Factors are cut to 16 bits."""
 
@@ -105,7 +105,7 @@ class DividesRoundingUp(_Alters):
         return (-(-a // b), 1) if b else (a, b)
 
 
-@misrun("6.6a/11")
+@misrun("6.6a/11", subtle=True)
 class DividesRoundingToNearest(_Alters):
     """Quotients are rounded to the nearest number, as by floats."""
 
@@ -116,7 +116,7 @@ class DividesRoundingToNearest(_Alters):
         return (round(a / b), 1) if b else (a, b)
 
 
-@misrun("6.6a/12")
+@misrun("6.6a/12", subtle=True)
 class ComparesWithoutSign(_Alters):
     """Numbers below zero are greater than all others, as unsigned ones are."""
 
@@ -127,7 +127,7 @@ class ComparesWithoutSign(_Alters):
         return a % 2**32, b % 2**32
 
 
-@misrun("6.6a/12")
+@misrun("6.6a/12", subtle=True)
 class ComparesHalves(_Alters):
     """Only the lower 16 bits are compared."""
 
@@ -183,28 +183,28 @@ class OperatorsAsConditions(_TakesForAnother):
     )
 
 
-@misrun("6.6a/12")
+@misrun("6.6a/12", subtle=True)
 class GreaterWhenEqual(_TakesForAnother):
     """A > B holds too when both are equal."""
 
     instead = MappingProxyType({Opt.GREATER: Opt.GREATER_OR_EQUAL})
 
 
-@misrun("6.6a/12")
+@misrun("6.6a/12", subtle=True)
 class LessWhenEqual(_TakesForAnother):
     """A < B holds too when both are equal."""
 
     instead = MappingProxyType({Opt.LESS: Opt.LESS_OR_EQUAL})
 
 
-@misrun("6.6a/12")
+@misrun("6.6a/12", subtle=True)
 class NotLessOnlyWhenGreater(_TakesForAnother):
     """A >= B does not hold when both are equal."""
 
     instead = MappingProxyType({Opt.GREATER_OR_EQUAL: Opt.GREATER})
 
 
-@misrun("6.6a/12")
+@misrun("6.6a/12", subtle=True)
 class NotGreaterOnlyWhenLess(_TakesForAnother):
     """A <= B does not hold when both are equal."""
 
@@ -222,7 +222,7 @@ class ZeroIsFalse(Run):
         return not super()._holds(operation)
 
 
-@misrun("6.6a/2")
+@misrun("6.6a/2", subtle=True)
 class InvertsWhatIsAboveZero(Run):
     """A result above 0 inverts a comparison, one below 0 does not."""
 
@@ -230,7 +230,7 @@ class InvertsWhatIsAboveZero(Run):
         return super()._holds(operation) != (operation.result > 0)
 
 
-@misrun("6.6a/2")
+@misrun("6.6a/2", subtle=True)
 class InvertsByTheLowestByte(Run):
     """A result inverts a comparison only if its lowest byte is not 0."""
 
@@ -252,7 +252,7 @@ class _Elsewhere(Run):
         super()._compute(self.place(operation))
 
 
-@misrun("6.6a/13")
+@misrun("6.6a/13", subtle=True)
 class KeysOfOneByte(_Elsewhere):
     """A result goes to the first variable whose key has the same lowest byte."""
 
@@ -320,7 +320,7 @@ class AssignsNothing(Run):
 # ---------------------------------------------------------------------- what values stand for
 
 
-@misrun("6.6a/14")
+@misrun("6.6a/14", subtle=True)
 class NumbersAreKeys(Run):
     """A number that is the key of a variable stands for the variable."""
 

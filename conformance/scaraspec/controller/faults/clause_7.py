@@ -30,7 +30,7 @@ class GripperCountsInHeight(Brain):
         return pose._replace(z=pose.z + 2 * self.store.settings.gripper_center[2])
 
 
-@fault("7/1")
+@fault("7/1", subtle=True)
 class EachConnectionHasItsPoint(Brain):
     """The tool coordinates differ by the number of the connection."""
 

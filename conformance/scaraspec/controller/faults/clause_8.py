@@ -117,7 +117,7 @@ class MissingSimulationIsAnAngle(Brain):
         return refused("06") if answer.code == "20" else answer
 
 
-@fault("8/5")
+@fault("8/5", subtle=True)
 class RunsWhatWasDeleted(Brain):
     """A program that ran last stays in memory: it runs again although it was deleted."""
 

@@ -196,7 +196,7 @@ class CommaDecimals(AltersReplies):
         return data.replace(b".", b",").replace(b"300|", b"300,0|")
 
 
-@fault("T/5")
+@fault("T/5", subtle=True)
 class ExponentOfSmallNumbers(AltersReplies):
     """Numbers below a tenth come with an exponent."""
 
@@ -208,7 +208,7 @@ class ExponentOfSmallNumbers(AltersReplies):
         return b"|".join(b"%.1e" % float(t) if 0 < abs(float(t)) < 0.1 else t for t in texts)
 
 
-@fault("T/5")
+@fault("T/5", subtle=True)
 class ExponentOfGreatNumbers(AltersReplies):
     """Numbers from a hundred thousand on come with an exponent."""
 
@@ -265,7 +265,7 @@ class NoZeroBeforeThePoint(AltersReplies):
         return b"|".join(t[1:] if t[:2] == b"0." else t for t in texts)
 
 
-@fault("T/5")
+@fault("T/5", subtle=True)
 class TakesNoThreeDecimals(Brain):
     """A gripper centre of three decimals is refused."""
 
@@ -337,7 +337,7 @@ class StoresNamesInLatin(Brain):
         )
 
 
-@fault("T/8", "5.2/12")
+@fault("T/8", "5.2/12", subtle=True)
 class SevenBitsOfNames(Brain):
     """Of each byte of a name that is stored the highest bit is lost."""
 

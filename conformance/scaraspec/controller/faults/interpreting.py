@@ -14,12 +14,14 @@ from scaraspec.controller.interpreter import Run
 R = TypeVar("R", bound=type[Run])
 
 
-def misrun(*requirements: str, reading: tuple[str, ...] = ()) -> Callable[[R], R]:
+def misrun(
+    *requirements: str, reading: tuple[str, ...] = (), subtle: bool = False
+) -> Callable[[R], R]:
     """Enter a controller with this interpreter as a fault that violates these requirements."""
 
     def enter(run: R) -> R:
         says = {"interpreter": run, "__doc__": run.__doc__, "__module__": run.__module__}
-        fault(*requirements, reading=reading)(type(run.__name__, (Brain,), says))
+        fault(*requirements, reading=reading, subtle=subtle)(type(run.__name__, (Brain,), says))
         return run
 
     return enter

@@ -282,9 +282,23 @@ def _silence(x: Exchange, scene: Scene) -> Judged | None:
             option = f"0x{other.request.frame.opcode:02X}"
             return tolerated("op_get_default", option, f"0x{opcode:02X} was not answered")
         return tolerated("default_none", "silence", f"{x.name} was not answered")
+    if x.name == "jog" and not _is_in_its_notation(x, scene):
+        option = "binary" if _is_text(x) else "ascii"
+        message = "a jog was not answered, perhaps because it understands the other notation"
+        return tolerated("jog_byte", option, message)
     if not x.later_answered:
         return unsure(f"nothing was answered any more from {x.name} on: the link may have died")
     return None
+
+
+def _is_text(jog: Exchange) -> bool:
+    return jog.request.frame.data >= b"0"
+
+
+def _is_in_its_notation(jog: Exchange, scene: Scene) -> bool:
+    """Whether the last jog that was answered was written in the same notation (A-4.28-1)."""
+    last = scene.last.get(jog.name)
+    return last is not None and _is_text(last) == _is_text(jog)
 
 
 def _may_be_busy(x: Exchange, scene: Scene) -> bool:

@@ -197,9 +197,9 @@ def request_names_a_file(seen: FrameSeen, _: Scene) -> Judged | None:
 @rule("5.2/18", on=FrameSeen, names=("upload_name",), sender=A2C)
 def short_names(seen: FrameSeen, _: Scene) -> Judged | None:
     """Names have at most 30 bytes (L226; A-5-20)."""
-    if len(seen.frame.data) <= NAME_MAX_BYTES:
+    if len(seen.text) <= NAME_MAX_BYTES:
         return PASSED
-    return tolerated("name_max", "255", f"a file name of {len(seen.frame.data)} bytes was sent")
+    return tolerated("name_max", "255", f"a file name of {len(seen.text)} bytes was sent")
 
 
 # The answer is "1" or "0" (L748-751, L758-761, L772-775, L782-785).

@@ -50,7 +50,7 @@ def diagnose(found: Undecodable) -> Diagnosis:
         return copied if copied.hint else Diagnosis(Fault.NONE)
     if found.why is Why.STRAY:
         return _wrong_start(found) or _stray(found)
-    if len(data) <= _HEAD_BYTES:
+    if len(data) < head or (len(data) == _HEAD_BYTES and data[-1]):
         return _stray(found)  # a start byte that begins nothing
     declared = data[head - 1]
     if len(data) == head + declared + 1:
@@ -58,6 +58,8 @@ def diagnose(found: Undecodable) -> Diagnosis:
         return Diagnosis(Fault.END, f"{direction.end:02X}", observed)
     if data[-1] == direction.end:
         return _length(found, head)
+    if len(data) == head + declared:  # the end byte begins a frame, so that it is told with that
+        return Diagnosis(Fault.END, f"{direction.end:02X}", f"{direction.start:02X}")
     return Diagnosis(Fault.UNCLEAR)
 
 

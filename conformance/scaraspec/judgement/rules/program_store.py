@@ -249,6 +249,6 @@ def _is_listed(name: bytes, x: Exchange, scene: Scene) -> bool:
     """Whether the last list had it, and nothing was deleted since."""
     programs = scene.memory.last("list_programs", before_ns=x.time_ns)
     deletion = scene.memory.asked.get("delete_program")
-    if programs is None or (deletion and deletion.place.time_ns > programs.time_ns):
+    if programs is None or (deletion and deletion.place.time_ns >= programs.time_ns):
         return False
     return name in _names(programs)

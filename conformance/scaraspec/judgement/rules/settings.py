@@ -103,9 +103,19 @@ def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
     deletion = scene.memory.asked.get("delete_program")
     if setting is None or (deletion and deletion.place.time_ns >= setting.time_ns):
         return None
+    if _is_for_the_other_opcode(x, scene):
+        message = f"0x{x.request.frame.opcode:02X} is answered 0, perhaps because it is not known"
+        return tolerated("on_unknown", "0", message)
     return _read_back(
         "set_default_program", x, scene, lambda setting, answer: setting.asked == answer
     )
+
+
+def _is_for_the_other_opcode(x: Exchange, scene: Scene) -> bool:
+    """Whether this is "0" to one of the two opcodes, and the other was served (A-4.12-1)."""
+    other = scene.last.get(x.name)
+    served = other is not None and other.request.frame.opcode != x.request.frame.opcode
+    return served and x.reply is not None and x.reply.frame.data == b"0"
 
 
 # 4.20 and 4.21

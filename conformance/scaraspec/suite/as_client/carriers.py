@@ -15,7 +15,7 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, TAG, Frame
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.queries import opcodes_of
-from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
 
 CARRIERS: Final = ("get_time", "get_version", "get_status")
@@ -135,8 +135,8 @@ def recovers(subject: Subject, line: Line) -> Recovery:
     try:
         if _answers(line, GET_VERSION, _SOON_S):
             return Recovery.AT_ONCE
-        for data in (FLOOD, GET_VERSION, FLOOD, GET_VERSION):
-            if _answers(line, data, subject.reply_s):
+        for within_s in (SILENCE_S, subject.reply_s, subject.reply_s):
+            if _answers(line, FLOOD, within_s) or _answers(line, GET_VERSION, within_s):
                 return Recovery.LATER
     except NoAnswer:
         pass  # it has closed

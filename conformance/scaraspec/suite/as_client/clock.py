@@ -7,9 +7,10 @@ link makes nobody's clock wrong.
 from datetime import datetime
 from typing import Final, NamedTuple
 
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Unmet, expect
+from scaraspec.suite.wire import Answer
 
 SLACK_S: Final = 2.0
 """What a clock may be off (4.5/4)."""

@@ -2,16 +2,19 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.as_client.keeping import alive
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
+
+if TYPE_CHECKING:
+    from scaraspec.suite.wire import Answer
 
 OPCODES: Final = (0x0D, 0x13)
 """What asks for the default program, as headed and as printed (A-4.12-1)."""

@@ -7,11 +7,12 @@ from typing import Any, Final
 
 from scaraspec.protocol import errors
 from scaraspec.suite.as_client.files import upload
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.programs.layout import find_layout
 from scaraspec.suite.programs.writing import wait_program
+from scaraspec.suite.wire import Answer
 
 _IDLE: Final = "00"
 _LAG_S: Final = 0.1  # for how long a result may come behind the status that tells of its end

@@ -4,22 +4,17 @@ What is checked on the way names its own requirement, whatever the case is about
 transfers that go wrong send their own chunks, with `offer`.
 """
 
-import hashlib
 from collections.abc import Iterator
 from typing import Final
 
 from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.protocol.transfer import (
-    BUFFER_BYTES,
-    FILE_DATA_BYTES,
-    HEAD_BYTES,
-    Chunk,
-    chunks_of,
-)
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.protocol.transfer import Chunk, chunks_of
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect, expect_equal
+from scaraspec.suite.chunks import chunk_of, expect_next
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect
+from scaraspec.suite.wire import Answer
 
 CHUNK_S: Final = 30.0
 """How long a chunk may take to come (A-5-23, L787)."""
@@ -27,11 +22,6 @@ CHUNK_S: Final = 30.0
 _TRANSFER: Final = range(0x50, 0x57)
 _MOST_BYTES: Final = 2**20
 _MOST_CHUNKS: Final = 2000  # of a file of at most so many bytes
-
-
-def content_of(size_bytes: int, seed: int = 0) -> bytes:
-    """A file of this size without a pattern, so that no piece of it can be taken for another."""
-    return hashlib.shake_128(seed.to_bytes(4)).digest(size_bytes)
 
 
 # ---------------------------------------------------------------------- upload
@@ -120,7 +110,7 @@ def incoming(line: Line) -> Iterator[Chunk]:
     while due != size_bytes:
         chunk = next_chunk(line)
         size_bytes = chunk.file_size if size_bytes < 0 else size_bytes
-        _in_order(chunk, due, size_bytes)
+        expect_next(chunk, due, size_bytes)
         yield chunk
         line.answer_chunk(accepted=True)
         due += chunk.length
@@ -180,25 +170,6 @@ def next_chunk(line: Line) -> Chunk:
     return chunk_of(_chunk_frame(line))
 
 
-def chunk_of(answer: Answer) -> Chunk:
-    """What a chunk frame carries.
-
-    Raises:
-        Unmet: No fileData.
-    """
-    size_bytes, chunk = len(answer.frame.data), answer.value
-    whole = isinstance(chunk, Chunk) and size_bytes in (FILE_DATA_BYTES, HEAD_BYTES + chunk.length)
-    expect(
-        whole,
-        "the data of a chunk is no fileData",
-        expected=f"{FILE_DATA_BYTES} bytes",
-        observed=f"{size_bytes} bytes: {answer}",
-        requirement="5.1/1",
-    )
-    assert isinstance(chunk, Chunk), "it was just seen"
-    return chunk
-
-
 def course_of(line: Line, name: bytes) -> list[Answer]:
     """Fetch a file and keep every frame of it, right or wrong, until no more come.
 
@@ -232,30 +203,6 @@ def _chunk_frame(line: Line) -> Answer:
     except NoAnswer as error:
         error.requirement = "5.3/4"
         raise
-
-
-def _in_order(chunk: Chunk, due: int, size_bytes: int) -> None:
-    expect_equal(chunk.file_size, size_bytes, "the file size changed", requirement="5.1/3")
-    expect_equal(
-        chunk.position,
-        due,
-        "a chunk does not follow on the one before",
-        requirement="5.1/8",
-    )
-    expect(
-        1 <= chunk.length <= BUFFER_BYTES,
-        "the length of a chunk is out of bounds",
-        expected=f"1 to {BUFFER_BYTES}",
-        observed=f"{chunk.length}",
-        requirement="5.1/5",
-    )
-    expect(
-        chunk.position + chunk.length <= size_bytes,
-        "a chunk reaches beyond the end of the file",
-        expected=f"at most {size_bytes}",
-        observed=f"{chunk.position + chunk.length}",
-        requirement="5.1/6",
-    )
 
 
 # ---------------------------------------------------------------------- around a transfer

@@ -5,119 +5,31 @@ timed and kept until somebody asks for it, so that nothing that a subject sends 
 answer is right is not known here.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
-from scaraspec.judgement.happenings import FrameSeen, Undecodable
-from scaraspec.judgement.stream import Stream
-from scaraspec.judgement.wire import Kind, WireEvent
-from scaraspec.links.link import Arrival, Ending, Link, LinkError
+from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.links.link import Link
 from scaraspec.protocol.commands import BY_NAME, Command
-from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec.protocol.fields import show
+from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.suite.expect import NoAnswer, Unmet
+from scaraspec.suite.expect import Unmet
+from scaraspec.suite.wire import Answer, Wire
 
 if TYPE_CHECKING:
     from scaraspec.suite.as_client.subject import Subject
 
-_SLICE_S: Final = 0.02  # how long one line is listened to while others may have something to say
 _APART_S: Final = 0.05
-_INSTANT_S: Final = 0.005
-_NS: Final = 1_000_000_000
-_FLOOD_BYTES: Final = 2**16
-_FLOOD_RATIO: Final = 64
-"""A subject that sends more than this, and so many times what it was sent last, sends for ever."""
+_INSTANT_S: Final = 0.001
 
 
-class Answer(NamedTuple):
-    """What a subject sent.
-
-    Attributes:
-        seen: The frame, and where and when it was.
-        value: Its decoded value; None where it has none.
-    """
-
-    seen: FrameSeen
-    value: Any
-
-    @property
-    def frame(self) -> Frame:
-        """The frame."""
-        return self.seen.frame
-
-    @property
-    def time_s(self) -> float:
-        """When its first byte came, in seconds since the Unix epoch."""
-        return self.seen.begun_ns / _NS
-
-    @property
-    def accepted(self) -> bool | None:
-        """Whether it says yes; None where it says neither."""
-        if isinstance(self.value, Acceptance):
-            return self.value.accepted
-        return self.value if isinstance(self.value, bool) else None
-
-    @property
-    def code(self) -> str | None:
-        """The code of table 8-1 that it bears, if any."""
-        return self.value.code if isinstance(self.value, Acceptance | Outcome) else None
-
-    @property
-    def done(self) -> bool | None:
-        """Of a final result: whether it says done."""
-        return self.value.done if isinstance(self.value, Outcome) else None
-
-    def __str__(self) -> str:
-        return f"{self.frame}"
-
-
-class Line:
-    """One connection; made by `Subject.open`.
-
-    Attributes:
-        name: Its name in the recording.
-        heard: Frames that came and that nobody has taken yet, in order.
-        noise: What came and was no frame.
-        ending: How the subject ended it; None while it is open.
-    """
+class Line(Wire):
+    """One connection, on which the suite sends requests; made by `Subject.open`."""
 
     def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
-        self.name = name
-        self.heard: list[FrameSeen] = []
-        self.noise: list[Undecodable] = []
-        self.ending: Ending | None = None
-        self.closed = False
-        self._due_bytes = _FLOOD_BYTES
-        self._link, self._subject, self._judged = link, subject, judged
-        self._streams = {direction: Stream(name, direction) for direction in Direction}
-        self._offsets_bytes = dict.fromkeys(Direction, 0)
-        self._event(A2C, Kind.OPENED, subject.now_ns)
+        super().__init__(name, link, subject, A2C, judged=judged)
+        self._subject = subject
 
     # ------------------------------------------------------------------ sending
-
-    def send_bytes(self, data: bytes) -> None:
-        """Send bytes as they are.
-
-        Raises:
-            NoAnswer: The subject has ended the connection.
-        """
-        if not data:
-            return
-        self.pump()  # what has come so far came before this
-        try:
-            time_ns = self._link.send(data)
-        except LinkError as error:
-            self.pump()
-            raise NoAnswer(f"the subject does not take what is sent: {error}") from None
-        self._due_bytes = _FLOOD_BYTES + _FLOOD_RATIO * len(data)
-        self._event(A2C, Kind.BYTES, time_ns, data)
-
-    def send_frame(self, frame: Frame) -> None:
-        """Send one frame."""
-        self.send_bytes(frame.encode())
 
     def send(self, name: str, value: Any = None, *, data: bytes | None = None) -> Command:
         """Send a request of the table; `data` takes the place of its encoded value.
@@ -164,11 +76,14 @@ class Line:
         """
         command = BY_NAME[name]
         opcodes = {command.opcode, command.also, command.reply_also} - {None}
-        return self._await(
+        answer = self.awaited(
             lambda seen: not seen.frame.tagged and seen.frame.opcode in opcodes,
             self._subject.reply_s if within_s is None else within_s,
             f"{name} was not answered",
         )
+        if name == "emergency_stop" and answer.accepted:
+            self._subject.has_been_stopped()
+        return answer
 
     def result(self, name: str, *, within_s: float | None = None) -> Answer:
         """Wait for the final result of a two-stage command.
@@ -177,7 +92,7 @@ class Line:
             NoAnswer: None came in `within_s`, by default what the longest motion may take.
         """
         opcode = BY_NAME[name].opcode
-        return self._await(
+        return self.awaited(
             lambda seen: seen.frame.tagged and seen.frame.opcode == opcode,
             self._subject.longest_s if within_s is None else within_s,
             f"no final result of {name} came",
@@ -232,130 +147,4 @@ class Line:
                 before.append(seen)
             if not self._more(deadline_s):
                 self.heard[:0] = before
-                raise self._no_answer("get_status was not answered")
-
-    def wait(self, for_s: float) -> None:
-        """Let time pass, listening; it ends early only with the connection."""
-        deadline_s = self._link.now_s + for_s
-        while self._more(deadline_s) and self._link.now_s <= deadline_s:
-            pass
-
-    def ends(self, *, within_s: float) -> Ending | None:
-        """Wait for the subject to end the connection; None if it does not."""
-        self.wait(within_s)
-        return self.ending
-
-    def _await(self, wanted: Callable[[FrameSeen], bool], within_s: float, message: str) -> Answer:
-        deadline_s = self._link.now_s + within_s
-        while True:
-            for seen in self.heard:
-                if wanted(seen):
-                    self.heard.remove(seen)
-                    return Answer(seen, seen.value)
-            if not self._more(deadline_s) or self._link.now_s > deadline_s:
-                raise self._no_answer(f"{message} in {within_s:g} s")
-
-    def _no_answer(self, message: str) -> NoAnswer:
-        came = [f"{seen.frame}" for seen in self.heard]
-        came += [f"no frame: {show(noise.data)}" for noise in self.noise]
-        if self.ending:
-            came.append(f"the connection was {self.ending.value}")
-        return NoAnswer(message, expected="an answer", observed="; ".join(came) or "silence")
-
-    # ------------------------------------------------------------------ listening
-
-    def pump(self) -> None:
-        """Take what is there already, without waiting."""
-        while self._receive(self._link.now_s):
-            pass
-
-    def _more(self, deadline_s: float) -> bool:
-        """Wait for anything to come; False once the time is up or the connection has ended."""
-        while True:
-            if self._ended:
-                return False
-            alone = self._subject.pump_others(self)
-            until_s = deadline_s if alone else min(deadline_s, self._link.now_s + _SLICE_S)
-            if self._receive(until_s):
-                return True
-            if self._link.now_s >= deadline_s:
-                return False
-
-    @property
-    def _ended(self) -> bool:
-        return self.closed or self.ending is not None
-
-    def _receive(self, deadline_s: float) -> bool:
-        """Take one arrival; whether there was one."""
-        if self._ended:
-            return False
-        try:
-            arrival = self._link.receive(deadline_s)
-        except LinkError:
-            arrival = Arrival(self._subject.now_ns, Ending.RESET)
-        if arrival is None:
-            return False
-        if isinstance(arrival.what, Ending):
-            self.ending = arrival.what
-            kind = Kind.RESET if arrival.what is Ending.RESET else Kind.CLOSED
-            self._take(C2A, self._streams[C2A].finish())
-            self._event(C2A, kind, arrival.time_ns)
-        else:
-            self._event(C2A, Kind.BYTES, arrival.time_ns, arrival.what)
-            self._check_flood(len(arrival.what))
-        return True
-
-    def _check_flood(self, size_bytes: int) -> None:
-        self._due_bytes -= size_bytes
-        if self._due_bytes < 0:
-            self._over(self._link.reset, Kind.RESET)
-            message = "the subject goes on sending what nobody has asked for"
-            raise Unmet(message, expected="silence", observed="a flood", requirement="3/32")
-
-    def _event(self, direction: Direction, kind: Kind, time_ns: int, data: bytes = b"") -> None:
-        offset_bytes = self._offsets_bytes[direction]
-        event = WireEvent(time_ns, self.name, direction, kind, data, offset_bytes)
-        self._offsets_bytes[direction] += len(data)
-        self._subject.observer.event(event, judged=self._judged)
-        if data:
-            self._take(direction.opposite, self._streams[direction.opposite].settle())
-            self._take(direction, self._streams[direction].feed(event))
-
-    def _take(self, direction: Direction, found: "Iterator[FrameSeen | Undecodable]") -> None:
-        for item in found:
-            self._subject.observer.frame(item)
-            if direction is C2A and isinstance(item, FrameSeen):
-                self.heard.append(item)
-            elif direction is C2A and isinstance(item, Undecodable):
-                self.noise.append(item)
-
-    # ------------------------------------------------------------------ ending
-
-    def half_close(self) -> None:
-        """Send no more, but listen on.
-
-        Raises:
-            Undecided: This carrier cannot.
-        """
-        self._subject.sure(self._link.half_close)
-        self._event(A2C, Kind.HALF_CLOSED, self._subject.now_ns)
-
-    def close(self) -> None:
-        """End the connection in order."""
-        self._end(self._link.close, Kind.CLOSED)
-
-    def reset(self) -> None:
-        """Cut the connection off."""
-        self._end(self._link.reset, Kind.RESET)
-
-    def _end(self, end: Callable[[], None], kind: Kind) -> None:
-        with suppress(Unmet):  # a flood ends it by itself
-            self.pump()
-        if not self.closed:
-            self._over(end, kind)
-
-    def _over(self, end: Callable[[], None], kind: Kind) -> None:
-        self.closed = True
-        end()
-        if self.ending is None:
-            self._event(A2C, kind, self._subject.now_ns)
+                raise self.no_answer("get_status was not answered")

@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
 
-from scaraspec.protocol.commands import JointValues, MoveTarget, Pose
-from scaraspec.suite.as_client.line import Answer, Line
-from scaraspec.suite.as_client.subject import Subject
+from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import DEAF, LATCHED, SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.wire import Answer
 
 AXES: Final = ("x", "y", "z", "theta_x")
 """What a move may change, with a meaning (7.1, L1006)."""
@@ -27,9 +28,11 @@ BUSY: Final = ("01", "02", "03", "04")
 IDLE: Final = "00"
 
 _POLL_S: Final = 0.05
+_DEAF_JOGGING: Final = "deaf while it jogs"
+_PUT_OFF_S: Final = 0.2  # what is answered so late, and as by an idle robot, had to wait for it …
+_TIMES_LATER: Final = 3  # … where an idle robot is that much quicker
+_NS: Final = 1e9
 _STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
-_DEAF: Final = "deaf while it executes"
-_LATCHED: Final = "latched"
 _LATCHES: Final = "latches"
 _TURN: Final = 360.0
 
@@ -194,19 +197,52 @@ def _go_back(subject: Subject, line: Line, pose: Pose) -> None:
 
 def knows_whether_it_listens(subject: Subject) -> bool:
     """Whether that has been found out."""
-    return _DEAF in subject.known
+    return DEAF in subject.known
 
 
-def listens(subject: Subject, line: Line) -> bool:
-    """Whether a robot that executes answers queries (A-4-3); asked while it executes."""
-    if _DEAF not in subject.known:
+def listens(subject: Subject, line: Line, *, jogs: bool = False) -> bool:
+    """Whether a robot that executes answers queries (A-4-3); asked while it executes.
+
+    Args:
+        subject: The subject.
+        line: A connection to it.
+        jogs: Whether it jogs: it may be deaf then alone, and goes on while an answer is awaited.
+    """
+    if jogs and not subject.known.get(DEAF):
+        if _DEAF_JOGGING not in subject.known:
+            try:
+                line.ask("get_status", within_s=subject.statement.motion.jog_s)
+            except NoAnswer:
+                subject.known[_DEAF_JOGGING] = True
+            else:
+                subject.known[_DEAF_JOGGING] = False
+        return not subject.known[_DEAF_JOGGING]
+    if DEAF not in subject.known:
         try:
-            line.ask("get_status")
+            waited_s, status = _timed_status(subject, line)
         except NoAnswer:
-            subject.known[_DEAF] = True
+            subject.known[DEAF] = True
         else:
-            subject.known[_DEAF] = False
-    return not subject.known[_DEAF]
+            put_off = status not in BUSY and waited_s > _PUT_OFF_S
+            usual_s = _timed_status(subject, line)[0] if put_off else 0.0
+            subject.known[DEAF] = put_off and waited_s > _TIMES_LATER * usual_s
+    return not subject.known[DEAF]
+
+
+def _timed_status(subject: Subject, line: Line) -> tuple[float, str | None]:
+    asked_ns = subject.now_ns
+    answer = line.ask("get_status")
+    return answer.time_s - asked_ns / _NS, answer.value
+
+
+def go_on_if_it_listens(subject: Subject, line: Line) -> None:
+    """Go on only where a robot that executes answers queries; asked while it executes.
+
+    Raises:
+        NotRun: It does not.
+    """
+    if not listens(subject, line):
+        raise NotRun("the robot answers nothing while it executes (A-4-3)")
 
 
 # ---------------------------------------------------------------------- coming to rest
@@ -221,10 +257,18 @@ def stop(subject: Subject, line: Line) -> Answer:
     answer = line.ask("emergency_stop")
     if answer.accepted:
         line.result("emergency_stop", within_s=subject.reply_s)
-        has_stopped(subject)
+        _await_own_result(line)
         await_rest(subject, line)
         release_latch(subject, line)
     return answer
+
+
+def _await_own_result(line: Line) -> None:
+    """Let the result of what was stopped come, where it comes behind the stop's (A-4.17-4)."""
+    left_s = SILENCE_S
+    while left_s > 0 and not any(seen.frame.tagged for seen in line.heard):
+        line.wait(_POLL_S)
+        left_s -= _POLL_S
 
 
 def quieten(subject: Subject, line: Line) -> None:
@@ -244,7 +288,9 @@ def quieten(subject: Subject, line: Line) -> None:
 
 def status_of(subject: Subject, line: Line) -> str | None:
     """The status; None where a robot that executes answers nothing (A-4-3)."""
-    deaf = subject.known.get(_DEAF)
+    deaf = subject.known.get(DEAF)
+    if deaf:
+        _drop_late_replies(line)
     try:
         answer = line.ask("get_status", within_s=_POLL_S if deaf else None)
     except NoAnswer:
@@ -255,6 +301,13 @@ def status_of(subject: Subject, line: Line) -> str | None:
     return status
 
 
+def _drop_late_replies(line: Line) -> None:
+    """Drop what was answered only when the robot had ended: it tells of then, not of now."""
+    opcode = BY_NAME["get_status"].opcode
+    line.pump()
+    line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode != opcode]
+
+
 def await_rest(subject: Subject, line: Line) -> None:
     """Wait until nothing executes; the status may tell of a fault then."""
     left_s = subject.longest_s
@@ -263,24 +316,19 @@ def await_rest(subject: Subject, line: Line) -> None:
         left_s -= _POLL_S
 
 
-def has_stopped(subject: Subject) -> None:
-    """An emergency stop has succeeded: perhaps the robot is latched (A-4.17-2)."""
-    subject.known.setdefault(_LATCHED, True)
-
-
 def release_latch(subject: Subject, line: Line) -> None:
     """Reset a robot that an emergency stop has latched (A-4.17-2); whether it does is tried once.
 
     It shows in the status, or in that a move to where the arm stands is refused.
     """
-    if not subject.known.get(_LATCHED):
+    if not subject.known.get(LATCHED):
         return
     if line.ask("get_status").value == IDLE:
         answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
         if answer.accepted:
             line.result("set_tool_coordinates")
             if _LATCHES not in subject.known:
-                subject.known[_LATCHED] = False
+                subject.known[LATCHED] = False
             return
     subject.known[_LATCHES] = True
     if line.ask("reset").accepted:

@@ -8,9 +8,10 @@ from contextlib import contextmanager, suppress
 from typing import Final
 
 from scaraspec.protocol.commands import PortValue
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Undecided, Unmet, expect_equal
+from scaraspec.suite.wire import Answer
 
 ALL_OUTPUTS: Final = range(1, 17)
 """The ports of 0x49 (L687)."""

@@ -14,9 +14,14 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
+from scaraspec.suite.programs.layout import candidates
+from scaraspec.suite.programs.listed import program_names
+from scaraspec.suite.programs.writing import wait_program
 
+_LISTED: Final = "4.10/11"
 _READ_ONLY, _STATE = Hazard.READ_ONLY, Hazard.STATE
 
 
@@ -127,11 +132,24 @@ def _endian(subject: Subject) -> str | None:
     return None
 
 
+def _prog_layout(subject: Subject) -> str | None:
+    """Store a program of each layout until one is listed: others need not be (A-6.1-2)."""
+    with subject.observer.overlooking(_LISTED):
+        for layout in candidates(subject):
+            line, name = subject.open(), subject.new_name()
+            upload(line, name, wait_program(subject.dialect, 1, layout=layout))
+            if name in program_names(subject, line):
+                return layout.reading
+            subject.settle()
+    return None
+
+
 PROBES: Final = (
     Probe("op_get_default", _READ_ONLY, _op_get_default),
     Probe("max_clients", _READ_ONLY, _max_clients),
     Probe("prelogin", _READ_ONLY, _prelogin),
     Probe("prog_ext", _STATE, _prog_ext),
     Probe("endian", _STATE, _endian),
+    Probe("prog_layout", _STATE, _prog_layout),
 )
 """What is looked for before the cases begin."""

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.wire import Answer
 
 
 class Query(NamedTuple):

@@ -9,11 +9,12 @@ from typing import Any, Final
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import Wrong
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import BUSY
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import JOG, STOP, Task, finish, offered
 from scaraspec.suite.expect import expect
+from scaraspec.suite.wire import Answer
 
 _FAILURES: Final = errors.FAILURES | {errors.TABLE_8_1["00"], errors.TABLE_8_1["20"]}
 """Of results: an interrupted command's too (A-4.17-4), and that of a missing program (A-4.15-1)."""

@@ -15,11 +15,13 @@ from scaraspec.protocol.commands import Network, PasswordChange, Point, PortValu
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, STEM, Subject
-from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
+from scaraspec.suite.expect import Undecided, Unmet, expect
+from scaraspec.suite.programs.listed import program_names
 
 _CLOCK_SLACK_S: Final = 2
 _HALF_S: Final = 0.5
 _NS: Final = 1_000_000_000
+_REFUSED_PERHAPS: Final = ("default program", "initial tool position")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +44,20 @@ class Item:
 def save(subject: Subject) -> dict[str, Any]:
     """Ask for everything that a run may change.
 
+    A setting that the subject refuses to take back even now, as a default program that is not
+    stored or a position that was never set, is none that a run could put back.
+
     Raises:
         Unmet: The subject cannot be reached, or refuses the login.
     """
     line = subject.open()
     state = {item.name: _read(item, subject, line) for item in ITEMS}
+    for item in ITEMS:
+        if item.name in _REFUSED_PERHAPS and item.hazard in subject.allowed and state[item.name]:
+            try:
+                item.write(subject, line, state[item.name])
+            except (Unmet, Undecided):
+                state[item.name] = None
     line.close()
     return state
 
@@ -98,7 +109,7 @@ def keep(path: Path, state: Mapping[str, Any]) -> None:
 def _read(item: Item, subject: Subject, line: Line) -> Any:
     try:
         return item.read(subject, line)
-    except NoAnswer:
+    except (Unmet, Undecided):  # of that, too, the cases are the judges
         return None
 
 
@@ -134,19 +145,8 @@ def _set(line: Line, name: str, value: Any) -> None:
 # ---------------------------------------------------------------------- what there is
 
 
-def _read_programs(_: Subject, line: Line) -> list[str]:
-    """All names of the list, however many messages it takes (4.10)."""
-    names: list[str] = []
-    part = line.ask("list_programs").value
-    while part is not None:
-        names += [name.decode("latin-1") for name in part.names]
-        if not part.more:
-            break
-        try:
-            part = line.reply("list_programs").value
-        except NoAnswer:  # it is fetched, not pushed (A-4.10-3)
-            part = line.ask("list_programs").value
-    return sorted(names)
+def _read_programs(subject: Subject, line: Line) -> list[str]:
+    return sorted(name.decode("latin-1") for name in program_names(subject, line))
 
 
 def _remove_programs(subject: Subject, line: Line, wanted: list[str]) -> None:

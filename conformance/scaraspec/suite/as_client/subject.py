@@ -5,25 +5,37 @@ what has to be put right again. No requirement is judged here.
 """
 
 import itertools
-from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Final
 
 from scaraspec.links.link import LinkError
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.access import Access
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.hooks import HookError
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.statement import Statement
+from scaraspec.suite.wire import Answer, Wire
 
 SILENCE_S: Final = 0.3
 """For how long silence is listened to where no fence can show it."""
 
+MOMENT_S: Final = 0.1
+"""For how long silence is listened to where a fence has shown it, too: for what comes late."""
+
 _READY: Final = "00"  # L209: idle
 _RECONNECTS: Final = 20
 _RECONNECT_S: Final = 0.1
+_REFUSAL_S: Final = 0.05  # within which one that is not served is ended (A-2-2)
 _POLL_S: Final = 0.05
+_REMEDIES: Final = ("lock_joints", "reset")  # of joints that were left loose; of all else
+
+DEAF: Final = "deaf while it executes"
+"""Known of a subject: whether it answers nothing while it executes (A-4-3)."""
+
+LATCHED: Final = "latched"
+"""Known of a subject: whether an emergency stop may have latched it (A-4.17-2)."""
 
 STEM: Final = "zs"
 """How the names of all files begin that the suite makes."""
@@ -64,6 +76,8 @@ class Subject:
         self.tolerated: list[tuple[str, str, str, str]] = []
         self.found: dict[str, str] = {}
         self.known: dict[str, Any] = {}
+        self.survival = "3/31"
+        self.complaints = ""
         self.moved = False
         self.off = False
         self.created: list[bytes] = []
@@ -111,17 +125,18 @@ class Subject:
         patience = _RECONNECTS if alone and self.dialect["max_clients"] == "one" else 1
         while True:
             line = self._open(judged=judged)
-            if not login or not self.access.needs_login:
-                return line
             patience -= 1
-            try:
-                self.log_in(line)
-            except NoAnswer:
-                if line.ending is None or not patience:
-                    raise
-                self.access.pause(_RECONNECT_S)  # it may not have seen yet that the last one left
-            else:
+            if login and self.access.needs_login:
+                try:
+                    self.log_in(line)
+                except NoAnswer:
+                    if line.ending is None or not patience:
+                        raise
+                else:
+                    return line
+            elif not patience or line.ends(within_s=_REFUSAL_S) is None:
                 return line
+            self.access.pause(_RECONNECT_S)  # it may not have seen yet that the last one left
 
     def _open(self, *, judged: bool) -> Line:
         for attempt in range(_RECONNECTS):
@@ -150,7 +165,7 @@ class Subject:
             )
         return answer
 
-    def pump_others(self, line: Line) -> bool:
+    def pump_others(self, line: Wire) -> bool:
         """Take what came on the other connections; whether there are none."""
         alone = True
         for other in self._lines:
@@ -174,17 +189,6 @@ class Subject:
         self.access.pause(for_s)
 
     # ------------------------------------------------------------------ what it can do
-
-    def sure(self, act: Callable[[], Any]) -> Any:
-        """Do something that this link may not be able to do.
-
-        Raises:
-            Undecided: It is not.
-        """
-        try:
-            return act()
-        except LinkError as error:
-            raise Undecided(f"this link cannot do that: {error}") from None
 
     @property
     def takes_several(self) -> bool:
@@ -232,6 +236,10 @@ class Subject:
 
     # ------------------------------------------------------------------ state
 
+    def has_been_stopped(self) -> None:
+        """An emergency stop was granted: perhaps the robot is latched (A-4.17-2)."""
+        self.known.setdefault(LATCHED, True)
+
     def new_name(self, stem: str = "") -> bytes:
         """A file name that is not in use, and that is deleted when the case is over."""
         extension = {".txt": ".txt"}.get(self.dialect["prog_ext"], ".rob")
@@ -262,13 +270,17 @@ class Subject:
         """
         self.close_lines()
         line = self.open()
-        status = line.ask("get_status").value
+        busy_and_deaf = self.moved and self.known.get(DEAF)
+        status = None if busy_and_deaf else line.ask("get_status").value
         if status != _READY and self.moved:
             if line.ask("emergency_stop").accepted:
                 line.result("emergency_stop")
-            if (status := line.ask("get_status").value) != _READY:
-                line.ask("reset")
-                line.wait(_POLL_S)
+            for remedy in _REMEDIES:
+                if line.ask("get_status").value == _READY:
+                    break
+                if remedy not in self.statement.lacks and line.ask(remedy).accepted:
+                    with suppress(NoAnswer):
+                        line.result(remedy, within_s=self.reply_s)
         if self.moved:
             self.until_idle(line)
         if Hazard.STATE not in self.allowed:
@@ -278,3 +290,14 @@ class Subject:
             self.created.pop()
         self.moved = False
         self.close_lines()
+
+    def revive(self) -> None:
+        """Start it anew, where a hook can.
+
+        Raises:
+            Undecided: The hook failed.
+        """
+        self.created.clear()
+        self.close_lines()
+        if self.has_hook("restart"):
+            self.hook("restart")

@@ -16,24 +16,26 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.programs import Layout
 from scaraspec.suite.as_client.files import upload
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import (
     BUSY,
     SLOWEST_PERCENT,
     begin_step_somewhere,
-    has_stopped,
     knows_whether_it_listens,
     listens,
     pose_of,
     quieten,
+    release_latch,
     returning,
     status_of,
+    stop,
     target,
 )
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
-from scaraspec.suite.expect import NoAnswer, NotRun, Unmet
-from scaraspec.suite.programs.layout import find_layout
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.programs.layout import find_layout, known_layout
 from scaraspec.suite.programs.writing import layout_of, wait_program
+from scaraspec.suite.wire import Answer
 
 RUN, SIMULATE, STOP, RESET = "run_program", "simulate_program", "emergency_stop", "reset"
 MOVE, RELEASE, LOCK, JOG = "set_tool_coordinates", "release_joints", "lock_joints", "jog"
@@ -70,9 +72,7 @@ SUCCESS: Final[Mapping[str, str]] = {
 LASTS_S: Final = 5
 """How long a program waits that is to be interrupted, in seconds of our clock."""
 
-_DAMAGED: Final = ("05", "20")  # A-4.15-2: what a file is refused with that is no program
 _SLICE_S: Final = 0.5
-_LAYOUT: Final = "layout of waiting programs"
 
 
 # ---------------------------------------------------------------------- beginning
@@ -120,7 +120,7 @@ def accepted(name: str, answer: Answer) -> Answer:
 
 def layout_in_use(subject: Subject) -> Layout:
     """The layout of program files that the subject has been found to read, or claims."""
-    return subject.known.get(_LAYOUT) or layout_of(subject.dialect)
+    return known_layout(subject) or layout_of(subject.dialect)
 
 
 def stored(subject: Subject, line: Line, seconds: int = LASTS_S) -> bytes:
@@ -148,22 +148,19 @@ class Started(NamedTuple):
 def start_program(subject: Subject, line: Line, name: str, seconds: int = LASTS_S) -> Started:
     """Run or simulate a program that waits for so many seconds.
 
-    Where it is taken for damaged, the layout of program files is found out first (A-6.1-2).
+    The layout of program files is found out first (A-6.1-2).
 
     Raises:
         Unmet: It is refused.
     """
     has(subject, name)
     subject.moved = True
+    if RUN not in subject.statement.lacks:
+        with suppress(Unmet, Undecided):  # it is for the cases about layouts to say so
+            find_layout(subject, line)
+    release_latch(subject, line)
     program = stored(subject, line, seconds)
-    answer = line.ask(name, program)
-    if answer.code in _DAMAGED and _LAYOUT not in subject.known:
-        subject.known[_LAYOUT] = None
-        with suppress(Unmet):
-            subject.known[_LAYOUT] = find_layout(subject, line)
-            program = stored(subject, line, seconds)
-            answer = line.ask(name, program)
-    return Started(program, accepted(name, answer))
+    return Started(program, accepted(name, line.ask(name, program)))
 
 
 def begin_jog(subject: Subject, line: Line, direction: JogDirection) -> Answer:
@@ -291,7 +288,8 @@ def lasting(subject: Subject, line: Line, name: str, *, queries: bool = True) ->
     with returning(subject, line):
         task = Task(name, line)
         with _BEGIN[name](subject, line, task):
-            if queries and not listens(subject, line):
+            if queries and not listens(subject, line, jogs=name == JOG):
+                stop(subject, line)
                 quieten(subject, line)
                 raise NotRun("the robot answers nothing while it executes (A-4-3)")
             yield task
@@ -388,8 +386,6 @@ def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = 
         NoAnswer: It does not come.
     """
     left_s = subject.longest_s if within_s is None else within_s
-    if name == STOP:
-        has_stopped(subject)
     while True:
         try:
             return line.result(name, within_s=min(_SLICE_S, left_s))
@@ -425,6 +421,35 @@ def done(subject: Subject, line: Line, name: str) -> Answer:
             requirement=SUCCESS[name],
         )
     return answer
+
+
+def release(subject: Subject, line: Line) -> tuple[Answer, Answer | None]:
+    """Release the joints: the first reply, and the final result.
+
+    That is None where it only comes when the joints are locked again (A-4.25-2).
+
+    Raises:
+        Unmet: The idle robot refuses it.
+    """
+    first = begin(subject, line, RELEASE)
+    left_s = subject.reply_s
+    while True:
+        with suppress(NoAnswer):
+            return first, line.result(RELEASE, within_s=SILENCE_S)
+        left_s -= SILENCE_S
+        if left_s <= 0 or status_of(subject, line) not in (*BUSY, None):
+            return first, None
+
+
+@contextmanager
+def locked_again(subject: Subject, line: Line) -> Iterator[None]:
+    """Lock the joints afterwards, whatever has happened."""
+    try:
+        yield
+    finally:
+        with suppress(Unmet):
+            if line.ask(LOCK).accepted:
+                finish(subject, line, LOCK)
 
 
 # ---------------------------------------------------------------------- once and whole
@@ -471,7 +496,7 @@ def _perform_lock(subject: Subject, line: Line, name: str, _: Pose) -> Performed
     """Joints that are locked may refuse to be locked again (A-4.25-3)."""
     first = line.ask(name)
     if first.accepted is False and first.code not in BUSY:
-        begin(subject, line, RELEASE)
+        release(subject, line)
         first = begin(subject, line, name)
     return _ended(subject, line, name, accepted(name, first))
 
@@ -488,14 +513,10 @@ def _perform_reset(subject: Subject, line: Line, name: str, pose: Pose) -> Perfo
 
 def _perform_release(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
     """Its result may come at once, or when the joints are locked again (A-4.25-2)."""
-    try:
-        first = begin(subject, line, name)
-        with suppress(NoAnswer):
-            result = line.result(name, within_s=SILENCE_S)
+    with locked_again(subject, line):
+        first, result = release(subject, line)
+        if result is not None:
             return Performed(first, result, line.ask("get_status"))
-    finally:
-        if line.ask(LOCK).accepted:
-            finish(subject, line, LOCK)
     return _ended(subject, line, name, first)
 
 

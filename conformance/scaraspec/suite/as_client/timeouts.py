@@ -1,59 +1,17 @@
-"""Timeouts: several silences at once, each on a connection of its own, and what ends them.
-
-A transfer survives 25 s of silence and has ended after 60 s; where it ends before 27 s or lives on
-after 35 s, that is told (A-5-13). A limit that the subject claims scales all four.
-"""
+"""Timeouts: several silences at once, each on a connection of its own, and what ends them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_client.files import begin, offer
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.expect import Undecided, Unmet
+from scaraspec.suite.expect import Unmet
+from scaraspec.suite.limits import Silence
 
-_DOCUMENT_S: Final = 30.0  # L763, L787, L795
 _INSTANT_S: Final = 1e-6
-_NS: Final = 1e9
-
-
-class Limits(NamedTuple):
-    """How long a silence may and must be for a transfer to end, in seconds."""
-
-    survived_s: float
-    early_s: float
-    late_s: float
-    over_s: float
-
-
-def limits_of(subject: Subject) -> Limits:
-    """The limits of a subject (A-5-13)."""
-    scale = subject.transfer_s / _DOCUMENT_S
-    return Limits(25 * scale, 27 * scale, 35 * scale, 60 * scale)
-
-
-class Silence:
-    """How long nothing has been sent on a connection."""
-
-    def __init__(self, subject: Subject) -> None:
-        self._subject = subject
-        self._since_ns = subject.now_ns
-
-    @property
-    def passed_s(self) -> float:
-        """How many seconds it has lasted until now."""
-        return (self._subject.now_ns - self._since_ns) / _NS
-
-    def in_time(self, limit_s: float) -> None:
-        """Go on only while it is no longer than it may be: a slow machine must fail nobody.
-
-        Raises:
-            Undecided: It is longer.
-        """
-        if self.passed_s > limit_s:
-            raise Undecided(f"this machine is too slow: a silence lasted {self.passed_s:.3f} s")
 
 
 Step = Callable[[Line, Silence], None]

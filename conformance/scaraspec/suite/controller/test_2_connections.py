@@ -6,7 +6,7 @@ from typing import Final
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.subject import MOMENT_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
 
@@ -98,7 +98,7 @@ def test_second_client(subject: Subject) -> None:
     version, time = (first.request(name).encode() for name in ("get_version", "get_time"))
     first.send_bytes(version[:2])
     second = subject.open(login=False)
-    subject.pause(SILENCE_S)
+    subject.pause(MOMENT_S)
     if _displaced(subject, first, second):
         return
     first.send_bytes(version[2:])

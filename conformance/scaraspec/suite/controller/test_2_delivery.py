@@ -1,5 +1,7 @@
 """Clause 2: TCP carries a stream; how it is cut into segments means nothing (L79; A-2-6)."""
 
+import itertools
+from collections.abc import Mapping
 from typing import Final
 
 from hypothesis import given
@@ -45,14 +47,26 @@ def test_cut_at_every_byte(subject: Subject) -> None:
 @case("2/5", name="slowly")
 def test_slowly(subject: Subject) -> None:
     """A request comes byte by byte, and a login in three pieces, with almost 1 s between them."""
+    parts = {subject.open(): ("get_status", pieces(GET_STATUS, (1, 1, 1)))}
+    if not subject.takes_several:
+        _send_slowly(subject, parts)
+        parts.clear()
+        subject.close_lines()
     if subject.access.needs_login:
         line = subject.open(login=False)
-        send_in(line, pieces(_login(subject, line), (1, 5)), subject, SLOWEST_S)
-        line.reply("login")
-    else:
-        line = subject.open()
-    send_in(line, pieces(GET_STATUS, (1, 1, 1)), subject, SLOWEST_S)
-    line.reply("get_status")
+        parts[line] = ("login", pieces(_login(subject, line), (1, 5)))
+    _send_slowly(subject, parts)
+
+
+def _send_slowly(subject: Subject, parts: Mapping[Line, tuple[str, list[bytes]]]) -> None:
+    """Send on several connections at once, piece by piece; await each reply."""
+    for number, now in enumerate(itertools.zip_longest(*(each for _, each in parts.values()))):
+        if number:
+            subject.pause(SLOWEST_S)
+        for line, part in zip(parts, now, strict=True):
+            line.send_bytes(part or b"")
+    for line, (name, _) in parts.items():
+        line.reply(name)
 
 
 @case("2/5", name="random")

@@ -17,7 +17,7 @@ from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of
 from scaraspec.suite.as_client.ports import outputs, outputs_kept
-from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, SILENCE_S, Subject
+from scaraspec.suite.as_client.subject import MOMENT_S, OTHER_PASSWORDS, Subject
 from scaraspec.suite.as_client.tasks import stored
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
@@ -60,7 +60,7 @@ class _Stranger:
             self._hear(line, _BETWEEN_S)
             if line.ending is not None:
                 line = self._connect()
-        self._hear(line, SILENCE_S)
+        self._hear(line, MOMENT_S)
         line.close()
 
     def _connect(self) -> Line:

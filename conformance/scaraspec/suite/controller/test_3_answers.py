@@ -7,12 +7,14 @@ from hypothesis import given, settings
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.files import content_of, expect_round_trip
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.files import expect_round_trip
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.queries import Query, known_to, some_queries
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
+from scaraspec.suite.wire import Answer
 
 _STATE: Final = (Hazard.STATE,)
 _LONG: Final = 60  # requests for each example that is asked for

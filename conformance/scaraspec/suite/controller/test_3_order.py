@@ -15,14 +15,16 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_client.delivery import takes_one_at_a_time
-from scaraspec.suite.as_client.files import content_of, expect_stored
-from scaraspec.suite.as_client.line import Answer, Line
-from scaraspec.suite.as_client.motion import quieten, returning
+from scaraspec.suite.as_client.files import expect_stored
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import quieten, returning, stop
 from scaraspec.suite.as_client.queries import Query, known_to, replies_to, some_queries
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import has
+from scaraspec.suite.as_client.tasks import finish, has, jog_somewhere
 from scaraspec.suite.case import case
+from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import NotRun, Undecided, expect, expect_equal
+from scaraspec.suite.wire import Answer
 
 _STATE: Final = (Hazard.STATE,)
 _CENTRES: Final = tuple(Point(float(n), -n / 2, n + 0.5) for n in range(1, 9))
@@ -156,10 +158,13 @@ def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
     _takes_several(subject)
     has(subject, "jog", "emergency_stop")
     with returning(subject, line):
+        jog_somewhere(subject, line)  # finds out in which notation (A-4.28-1)
+        stop(subject, line)
         for direction in JogDirection:
-            subject.moved = True
             _send_together(line, [("jog", direction), ("emergency_stop", None)])
-            jog, stop = line.reply("jog"), line.reply("emergency_stop")
+            jog, stopped = line.reply("jog"), line.reply("emergency_stop")
+            if stopped.accepted:
+                finish(subject, line, "emergency_stop")  # until then the arm may slow down
             status = line.ask("get_status").value
             quieten(subject, line)
             if jog.accepted:
@@ -167,10 +172,10 @@ def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
         else:
             raise Undecided("the subject refuses to jog in any direction")
         expect(
-            stop.accepted and status != "04",
+            stopped.accepted and status != "04",
             "an emergency stop that came behind a jog did not stop it",
             expected="1, and a status other than 04",
-            observed=f"{stop}, and {status}",
+            observed=f"{stopped}, and {status}",
         )
 
 

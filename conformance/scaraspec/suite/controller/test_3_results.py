@@ -14,6 +14,7 @@ from scaraspec.protocol.frames import TAG
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import FinalResult
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import begin_step_somewhere, returning
 from scaraspec.suite.as_client.queries import ask_all
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import (
@@ -23,6 +24,7 @@ from scaraspec.suite.as_client.tasks import (
     SIMULATE,
     STOP,
     TWO_STAGE,
+    accepted,
     finish,
     harmless,
     has,
@@ -61,8 +63,20 @@ def test_one_tagged_result(subject: Subject, line: Line, name: str) -> None:
         observed="the final result first",
         requirement="3/16",
     )
-    line.wait(_LATER_S)
+    line.heard[:0] = line.fence()
     _no_result(line, name, f"{name} ended a second time", "3/18")
+
+
+@case("3/18", name="twice", hazards=_MOTION)
+def test_no_second_result(subject: Subject, line: Line) -> None:
+    """Every command ends once; time passes, and none of them ends again."""
+    names = [name for name in TWO_STAGE if name not in subject.statement.lacks]
+    for name in names:
+        perform(subject, line, name)
+        line.heard.clear()
+    line.wait(_LATER_S)
+    for name in names:
+        _no_result(line, name, f"{name} ended a second time", "3/18")
 
 
 def _expect_tagged(subject: Subject, name: str) -> None:
@@ -135,10 +149,12 @@ def test_result_for_whom_asked(subject: Subject, line: Line) -> None:
     """While another client is connected, the result comes to the one that asked."""
     subject.several()
     other = subject.open()
-    start_program(subject, line, RUN, 1)
-    other.ask("get_status")
-    finish(subject, line, RUN)
-    other.fence()
+    with returning(subject, line):
+        _, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        other.ask("get_status")
+        finish(subject, line, MOVE)
+        other.fence()
 
 
 # ---------------------------------------------------------------------- none

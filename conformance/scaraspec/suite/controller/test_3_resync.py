@@ -11,6 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS
@@ -34,7 +35,7 @@ from scaraspec.suite.expect import NoAnswer, NotRun, expect
 
 _LONG_BYTES: Final = 5000
 _HANGING: Final = 4
-_GIVEN_UP_S: Final = 3.0  # longer than most receivers wait for the rest of a frame (A-3-11)
+_GIVEN_UP_S: Final = 2.3  # longer than most receivers wait for the rest of a frame (A-3-11)
 _PARTS: Final = (
     b"\xaa",
     b"\xaa\x09",
@@ -43,6 +44,16 @@ _PARTS: Final = (
     b"\xaa\x08\xff" + b"0" * 100,
     GET_STATUS + b"\xaa\x08\x04\x30",
 )
+
+_DAMAGED: Final = (
+    GET_STATUS[:-1] + b"\x55",
+    GET_TIME[:1] + b"\x09\x03" + GET_TIME[3:],
+    b"\xaa\x08\xff" + b"0" * 255 + b"\x55",
+    b"\xcc",
+    b"\x55" * _LONG_BYTES,
+    b"\0" * _LONG_BYTES,
+)
+"""One of each way to be no frame."""
 
 
 def _tell(subject: Subject, requirement: str, how: Recovery) -> None:
@@ -225,7 +236,7 @@ def test_wrong_direction(subject: Subject, opcode: int, data: bytes) -> None:
     frame = Frame(C2A, opcode, data.replace(b"\xaa", b"\x55")).encode()
     line = subject.open(judged=False)
     line.send_bytes(frame)
-    line.wait(SILENCE_S / 10)
+    line.apart()
     nothing_else(line, requirement="3/23")
     if any(seen.frame.opcode == opcode for seen in line.heard):
         subject.tolerate("3/23", "A-3-13", "accepted", "a frame of the other direction was served")
@@ -244,6 +255,23 @@ def test_own_reply(subject: Subject) -> None:
         for opcode, data in ((0x07, b"20141222143000"), (0x08, b"1.0.0"), (0x09, b"00"))
     )
     _tell(subject, "3/23", survives(subject, replies, requirement="3/23"))
+
+
+@case("3/20", "3/19", name="bystander")
+def test_bystander(subject: Subject) -> None:
+    """No damage on one connection ends another, as it would where the program dies and restarts."""
+    subject.several()
+    bystander = subject.open()
+    for data in _DAMAGED:
+        survives(subject, data, requirement="3/20")
+        bystander.pump()
+        expect(
+            bystander.ending is None,
+            f"{show(data)} on one connection has ended another",
+            expected="a connection that stays",
+            observed="the end of both",
+        )
+    bystander.ask("get_status")
 
 
 # ---------------------------------------------------------------------- frames that stop

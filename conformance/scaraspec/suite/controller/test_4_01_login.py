@@ -2,10 +2,11 @@
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.keeping import needs_login
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
+from scaraspec.suite.wire import Answer
 
 _LOGINS = 5
 

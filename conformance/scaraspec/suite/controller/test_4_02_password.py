@@ -2,11 +2,12 @@
 
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.suite.as_client.keeping import password_kept
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
 from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect
+from scaraspec.suite.wire import Answer
 
 _LONG, _SHORT = OTHER_PASSWORDS
 _EMPTY_FIELDS = ("empty in old", "empty in new")

@@ -15,7 +15,7 @@ from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect_equal
 
 _IDLE: Final = "00"
 _TIMES: Final = 100
-_WAIT_S: Final = 2
+_WAIT_S: Final = 1
 _STEP_S: Final = 0.25
 
 

@@ -12,17 +12,18 @@ from scaraspec.suite.as_client.executing import (
     store_wait_program,
 )
 from scaraspec.suite.as_client.keeping import patient
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import quieten
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect, expect_equal
 from scaraspec.suite.programs.listed import long_name, store_program
+from scaraspec.suite.wire import Answer
 
 _NONE: Final = (b"0", b"0||", b"\0", b"\0||")
 """No program runs; the ways to say so (A-4.9-2, A-T-1)."""
-_WAIT_S: Final = 4
-_STEP_S: Final = 0.8
+_WAIT_S: Final = 3
+_STEP_S: Final = 0.7
 _LAG_S: Final = 0.3
 _SLACK_S: Final = 2.0
 _DRIFT: Final = 0.01

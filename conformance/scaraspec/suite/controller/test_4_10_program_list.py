@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, Unmet, expect, expect_in
@@ -19,6 +19,7 @@ from scaraspec.suite.programs.listed import (
     store_program,
 )
 from scaraspec.suite.strategies import NAME_CHARACTERS
+from scaraspec.suite.wire import Answer
 
 _EMPTY: Final = (b"0", b"0|", b"")
 """The list of an empty store, in the ways to tell it (A-4.10-4)."""

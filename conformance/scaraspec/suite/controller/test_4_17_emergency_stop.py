@@ -1,10 +1,12 @@
 """Clause 4.17: the emergency stop (0x32, L356-383), which is no safety function (A-4.17-3)."""
 
+from typing import Final
+
 import pytest
 
 from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import (
     BUSY,
     SLOWEST_PERCENT,
@@ -18,7 +20,7 @@ from scaraspec.suite.as_client.motion import (
     target,
 )
 from scaraspec.suite.as_client.refusals import text_of
-from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.subject import MOMENT_S, Subject
 from scaraspec.suite.as_client.tasks import (
     JOG,
     MOVE,
@@ -40,7 +42,9 @@ from scaraspec.suite.as_client.tasks import (
 )
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, expect
+from scaraspec.suite.wire import Answer
 
+_BARELY_S: Final = 0.02  # a step may take but a fifth of a second
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _AGAIN = 15
 
@@ -209,14 +213,14 @@ def test_stop_again_and_again(subject: Subject, line: Line) -> None:
 def test_standstill(subject: Subject, line: Line, name: str) -> None:
     """Behind the stop's "11" the joints stand still where the stop has met them."""
     with lasting(subject, line, name, queries=False) as task:
-        line.wait(0.1)
+        line.wait(_BARELY_S)
         answer = line.ask(STOP)
         if not answer.accepted:
             task.lasts()
         expect_stopped(subject, line, answer)
         first = joints_of(line)
         for _ in range(3):
-            line.wait(0.1)
+            line.wait(0.05)
             now = joints_of(line)
             expect(
                 farthest(first, now) <= STANDSTILL,
@@ -237,4 +241,4 @@ def test_interrupted_results(subject: Subject, line: Line) -> None:
             done(subject, line, STOP)
             _expect_interrupted(line, task)
             await_rest(subject, line)
-            line.no_result(name, for_s=SILENCE_S)
+            line.no_result(name, for_s=MOMENT_S)

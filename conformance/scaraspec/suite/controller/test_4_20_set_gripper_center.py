@@ -19,7 +19,7 @@ from scaraspec.suite.expect import expect
 _EXAMPLE: Final = Point(200, 300, 456)  # L438
 _PLAIN: Final = Point(1.5, -2, 30.5)
 _OTHER: Final = Point(7.5, -8, 9)
-_SOON_S: Final = 0.2
+_SOON_S: Final = 0.1
 
 _tenths = st.integers(-1000, 1000).map(lambda tenths: tenths / 10)
 _thousandths = st.integers(-100_000, 100_000).map(lambda thousandths: thousandths / 1000)

@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from scaraspec.protocol.commands import Point, Pose
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.keeping import kept
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
 from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of, pose_of
 from scaraspec.suite.as_client.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect
+from scaraspec.suite.wire import Answer
 
 _MEANT: Final = 4  # x, y, z and thetaX; the others mean nothing (L1006)
 _ASIDE: Final = 0.5  # mm or degrees

@@ -7,13 +7,21 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.keeping import kept
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import STANDSTILL, farthest, pose_of
+from scaraspec.suite.as_client.motion import (
+    STANDSTILL,
+    begin_step_somewhere,
+    farthest,
+    pose_of,
+    returning,
+)
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import MOVE, accepted, done, has
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, expect
 
 _TIMES: Final = 8
 _PAUSE_S: Final = 0.05
+_REST_S: Final = 1.0
 _OFFSETS: Final = (Point(0, 0, 30), Point(20, 0, 0))
 
 
@@ -41,6 +49,25 @@ def test_coordinates(subject: Subject, line: Line) -> None:
         "another connection is told other coordinates",
         requirement="4.23/5",
     )
+
+
+@case("4.23/5", name="behind-a-move", hazards=(Hazard.STATE, Hazard.MOTION))
+def test_rest_behind_a_move(subject: Subject, line: Line) -> None:
+    """Where a move has ended the tool stays: a second later it stands there still."""
+    has(subject, MOVE)
+    with returning(subject, line):
+        _, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+        first = pose_of(line)
+        line.wait(_REST_S)
+        now = pose_of(line)
+        expect(
+            farthest(first, now) <= STANDSTILL,
+            "the tool goes on behind the end of its move",
+            expected=f"{tuple(first)}",
+            observed=f"{tuple(now)}",
+        )
 
 
 @case("4.23/3", hazards=(Hazard.STATE,))

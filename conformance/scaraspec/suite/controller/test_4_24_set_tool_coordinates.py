@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed
 from scaraspec.suite.as_client.motion import (
     AXES,
@@ -33,6 +33,7 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import MOVE, accepted, done, finish, has, offered, perform
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
+from scaraspec.suite.wire import Answer
 
 _MOTION = (Hazard.MOTION,)
 _BEYOND_MM: Final = 1_000_000.0

@@ -1,56 +1,42 @@
 """Clause 4.25: the joints are released (0x3A, L518-549); they are locked again at once."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
-from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import (
     LOCK,
     MOVE,
     RELEASE,
     RUN,
     STATES,
-    begin,
     has,
     lasting,
+    locked_again,
     offered,
     perform,
+    release,
 )
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import NoAnswer, Unmet, expect
+from scaraspec.suite.expect import expect
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
-
-
-@contextmanager
-def _locked_again(line: Line) -> Iterator[None]:
-    try:
-        yield
-    finally:
-        with suppress(Unmet):
-            line.ask(LOCK)
-            line.result(LOCK, within_s=SILENCE_S)
 
 
 @case("4.25/2", hazards=_MOTION)
 def test_first_reply(subject: Subject, line: Line) -> None:
     """A release is answered "1", and one of released joints with "1" or "0|code"."""
     has(subject, RELEASE, LOCK)
-    with _locked_again(line):
-        answer = begin(subject, line, RELEASE)
+    with locked_again(subject, line):
+        answer, _ = release(subject, line)
         expect(
             text_of(answer) == b"1",
             "the first reply to a release is more than the flag 1",
             expected="1",
             observed=f"{answer}",
         )
-        with suppress(NoAnswer):  # A-4.25-2
-            line.result(RELEASE, within_s=SILENCE_S)
         again = offered(line, RELEASE)
         if again is not None:
             expect_first_reply(RELEASE, again)
@@ -82,7 +68,7 @@ def test_not_during_motion(subject: Subject, line: Line, name: str) -> None:
     has(subject, RELEASE, LOCK)
     if subject.dialect["busy_reply"] == "queue":
         return
-    with _locked_again(line), lasting(subject, line, name) as task:
+    with locked_again(subject, line), lasting(subject, line, name) as task:
         answer = offered(line, RELEASE)
         task.lasts()
         expect(

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.ports import Bits, expect_inputs, inputs_driven
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
@@ -47,6 +48,7 @@ def test_form_while_running(subject: Subject, line: Line) -> None:
     """The reply is the same while a program runs."""
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(5)))
+        go_on_if_it_listens(subject, line)
         _expect_form(subject, line)
 
 

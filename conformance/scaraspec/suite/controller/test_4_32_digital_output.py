@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from scaraspec.protocol.commands import PortValue
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed
+from scaraspec.suite.as_client.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.ports import (
     ALL_OUTPUTS,
     Bits,
@@ -101,6 +102,7 @@ def test_while_running(subject: Subject, line: Line) -> None:
     port = settable(line)[-1]
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(5)))
+        go_on_if_it_listens(subject, line)
         on = not robot.before[port - 1]
         answer = set_output(line, port, on=on)
         due = with_port(robot.before, port, on=on) if answer.accepted else robot.before

@@ -4,6 +4,7 @@ import re
 from typing import Final
 
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.ports import (
     expect_outputs,
     outputs_kept,
@@ -49,6 +50,7 @@ def test_form_while_running(subject: Subject, line: Line) -> None:
     """The reply is the same while a program runs."""
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(5)))
+        go_on_if_it_listens(subject, line)
         _expect_form(subject, line)
 
 

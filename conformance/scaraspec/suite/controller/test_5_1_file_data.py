@@ -7,8 +7,6 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, FILE_DATA_BYTES
 from scaraspec.suite.as_client.files import (
     again,
     begin,
-    chunk_of,
-    content_of,
     course_of,
     download,
     expect_stored,
@@ -20,6 +18,8 @@ from scaraspec.suite.as_client.files import (
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.chunks import chunk_of
+from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import Unmet, expect, expect_equal
 
 _SIZES = (1, 200, 201, 400, 450)

@@ -7,7 +7,6 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chu
 from scaraspec.suite.as_client.files import (
     again,
     begin,
-    content_of,
     delete,
     download,
     expect_round_trip,
@@ -15,11 +14,13 @@ from scaraspec.suite.as_client.files import (
     nothing_more,
     offer,
     send,
+    transfer_frames,
     upload,
 )
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import NotRun, expect
 from scaraspec.suite.strategies import NAME_CHARACTERS
 
@@ -72,8 +73,8 @@ def test_long_names(subject: Subject, line: Line) -> None:
 def test_no_name(line: Line) -> None:
     """An upload without a name is not accepted."""
     line.send("upload_name", data=b"")
-    line.wait(SILENCE_S)
-    accepted = [seen for seen in line.heard if seen.name == "upload_name" and seen.value is True]
+    came = transfer_frames(line)
+    accepted = [seen for seen in came if seen.name == "upload_name" and seen.value is True]
     expect(not accepted, "an upload without a name was accepted", expected="0", observed="1")
 
 
@@ -321,7 +322,7 @@ def test_nothing_after_the_last_answer(subject: Subject, line: Line) -> None:
         nothing_more(line, "something followed on the last answer of an upload", "5.2/13")
         download(line, name)
         nothing_more(line, "something followed on the last answer of a download", "5.2/13")
-    line.wait(1.0)
+    line.wait(SILENCE_S)
     nothing_more(line, "something followed on the last answer of a transfer", "5.2/13")
 
 

@@ -13,8 +13,6 @@ from scaraspec.protocol.transfer import Chunk, chunks_of
 from scaraspec.suite.as_client.files import (
     again,
     begin,
-    chunk_of,
-    content_of,
     course_of,
     delete,
     download,
@@ -31,9 +29,12 @@ from scaraspec.suite.as_client.files import (
 )
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.timeouts import Limits, Silence, Track, limits_of, run_tracks
+from scaraspec.suite.as_client.timeouts import Track, run_tracks
 from scaraspec.suite.case import case
+from scaraspec.suite.chunks import chunk_of
+from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
+from scaraspec.suite.limits import Limits, Silence, limits_of
 
 _CONTENT = content_of(650)
 _CHUNKS = tuple(chunks_of(_CONTENT))
@@ -353,7 +354,7 @@ def test_served_after_the_error_signal(subject: Subject, line: Line) -> None:
             start = _sent(subject, count)[1]
             start(line)
             line.send("upload_chunk", Chunk(650, 200 * count, 0, b""), data=data)
-            line.wait(0.2)
+            line.fence()
             line = _recovered(subject, line, "a chunk of length 0")
 
 

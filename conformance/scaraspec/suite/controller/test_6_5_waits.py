@@ -33,10 +33,10 @@ _SLACK_S: Final = 0.5
 _SLACK: Final = 0.1  # of the seconds, whichever is more (6.5/20)
 _LINK_S: Final = 0.25  # of ours, where the subject's seconds are shorter
 _LONG_S: Final = 200  # below zero for a robot that takes the byte for signed
-_GLANCE_S: Final = 0.3  # for how long a program that should wait is watched
+_GLANCE_S: Final = 0.2  # for how long a program that should wait is watched
 _STILL_S: Final = 0.6  # the same where it is watched but once
 _SOON_S: Final = 3.0  # for how long a robot may overlook an input, which is nowhere bounded
-_AHEAD_S: Final = 2.75  # how far ahead an instant is, and it is no whole second
+_AHEAD_S: Final = 1.75  # how far ahead an instant is, and it is no whole second
 _INEXACT_S: Final = 0.3  # how exactly it is known when a clock goes to its next second
 _UTC_S: Final = 2.0
 _POLL_S: Final = 0.06
@@ -52,9 +52,8 @@ _NS: Final = 1e9
 def test_wait(subject: Subject, line: Line) -> None:
     """A wait node holds the program for its seconds, neither less nor much more."""
     with bench(subject, line) as robot:
-        for seconds in (1, 3):
-            robot.start(wait(seconds))
-            _lasted(subject, robot, seconds)
+        robot.start(wait(1))
+        _lasted(subject, robot, 1)
 
 
 @case("6.5/20", name="several", hazards=PROGRAMS)
@@ -75,14 +74,14 @@ def test_wait_of_no_time(subject: Subject, line: Line) -> None:
 
 @case("6.5/20", name="long", hazards=PROGRAMS)
 def test_long_wait(subject: Subject, line: Line) -> None:
-    """A wait of 200 seconds is not over after one."""
+    """A wait of 200 seconds is not over at once."""
     with bench(subject, line) as robot:
         robot.start(wait(_LONG_S))
-        line.wait(robot.ours_s(1))
+        line.wait(robot.ours_s(_STILL_S))
         result = robot.ended()
         expect(
             result is None,
-            f"a wait of {_LONG_S} s is over after one",
+            f"a wait of {_LONG_S} s is over at once",
             expected="none",
             observed=f"{result}",
         )
@@ -119,13 +118,13 @@ def test_timer(subject: Subject, line: Line) -> None:
     """
     with bench(subject, line) as robot:
         clock_s, at_s = _tick(subject, line)
-        problem = _timer(subject, line, robot, clock_s, at_s)
+        problem = _timer(subject, robot, clock_s, at_s)
         is_utc = abs(clock_s - at_s) <= _UTC_S
         twin = twin_of(robot.layout)
         if problem and twin:  # the same but for the size of a long, which a timer alone shows
             robot.stop()
             robot.layout = twin
-            problem = _timer(subject, line, robot, *_tick(subject, line)) and problem
+            problem = _timer(subject, robot, *_tick(subject, line)) and problem
     if problem and not is_utc:
         subject.tolerate(
             "6.5/22", "A-6.5-13", "another clock", f"{problem}; but the clock does not show UTC"
@@ -134,12 +133,12 @@ def test_timer(subject: Subject, line: Line) -> None:
         expect(not problem, problem, expected="11 at its instant", observed=problem)
 
 
-def _timer(subject: Subject, line: Line, robot: Bench, clock_s: float, at_s: float) -> str:
+def _timer(subject: Subject, robot: Bench, clock_s: float, at_s: float) -> str:
     """What is wrong with a timer that ends so long after the clock has shown a time."""
     robot.start([wait_until(round((clock_s + _AHEAD_S) * _US))])
     due_s = at_s + robot.ours_s(_AHEAD_S)
-    line.wait(due_s - subject.now_ns / _NS + robot.ours_s(_SLACK_S) + _LINK_S)
-    result = robot.ended()
+    left_s = due_s - subject.now_ns / _NS + robot.ours_s(_SLACK_S) + _LINK_S
+    result = robot.ended(within_s=max(left_s, 0.0))
     if result is None:
         return "a timer is not over when its instant has come"
     if not result.done:
@@ -209,7 +208,8 @@ def _stands_still(
         expected="no final result",
         observed=f"{result}",
     )
-    expect_outputs(line, outputs, f"the program goes on although {where}")
+    if robot.listens:
+        expect_outputs(line, outputs, f"the program goes on although {where}")
 
 
 @case("6.5/9", "6.5/21", hazards=PROGRAMS)

@@ -9,7 +9,7 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.errors import Joint
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import (
     LOCK,
@@ -24,6 +24,7 @@ from scaraspec.suite.as_client.tasks import (
 )
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect, expect_equal
+from scaraspec.suite.wire import Answer
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
 _FAULTS: Final = ("motor_fault", "clear_faults")
@@ -36,7 +37,7 @@ def _expect_code(subject: Subject, data: bytes) -> None:
     """A code is a text, of the table, and no reserved one."""
     text = data.rstrip(b"\0").decode("latin-1")
     expect(
-        text.isascii() and text.isprintable(),
+        text and text.isascii() and text.isprintable(),
         "a code is no text",
         expected="two characters",
         observed=data.hex(" "),

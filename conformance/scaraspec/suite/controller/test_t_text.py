@@ -12,13 +12,14 @@ from scaraspec.protocol.fields import Wrong, show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_client.files import expect_stored, send, upload
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.queries import ask_all
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import MOVE, RUN, SIMULATE, has
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect, expect_equal
 from scaraspec.suite.programs.writing import wait_program
+from scaraspec.suite.wire import Answer
 
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)

@@ -14,21 +14,21 @@ from typing import Final
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.programs import Layout, Node, Program, Variable
 from scaraspec.suite.as_client.files import upload
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import go_on_if_it_listens, listens, quieten
 from scaraspec.suite.as_client.ports import Bits, expect_outputs, outputs, outputs_kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
 from scaraspec.suite.programs.layout import find_layout
 from scaraspec.suite.programs.model import Block, State, nodes_of, variables_of
 from scaraspec.suite.programs.writing import EMPTY, program_file
+from scaraspec.suite.wire import Answer
 
 PROGRAMS: Final = (Hazard.STATE, Hazard.MOTION)
 """What a case with programs may do: it stores them and runs them."""
 
 _KNOWN: Final = "configuration of programs"
-_IDLE: Final = "00"
 _POLL_S: Final = 0.05
-_LATE_S: Final = 0.3  # for how long the result of what was stopped may lag behind
 _NS: Final = 1e9
 
 
@@ -156,19 +156,29 @@ class Bench:
 
     # ------------------------------------------------------------------ watching
 
+    @property
+    def listens(self) -> bool:
+        """Whether queries are answered while a program runs (A-4-3); asked while one does."""
+        return listens(self._subject, self._line)
+
     def since_s(self) -> float:
         """How long ago the latest program was asked for, in our seconds."""
         return self._subject.now_ns / _NS - self.started_s
 
-    def ended(self, command: str = "run_program") -> Answer | None:
-        """The final result, if it is there already."""
+    def ended(self, command: str = "run_program", *, within_s: float = 0.0) -> Answer | None:
+        """The final result, if it is there by then."""
         try:
-            return self._line.result(command, within_s=0)
+            return self._line.result(command, within_s=within_s)
         except NoAnswer:
             return None
 
     def until(self, port: int, *, on: bool, within_s: float) -> bool:
-        """Wait until an output shows a state; whether it does in so many seconds of the subject."""
+        """Wait until an output shows a state; whether it does in so many seconds of the subject.
+
+        Raises:
+            NotRun: It shows nothing while it executes (A-4-3).
+        """
+        go_on_if_it_listens(self._subject, self._line)
         left_s = self.ours_s(within_s)
         while outputs(self._line)[port - 1] != on:
             if left_s <= 0:
@@ -179,16 +189,9 @@ class Bench:
 
     def stop(self) -> None:
         """End whatever runs."""
-        line = self._line
-        if line.ask("get_status").value == _IDLE:
-            line.fence()
-            return
-        if line.ask("emergency_stop").accepted:
-            line.result("emergency_stop")
-        if self.ended() is None and self._subject.dialect["estop_interrupted"] != "none":
-            line.wait(_LATE_S)
-        self._subject.until_idle(line)
-        line.fence()
+        quieten(self._subject, self._line)
+        while self.ended() is not None:
+            pass
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from typing import Final
 from scaraspec.protocol.programs import LAYOUTS, Layout
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import release_latch
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.programs.writing import wait_program
@@ -34,15 +35,26 @@ def find_layout(subject: Subject, line: Line) -> Layout:
         Undecided: It did not when it was asked before, or its state lets it run none.
     """
     if _KNOWN not in subject.known:
-        subject.known[_KNOWN] = None
+        release_latch(subject, line)
         with subject.observer.overlooking(CODE_20):
-            subject.known[_KNOWN] = found = _find(subject, line)
+            try:
+                found = _find(subject, line)
+            except Unmet:
+                subject.known[_KNOWN] = None
+                raise
+        subject.known[_KNOWN] = found
         subject.follows("prog_layout", found.reading)
         subject.follows("endian", str(found.byte_order))
-    known: Layout | None = subject.known[_KNOWN]
+    known = known_layout(subject)
     if known is None:
         raise Undecided("the subject runs programs in no layout of the document")
     return known
+
+
+def known_layout(subject: Subject) -> Layout | None:
+    """The layout that was found, if one was."""
+    layout: Layout | None = subject.known.get(_KNOWN)
+    return layout
 
 
 def twin_of(layout: Layout) -> Layout | None:
@@ -59,7 +71,7 @@ def twin_of(layout: Layout) -> Layout | None:
 
 def _find(subject: Subject, line: Line) -> Layout:
     ended: Layout | None = None
-    for layout in _candidates(subject):
+    for layout in candidates(subject):
         took_s = _try(subject, line, layout)
         if took_s is None:
             continue
@@ -76,7 +88,7 @@ def _find(subject: Subject, line: Line) -> Layout:
     )
 
 
-def _candidates(subject: Subject) -> list[Layout]:
+def candidates(subject: Subject) -> list[Layout]:
     """Every layout, those first that the dialect names."""
     dialect = subject.dialect
 

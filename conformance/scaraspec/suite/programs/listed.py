@@ -8,10 +8,11 @@ from typing import Final
 
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.suite.as_client.files import upload
-from scaraspec.suite.as_client.line import Answer, Line
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, expect
 from scaraspec.suite.programs.writing import wait_program
+from scaraspec.suite.wire import Answer
 
 _PUSHED_S: Final = 1.0
 _MOST_PARTS: Final = 500

@@ -17,8 +17,9 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run, Setting
+from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
 CLAUSES = ("5.1", "5.2", "5.3", "5.4")
@@ -232,7 +233,7 @@ def test_a_conforming_controller_of_another_kind_passes(brain: type[Brain]) -> N
     robot = Robot(brain, DEFAULT)
     access = MemoryAccess(robot.network)
     options = Options(only=ONLY, allowed=ALL, examples=3)
-    results = Run(Setting(access, Statement(), PASSWORD, options)).results()
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
     bad = {Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE}
     assert [(c.id, c.message, c.observed) for c in results.cases if c.verdict in bad] == []
     assert len(results.cases) > len(ONLY) / 4

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scaraspec.cli.proving import prove
+from scaraspec.cli.proving import prove_controller
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import Fault
 from scaraspec.controller.interpreter import runnable
@@ -37,7 +37,7 @@ class _ReadsOne(Brain):
 def test_a_robot_of_any_layout_runs_programs(name: str) -> None:
     """A controller that reads one layout only conforms, though it claims none."""
     brain = type("Reads", (_ReadsOne,), {"layout": LAYOUTS[name]})
-    results = prove(_CASES, Fault(name, (), "It reads one layout.", brain))
+    results = prove_controller(_CASES, Fault(name, (), "It reads one layout.", brain))
     assert results.verdict is Conclusion.CONFORMANT
     assert results.readings["controller"]["prog_layout"].options == (LAYOUTS[name].reading,)
 
@@ -51,7 +51,7 @@ def test_a_robot_without_programs_is_told_once() -> None:
         def understood(self, data: bytes) -> None:
             """Find no program."""
 
-    results = prove(_CASES, Fault("none", (), "It runs none.", RunsNone))
+    results = prove_controller(_CASES, Fault("none", (), "It runs none.", RunsNone))
     verdicts = {case.id: (case.verdict.value, case.requirements) for case in results.cases}
     assert ("fail", ("6.5/26",)) in verdicts.values()
     assert sum(verdict == "fail" for verdict, _ in verdicts.values()) == 1
@@ -67,7 +67,7 @@ def test_the_meaning_of_points_is_found() -> None:
             super().__init__(plant, store, dialect.replace(point_meaning="pose"))
 
     cases = Options(only=frozenset({"6.5/25", "6.5/27"}), allowed=ALL, examples=1)
-    results = prove(cases, Fault("poses", (), "Its points are poses.", Poses))
+    results = prove_controller(cases, Fault("poses", (), "Its points are poses.", Poses))
     assert results.verdict is Conclusion.CONFORMANT
     assert results.readings["controller"]["point_meaning"].options == ("pose",)
 

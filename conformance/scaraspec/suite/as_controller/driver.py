@@ -15,15 +15,13 @@ import tempfile
 import time
 from collections import deque
 from contextlib import suppress
-from typing import IO, TYPE_CHECKING, Any, Final
+from typing import IO, Any, Final
 
 from scaraspec.protocol.fields import show
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+from scaraspec.suite.as_controller.call import Call
 
 _READ_BYTES: Final = 65536
-_LINE_BYTES: Final = 2**20
+_FLOOD_BYTES: Final = 2**18
 _STRAY_LINES: Final = 100
 _STDERR_BYTES: Final = 65536
 _END_S: Final = 2.0
@@ -33,46 +31,12 @@ class DriverError(Exception):
     """The driver does not keep to its protocol; one sentence."""
 
 
-class Unimplemented(DriverError):  # noqa: N818 - it is what the driver says
-    """The driver says that it lacks this operation."""
+class DriverEndedError(DriverError):
+    """The driver's process has ended, or does not take orders any more."""
 
 
-class Call:
-    """An operation that was asked for.
-
-    Attributes:
-        name: Its name.
-        answer: What the driver said of it; None as long as it has said nothing.
-    """
-
-    def __init__(self, number: int, name: str) -> None:
-        self.number, self.name = number, name
-        self.answer: Mapping[str, Any] | None = None
-
-    @property
-    def ok(self) -> bool:
-        """Whether the driver says that it was done.
-
-        Raises:
-            Unimplemented: It lacks the operation.
-        """
-        answer = self.answer or {}
-        if answer.get("unimplemented") is True:
-            raise Unimplemented(f"the driver has no operation {self.name}")
-        return answer.get("ok") is True
-
-    @property
-    def result(self) -> Any:
-        """What came of it."""
-        return (self.answer or {}).get("result")
-
-    @property
-    def error(self) -> str:
-        """Why it was not done, in the driver's words."""
-        return str((self.answer or {}).get("error", ""))
-
-    def __str__(self) -> str:
-        return json.dumps(self.answer, ensure_ascii=False) if self.answer else "no answer"
+class DriverBabblesError(DriverError):
+    """The driver writes what nobody can use, without end."""
 
 
 class Driver:
@@ -90,6 +54,7 @@ class Driver:
         self._calls: dict[int, Call] = {}
         self._number = 0
         self._held = b""
+        self._said_bytes = 0
         self._selector: selectors.BaseSelector
         self.strays: deque[str] = deque(maxlen=_STRAY_LINES)
         """Lines that answer nothing, the latest last."""
@@ -97,11 +62,11 @@ class Driver:
 
     # ------------------------------------------------------------------ asking
 
-    def begin(self, name: str, **values: Any) -> Call:
+    def begin(self, name: str, /, **values: Any) -> Call:
         """Ask for an operation, and go on.
 
         Raises:
-            DriverError: The process has ended, or reads no more.
+            DriverEndedError: The process has ended, or reads no more.
         """
         self._number += 1
         call = self._calls[self._number] = Call(self._number, name)
@@ -117,18 +82,20 @@ class Driver:
         """Take what the process has said so far.
 
         Raises:
-            DriverError: It has ended, or floods.
+            DriverEndedError: It has ended.
+            DriverBabblesError: It floods.
         """
         while self._selector.select(0):
             data = os.read(self._output.fileno(), _READ_BYTES)
             if not data:
                 raise self._ended()
+            self._said_bytes += len(data)
+            if self._said_bytes > _FLOOD_BYTES:
+                raise DriverBabblesError("the driver goes on writing what answers nothing")
             self._held += data
             *lines, self._held = self._held.split(b"\n")
             for line in lines:
                 self._take(line)
-            if len(self._held) > _LINE_BYTES:
-                raise DriverError(f"the driver writes a line of more than {_LINE_BYTES} bytes")
 
     def wait(self, call: Call, within_s: float) -> Call:
         """Wait for the answer of an operation.
@@ -156,6 +123,7 @@ class Driver:
         except (ValueError, KeyError, TypeError, RecursionError):
             self.strays.append(show(line))
             return
+        self._said_bytes = 0
         call.answer = answer
 
     # ------------------------------------------------------------------ its life
@@ -185,7 +153,7 @@ class Driver:
         """
         self.close()
         self._calls.clear()
-        self._held = b""
+        self._held, self._said_bytes = b"", 0
         self._start()
 
     def close(self) -> None:
@@ -207,12 +175,12 @@ class Driver:
         self._stderr.seek(max(0, size_bytes - _STDERR_BYTES))
         return self._stderr.read().decode("utf-8", "replace")
 
-    def _ended(self) -> DriverError:
+    def _ended(self) -> DriverEndedError:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_END_S)
         said = self.stderr.strip().splitlines()
         why = f": {said[-1][:200]}" if said else ""
-        return DriverError(f"the driver has ended with status {self._process.poll()}{why}")
+        return DriverEndedError(f"the driver has ended with status {self._process.poll()}{why}")
 
 
 def _pipe(end: IO[bytes] | None) -> IO[bytes]:

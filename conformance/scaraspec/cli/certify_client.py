@@ -1,0 +1,130 @@
+"""`scaraspec certify client`: the suite plays the controller.
+
+Arguments only: what is tried stands in `suite`, what is said about it in `report`.
+"""
+
+import shlex
+from contextlib import closing
+from pathlib import Path
+from typing import Final
+
+import click
+from rich.console import Console
+
+from scaraspec.cli.certify_options import (
+    again,
+    conclude,
+    requirements_of,
+    statement_of,
+    suite_options,
+    told,
+)
+from scaraspec.cli.certifying import Display, Files
+from scaraspec.cli.grouped import GroupedCommand
+from scaraspec.cli.problems import Problem
+from scaraspec.links.url import split_host_port
+from scaraspec.report.model import Role
+from scaraspec.suite.as_controller.access import DriverAccess
+from scaraspec.suite.as_controller.attended import Attended
+from scaraspec.suite.as_controller.setting import ClientSetting
+from scaraspec.suite.plan import Options
+from scaraspec.suite.run import Run, collect
+
+_GROUPS = {
+    "The subject": ("driver", "listen", "attended", "ics", "transfer_timeout", "answer_timeout"),
+    "What to try": ("only", "seed", "examples", "exhaustive"),
+    "The run": ("out", "dry_run"),
+}
+_DRIVER_S: Final = 10.0
+_OPERATOR_S: Final = 600.0
+
+EXAMPLE: Final = "Example: scaraspec certify client --driver 'scaraspec client-driver' --out run-1"
+
+
+@click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
+@click.option("--driver", metavar="COMMAND", help="Runs the client, by JSON Lines on stdio.")
+@click.option("--listen", metavar="HOST:PORT", help="Without a driver: where it is to connect.")
+@click.option("--attended", is_flag=True, help="Say what to do next; ask what the client shows.")
+@click.option(
+    "--answer-timeout",
+    type=click.FloatRange(0.1, 3600),
+    metavar="S",
+    help="How long it may think about an order [10; attended 600].",
+)
+@suite_options
+def command(  # noqa: PLR0913 - one for each option
+    *,
+    driver: str | None,
+    listen: str | None,
+    attended: bool,
+    answer_timeout: float | None,
+    ics: Path | None,
+    transfer_timeout: float | None,
+    only: str | None,
+    seed: int,
+    examples: int,
+    exhaustive: bool,
+    out: Path | None,
+    dry_run: bool,
+) -> None:
+    """Certify a client build: play its controller with every trick, and hear what it says.
+
+    Check a driver first with scaraspec driver-check. A client without one is worked by you
+    (--listen, --attended); the same --out goes on with what was left. Exit status 0 conformant,
+    1 nonconformant, 2 usage, 3 inconclusive, 4 nothing tested.
+    """
+    if attended != bool(listen) or bool(driver) + attended > 1:
+        raise Problem("name a client: either --driver COMMAND, or --listen HOST:PORT --attended")
+    with told():
+        statement = statement_of(ics, transfer_timeout)
+        options = Options(
+            only=requirements_of(only),
+            seed=seed,
+            examples=examples,
+            exhaustive=exhaustive,
+            attended=attended,
+        )
+        cases = collect(options, Role.CLIENT)
+        click.echo(f"{len(cases)} cases will be tried")
+        if dry_run:
+            return
+        given = again(driver=driver and shlex.quote(driver), listen=listen, ics=ics, seed=seed)
+        with (
+            closing(_access(driver, listen, answer_timeout)) as access,
+            Files(out, sittings=attended) as files,
+            Display(Console(), len(cases), ticks=attended) as display,
+        ):
+            setting = ClientSetting(
+                access,
+                statement,
+                options,
+                link=driver or f"{access.host}:{access.port}",
+                capture=files.capture,
+                replay=f"scaraspec certify client{given}{' --attended' * attended}",
+            )
+            run = Run(setting, earlier=files.earlier, take=files.take, tell=display.tell)
+            results = run.results()
+            files.write(results)
+    conclude(results, out)
+
+
+def _access(
+    driver: str | None, listen: str | None, answer_s: float | None
+) -> DriverAccess | Attended:
+    """The way to the client.
+
+    Raises:
+        Problem: There is none.
+        DriverError: The driver cannot be started.
+    """
+    if driver:
+        return DriverAccess(driver, answer_s or _DRIVER_S)
+    if not listen:
+        raise Problem("no client: name its driver, as --driver 'scaraspec client-driver'")
+    where = split_host_port(listen, lowest_port=0)
+    try:
+        access = Attended(*where, click.echo, answer_s=answer_s or _OPERATOR_S)
+    except OSError as error:
+        raise Problem(f"cannot listen on {listen}: {error.strerror}") from None
+    click.echo(f"listening at {access.host}:{access.port}; type ? for help")
+    return access

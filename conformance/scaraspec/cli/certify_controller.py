@@ -1,0 +1,113 @@
+"""`scaraspec certify controller`: the suite plays the client.
+
+Arguments only: what is tried stands in `suite`, what is said about it in `report`.
+"""
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from scaraspec.cli.certify_options import (
+    again,
+    conclude,
+    requirements_of,
+    statement_of,
+    suite_options,
+    told,
+)
+from scaraspec.cli.certifying import Display, Files, show_plan
+from scaraspec.cli.grouped import GroupedCommand
+from scaraspec.cli.problems import Problem
+from scaraspec.links.url import parse
+from scaraspec.suite.as_client.access import UrlAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.plan import Options, hazards
+from scaraspec.suite.run import Run, collect
+
+_GROUPS = {
+    "The subject": ("password", "ics", "transfer_timeout"),
+    "What to try": (
+        *("allow", "only", "seed", "examples", "patience", "exhaustive", "undefined_opcodes"),
+    ),
+    "The run": ("out", "dry_run"),
+}
+EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state --out run-1"
+
+
+@click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
+@click.argument("url", required=False)
+@click.option("--password", default="password", show_default=True, help="What opens it.")
+@click.option(
+    "--allow",
+    default="",
+    metavar="HAZARDS",
+    help="Beyond reading: state, motion, destructive; separated by commas.",
+)
+@suite_options
+@click.option(
+    "--patience",
+    type=click.FloatRange(0, 100_000),
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="How long one case may wait for what only time brings, as the clock's next minute.",
+)
+@click.option(
+    "--undefined-opcodes", is_flag=True, help="Send them; never to a robot that can move."
+)
+def command(  # noqa: PLR0913 - one for each option
+    url: str | None,
+    *,
+    password: str,
+    ics: Path | None,
+    transfer_timeout: float | None,
+    allow: str,
+    only: str | None,
+    seed: int,
+    examples: int,
+    patience: float,
+    exhaustive: bool,
+    undefined_opcodes: bool,
+    out: Path | None,
+    dry_run: bool,
+) -> None:
+    """Certify the controller at URL; read-only unless --allow names more.
+
+    Its state is saved before and put back after, also after Ctrl-C. Exit status 0 conformant,
+    1 nonconformant, 2 usage, 3 inconclusive, 4 nothing tested.
+    """
+    with told():
+        statement = statement_of(ics, transfer_timeout)
+        options = Options(
+            only=requirements_of(only),
+            allowed=hazards(allow),
+            undefined=undefined_opcodes,
+            seed=seed,
+            examples=examples,
+            exhaustive=exhaustive,
+        )
+        cases = collect(options)
+        show_plan(cases, options, statement, Console())
+        if dry_run:
+            return
+        where = url or statement.url
+        if not where:
+            raise Problem("no controller: name its URL, as tcp://192.168.1.2, or in the ICS file")
+        parse(where)
+        given = again(allow=allow, ics=ics, seed=seed, examples=examples)
+        replay = f"scaraspec certify controller {where}{given}"
+        with Files(out) as files, Display(Console(), len(cases)) as display:
+            setting = ControllerSetting(
+                UrlAccess(where, patience),
+                statement,
+                password.encode(),
+                options,
+                link=where,
+                capture=files.capture,
+                replay=replay,
+                state_file=files.state_file,
+            )
+            results = Run(setting, take=files.take, tell=display.tell).results()
+            files.write(results)
+    conclude(results, out)

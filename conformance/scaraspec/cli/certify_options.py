@@ -1,0 +1,108 @@
+"""What certifying a controller and certifying a client take from their user, and tell him."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import click
+from rich.console import Console
+
+from scaraspec.cli.problems import Problem
+from scaraspec.judgement.requirements import UnknownRequirementError, select
+from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.links.link import LinkError
+from scaraspec.protocol.readings import ReadingError
+from scaraspec.report import terminal
+from scaraspec.report.model import Results, ResultsError
+from scaraspec.suite.as_controller.driver import DriverError
+from scaraspec.suite.plan import HazardError
+from scaraspec.suite.run import SuiteError
+from scaraspec.suite.statement import Statement, StatementError
+
+_PATH: Final = click.Path(path_type=Path)
+_OPTIONS: Final = (
+    click.option("--ics", type=_PATH, metavar="FILE", help="Its statement of conformance, TOML."),
+    click.option(
+        "--transfer-timeout",
+        type=click.FloatRange(0.1, 3600),
+        metavar="S",
+        help="It abandons a transfer after this silence [30].",
+    ),
+    click.option("--only", metavar="LIST", help="Clauses or requirements, as 4.15,3/31."),
+    click.option("--seed", type=int, default=0, show_default=True, help="Of what is drawn."),
+    click.option(
+        "--examples",
+        type=click.IntRange(1, 100_000),
+        default=20,
+        show_default=True,
+        help="How many values a drawn case tries.",
+    ),
+    click.option("--exhaustive", is_flag=True, help="Go on with a requirement that has failed."),
+    click.option(
+        "--out", type=_PATH, metavar="DIR", help="Write results, reports and capture here."
+    ),
+    click.option("--dry-run", is_flag=True, help="Show the plan, and send nothing."),
+)
+
+
+def suite_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that every certification takes."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+def statement_of(ics: Path | None, transfer_timeout: float | None) -> Statement:
+    """What the subject claims, by its file and on the command line.
+
+    Raises:
+        StatementError: The file cannot be read, or says something that is not known.
+    """
+    statement = Statement.read(ics) if ics else Statement()
+    if transfer_timeout is not None:
+        statement = statement.claiming(xfer_timeout=f"{transfer_timeout:g}")
+    return statement
+
+
+def requirements_of(only: str | None) -> frozenset[str] | None:
+    """The requirements that ``--only`` names; None for all.
+
+    Raises:
+        UnknownRequirementError: There is no such requirement.
+    """
+    return frozenset(r.id for r in select(only)) if only else None
+
+
+def again(**given: object) -> str:
+    """The options that make a run the same again."""
+    return "".join(f" --{option} {value}" for option, value in given.items() if value)
+
+
+def conclude(results: Results, out: Path | None) -> None:
+    """Tell what came of a run, and end with its exit status.
+
+    Raises:
+        SystemExit: Always.
+    """
+    terminal.show(results, Console())
+    if out:
+        click.echo(f"{out}/report.html")
+    raise SystemExit(results.verdict.exit_status)
+
+
+@contextmanager
+def told() -> Iterator[None]:
+    """Tell what a user got wrong in one sentence."""
+    try:
+        yield
+    except (StatementError, LinkError, ReadingError, DriverError, ResultsError) as error:
+        raise Problem(f"{error}") from None
+    except UnknownRequirementError as error:
+        raise Problem(f"--only: {error}") from None
+    except HazardError as error:
+        raise Problem(f"--allow: {error}") from None
+    except SuiteError as error:
+        raise Problem(f"the suite is broken: {error}", ExitStatus.INCONCLUSIVE) from None
+    except OSError as error:
+        raise Problem(f"{error.filename} cannot be written: {error.strerror}") from None

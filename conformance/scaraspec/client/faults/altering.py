@@ -1,0 +1,110 @@
+"""What faults share: what goes out or comes in is altered on its way; other two-stage commands."""
+
+from collections.abc import Iterable
+from typing import Any, ClassVar
+
+from scaraspec.client.core import ClientCore, Event
+from scaraspec.client.exchange import Exchange, TwoStage
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.frames import Frame
+
+
+class AltersRequests(ClientCore):
+    """The data of one request are not what they should be."""
+
+    name: ClassVar[str]
+    """The command in question."""
+
+    def altered(self, data: bytes) -> bytes:
+        """What is sent in place of the data."""
+        raise NotImplementedError
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        super()._send(map(self._altered, frames))
+
+    def _altered(self, frame: Frame) -> Frame:
+        if frame.opcode != BY_NAME[self.name].opcode:
+            return frame
+        return frame._replace(data=self.altered(frame.data))
+
+
+class AltersFields(AltersRequests):
+    """The fields of one request are not what they should be."""
+
+    def fields(self, fields: list[bytes]) -> list[bytes]:
+        """What is sent in their place."""
+        raise NotImplementedError
+
+    def altered(self, data: bytes) -> bytes:
+        """Join them."""
+        return b"|".join(self.fields(data.split(b"|")))
+
+
+class SendsUnchecked(AltersFields):
+    """A value that is not to be sent goes out all the same."""
+
+    place: ClassVar[int] = 0
+    """Which of the fields."""
+    _unchecked: float | None = None
+
+    def passes(self, value: float) -> bool:
+        """Whether this one does."""
+        raise NotImplementedError
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        """Show the encoder a 1 in its place."""
+        self._unchecked = None
+        if name == self.name:
+            fields = list(value) if isinstance(value, tuple) else [value]
+            if self.passes(fields[self.place]):
+                self._unchecked, fields[self.place] = fields[self.place], 1
+                value = type(value)(*fields)
+        return super().command(name, value)
+
+    def fields(self, fields: list[bytes]) -> list[bytes]:
+        """Put it back."""
+        if self._unchecked is not None:
+            fields[self.place] = f"{self._unchecked}".encode()
+        return fields
+
+
+class AltersReplies(ClientCore):
+    """The data of one reply are read otherwise than they came."""
+
+    name: ClassVar[str]
+    """The command in question."""
+
+    def altered(self, data: bytes) -> bytes:
+        """What is read in place of the data."""
+        raise NotImplementedError
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        if not frame.tagged and frame.opcode == BY_NAME[self.name].opcode:
+            frame = frame._replace(data=self.altered(frame.data))
+        return super()._dispatch(frame, now_s)
+
+
+class AltersResults(ClientCore):
+    """The data of final results are read otherwise than they came."""
+
+    def altered(self, data: bytes) -> bytes:
+        """What is read in place of the data."""
+        raise NotImplementedError
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        if frame.tagged:
+            frame = frame._replace(data=self.altered(frame.data))
+        return super()._dispatch(frame, now_s)
+
+
+class OtherTwoStage(ClientCore):
+    """Two-stage commands are carried out otherwise."""
+
+    shape: ClassVar[type[TwoStage]]
+    """How."""
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        """Take the other way."""
+        if not BY_NAME[name].two_stage:
+            return super().command(name, value)
+        return self.shape(BY_NAME[name], value, self.dialect)

@@ -1,0 +1,151 @@
+"""Faults of clause 2: who dials, what comes first, and what is made of segments."""
+
+from collections.abc import Iterable
+
+from scaraspec.client.aio import AsyncClient
+from scaraspec.client.core import ClientCore, Event
+from scaraspec.client.exchange import Exchange, Login
+from scaraspec.client.faults import fault
+from scaraspec.client.faults.process import memory
+from scaraspec.client.problems import ClientError, LinkLost
+from scaraspec.client.shell import LOST_BY
+from scaraspec.links.link import Ending
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import Found, Frame
+from scaraspec.protocol.port import DEFAULT_PORT
+
+# Who dials
+
+
+@fault("2/1")
+class StaysConnectedWhenCut(AsyncClient):
+    """After its connection was cut off it takes itself for connected, and does not dial."""
+
+    async def connect(self) -> None:
+        """Dial, or not."""
+        if not memory().pop("cut", False):
+            await super().connect()
+
+    def _lose(self, reason: str) -> None:
+        if reason == LOST_BY[Ending.RESET]:
+            memory()["cut"] = True
+        super()._lose(reason)
+
+
+@fault("2/1", subtle=True)
+class RestsAfterVainLogins(AsyncClient):
+    """After a login that came to nothing it does not dial when it is told to the next time."""
+
+    async def connect(self) -> None:
+        """Dial, or not."""
+        if memory().pop("in vain", False):
+            raise LinkLost("the controller does not want us")
+        try:
+            await super().connect()
+        except ClientError:
+            memory()["in vain"] = True
+            raise
+
+
+@fault("2/3")
+class DialsTheNextPort(AsyncClient):
+    """It dials 8878 where 8877 is due."""
+
+    def __init__(self, url: str, **values: object) -> None:
+        super().__init__(url.replace(f":{DEFAULT_PORT}", f":{DEFAULT_PORT + 1}"), **values)  # type: ignore[arg-type] # handed on
+
+
+# What comes first
+
+
+@fault("2/10")
+class AsksForTheVersionFirst(ClientCore):
+    """It asks for the version ahead of the login."""
+
+    def begin(self, exchange: Exchange, now_s: float) -> None:
+        """Ask, and begin."""
+        if isinstance(exchange, Login):
+            self._send([Frame(A2C, BY_NAME["get_version"].opcode)])
+        super().begin(exchange, now_s)
+
+
+@fault("2/10", subtle=True)
+class AsksForTheStatusWhenItComesBack(AsyncClient):
+    """From its second connection on it asks for the status ahead of the login."""
+
+    async def _login(self) -> None:
+        if memory().setdefault("met", False) and self._transport is not None:
+            self._transport.write(Frame(A2C, BY_NAME["get_status"].opcode).encode())
+        memory()["met"] = True
+        await super()._login()
+
+
+# Cut
+
+
+@fault("2/5")
+class TakesSegmentsForFrames(ClientCore):
+    """What a segment leaves unfinished is dropped."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        """Take the segment alone."""
+        return [*super().feed(data, now_s), *self._digest(self._framer.finish(), now_s)]
+
+
+@fault("2/5", subtle=True)
+class NeedsTheHeadAtOnce(ClientCore):
+    """A frame of which less than opcode and length have come is dropped."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        """Take what has come."""
+        events = super().feed(data, now_s)
+        if self._framer.held_bytes in (1, 2):
+            events += self._digest(self._framer.finish(), now_s)
+        return events
+
+
+@fault("2/5", subtle=True)
+class LosesLastBytesAlone(ClientCore):
+    """A segment of one byte that would end a frame is lost."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        """Take it, or not."""
+        alone = data == b"\xaa" and self._framer.held_bytes > 0
+        return [] if alone else super().feed(data, now_s)
+
+
+@fault("2/5", subtle=True)
+class ImpatientWithinFrames(ClientCore):
+    """A frame that stops for half a second is given up."""
+
+    @property
+    def _partial_until_s(self) -> float | None:
+        return self._heard_s + 0.5 if self._framer.held_bytes else None
+
+
+# Joined
+
+
+@fault("2/6")
+class ServesTheFirstOfEachSegment(ClientCore):
+    """Of the frames that one segment brings only the first is served."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        return super()._digest(list(found)[:1], now_s)
+
+
+@fault("2/6", subtle=True)
+class ServesFourOfEachSegment(ClientCore):
+    """Of the frames that one segment brings only the first four are served."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        return super()._digest(list(found)[:4], now_s)
+
+
+@fault("2/6", subtle=True)
+class ServesTheLastOfEachSegment(ClientCore):
+    """Of the frames that one segment brings only the last is served."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        return super()._digest(list(found)[-1:], now_s)

@@ -1,0 +1,72 @@
+"""Setting: what a run against a controller is about, and how it begins and ends."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scaraspec.report.model import Role
+from scaraspec.suite.as_client import restore
+from scaraspec.suite.as_client.access import Access
+from scaraspec.suite.as_client.probes import probe_all
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.observer import Observer
+from scaraspec.suite.plan import Options
+from scaraspec.suite.statement import Statement
+
+
+@dataclass(frozen=True)
+class ControllerSetting:
+    """A run against a controller; see `run.Setting`.
+
+    Attributes:
+        access: The way to the subject.
+        statement: What it claims.
+        password: What opens it.
+        options: What the tester asks for.
+        link: How to call the way to it, in the results.
+        capture: The file in which it is recorded, beside the results; empty for none.
+        replay: The command line that runs the suite again, without ``--only``.
+        state_file: Where the subject's state is kept until it is put back; None for nowhere.
+    """
+
+    access: Access
+    statement: Statement
+    password: bytes
+    options: Options
+    link: str = ""
+    capture: str = ""
+    replay: str = ""
+    state_file: Path | None = None
+    role = Role.CONTROLLER
+
+    @property
+    def needs_login(self) -> bool:
+        """Whether a login comes first."""
+        return self.access.needs_login
+
+    def subject(self, observer: Observer) -> Subject:
+        """The controller under test."""
+        allowed = self.options.allowed
+        return Subject(self.access, self.statement, self.password, observer, allowed)
+
+    def begin(self, subject: Subject) -> Mapping[str, Any]:
+        """Write down what it is like, and find out how it is to be spoken to.
+
+        Raises:
+            Unmet: It is not there.
+            OSError: Its state cannot be written down.
+        """
+        file = self.state_file
+        state = (restore.load(file) if file else None) or restore.save(subject)
+        if file:
+            restore.keep(file, state)
+        probe_all(subject)
+        return state
+
+    def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
+        """Put everything back; what could not be is told, and stays written down."""
+        problems = restore.restore(subject, state) if state else []
+        if self.state_file and not problems:
+            self.state_file.unlink(missing_ok=True)
+        return problems

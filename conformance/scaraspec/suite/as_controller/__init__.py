@@ -1,0 +1,1 @@
+"""Where the suite plays the controller, for a client under test."""

@@ -1,0 +1,154 @@
+"""Attended: a client without a driver, worked by an operator who is told what to do next.
+
+What the client sends shows that it was done; what the client shows, the operator is asked. A line
+that he types meanwhile may skip a step or leave the sitting.
+"""
+
+import os
+import socket
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from scaraspec.links.link import Link
+from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.as_controller.waiting import WatchedLink, ready_of
+from scaraspec.suite.expect import NotRun
+
+_READ_BYTES: Final = 4096
+_ANSWERS: Final = {"y": True, "yes": True, "n": False, "no": False}
+_HELP: Final = "y = yes, n = no, s = skip this step, q = leave (and resume later), ? = say it again"
+
+
+class Attended:
+    """A client worked by an operator; see `access.Access`.
+
+    Args:
+        host: Where to listen.
+        port: The port; 0 for any.
+        say: Tells the operator a line.
+        answer_s: For how long he may take over a step.
+        input_fd: Where his lines come from.
+
+    Raises:
+        OSError: Nobody can listen there.
+    """
+
+    attended = True
+    strays: Sequence[str] = ()
+    complaints = ""
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        say: Callable[[str], None],
+        *,
+        answer_s: float = 600.0,
+        input_fd: int = 0,
+    ) -> None:
+        self._listener = socket.create_server((host, port))
+        self.host, self.port = self._listener.getsockname()[:2]
+        self.dialled_port = self.port
+        self.answer_s = answer_s
+        self._scratch = tempfile.TemporaryDirectory(prefix="scaraspec-")
+        self.folder = Path(self._scratch.name)
+        self._say, self._input_fd = say, input_fd
+        self._held = b""
+        self._told = ""
+        self._number = 0
+
+    @property
+    def now_ns(self) -> int:
+        """The system's clock."""
+        return time.time_ns()
+
+    @property
+    def now_s(self) -> float:
+        """The system's monotonic clock."""
+        return time.monotonic()
+
+    def begin(self, name: str, /, **values: Any) -> Call:
+        """Tell the operator what to do; hanging up is done by us."""
+        self._number += 1
+        call = Call(self._number, name)
+        if name == "disconnect":
+            call.answer = {"ok": True}
+        else:
+            given = ", ".join(f"{key} = {value}" for key, value in values.items())
+            self._tell(f"now: {name}" + (f" with {given}" if given else ""))
+        return call
+
+    def pump(self) -> None:
+        """Take what the operator has typed.
+
+        Raises:
+            NotRun: He skips the step.
+            KeyboardInterrupt: He leaves.
+        """
+        while ready_of(time.monotonic(), self._input_fd):
+            self._obey(self._line())
+
+    def wait(self, deadline_s: float) -> None:
+        """Wait until he types something."""
+        ready_of(deadline_s, self._input_fd)
+
+    def accept(self, deadline_s: float) -> Link | None:
+        """Take a connection."""
+        if self._listener not in ready_of(deadline_s, self._input_fd, self._listener):
+            return None
+        connected, _ = self._listener.accept()
+        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return WatchedLink(connected, self._input_fd)
+
+    def listen_at_default(self) -> bool:
+        """The operator has been told where to connect."""
+        return False
+
+    def confirm(self, sentence: str) -> bool | None:
+        """Ask him whether the client shows this.
+
+        Raises:
+            NotRun: He skips the question.
+            KeyboardInterrupt: He leaves.
+        """
+        self._tell(f"does the client show that {sentence}? [y/n]")
+        while (answer := _ANSWERS.get(line := self._line())) is None:
+            self._obey(line)
+        return answer
+
+    def restart(self) -> None:
+        """The operator sees to that by himself."""
+        self._tell("the client seems to hang: start it anew")
+
+    def close(self) -> None:
+        """Listen no more, and take the files away."""
+        self._listener.close()
+        self._scratch.cleanup()
+
+    def _tell(self, sentence: str) -> None:
+        self._told = sentence
+        self._say(sentence)
+
+    def _obey(self, line: str) -> None:
+        if line == "s":
+            raise NotRun("the operator skipped it")
+        if line == "q":
+            raise KeyboardInterrupt
+        self._say(f"{_HELP}\n{self._told}")
+
+    def _line(self) -> str:
+        """The next line that he types.
+
+        Raises:
+            KeyboardInterrupt: There will be none.
+        """
+        while b"\n" not in self._held:
+            data = os.read(self._input_fd, _READ_BYTES)
+            if not data:
+                raise KeyboardInterrupt
+            self._held += data
+        line, _, self._held = self._held.partition(b"\n")
+        return line.decode("utf-8", "replace").strip().lower()

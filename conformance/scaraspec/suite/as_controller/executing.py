@@ -1,0 +1,208 @@
+"""Executing: the two-stage commands of a client under test: ordered, accepted, ended.
+
+What the client says of them is held against what it was sent. Queries that it makes of its own
+accord are answered, since nothing forbids them.
+"""
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+from scaraspec.protocol.commands import JointValues, Pose, RunningProgram
+from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.expect import NoAnswer, NotRun, expect, expect_in
+
+
+class Order(NamedTuple):
+    """An order to execute something.
+
+    Attributes:
+        name: Its command.
+        values: What is ordered.
+        status: What the robot says while it executes.
+    """
+
+    name: str
+    values: Mapping[str, Any]
+    status: str = "04"
+
+
+RUN: Final = Order("run_program", {"name": "pro1.rob"}, "01")
+SIMULATE: Final = Order("simulate_program", {"name": "pro2.rob"}, "02")
+STOP: Final = Order("emergency_stop", {})
+RESET: Final = Order("reset", {}, "03")
+MOVE: Final = Order(
+    "set_tool_coordinates",
+    {"speed": 60, "x": 200, "y": 300, "z": 324, "theta_x": 34.6, "theta_y": 0, "theta_z": 0},
+)
+RELEASE: Final = Order("release_joints", {})
+LOCK: Final = Order("lock_joints", {})
+JOG: Final = Order("jog", {"direction": "+x"})
+
+INTERRUPTIBLE: Final = (RUN, SIMULATE, RESET, MOVE, JOG)
+"""What takes a while, and may be stopped."""
+
+REASONED: Final = (RUN, SIMULATE, RESET, MOVE, RELEASE, LOCK, JOG)
+"""What is refused for a reason; the stop is refused without one (L366)."""
+
+ORDERS: Final = (*REASONED, STOP)
+"""Every two-stage command."""
+
+_BESIDE_S: Final = 2.0
+_GLANCE_S: Final = 0.25
+_GLANCES: Final = 4
+_ANSWERS: Final = MappingProxyType(
+    {
+        "get_time": "20141222143000",
+        "get_version": "1.0.0",
+        "get_running_program": RunningProgram(b"pro1.rob", 5),
+        "get_motor_temperatures": JointValues(20, 38, 34, 22),
+        "get_tool_coordinates": Pose(200, 300, 324, 34.6, 0, 0),
+        "get_joint_angles": JointValues(20.4, 30.5, 38, 0),
+        "get_digital_inputs": "00000000",
+        "get_digital_outputs": "0000000000000000",
+    }
+)
+"""What is said to queries that nobody ordered."""
+
+
+def ordered(subject: Subject, line: Line, order: Order) -> Call:
+    """Give an order, and await its request."""
+    call = subject.begin(order.name, **order.values)
+    line.request(order.name, call)
+    return call
+
+
+def executing(subject: Subject, line: Line, order: Order) -> Call:
+    """Give an order, and accept it."""
+    call = ordered(subject, line, order)
+    line.reply(order.name, data=b"1")
+    return call
+
+
+def renewed(subject: Subject, line: Line) -> Line:
+    """A new connection in place of one that the client may end, at its leisure, after nonsense."""
+    line.close()
+    return subject.open()
+
+
+def beside(subject: Subject, line: Line) -> None:
+    """Go on only where it takes another order while one executes.
+
+    Raises:
+        NotRun: It, or its driver, does not.
+    """
+    if "beside" not in subject.known:
+        first = executing(subject, line, RUN)
+        second = subject.begin("get_version")
+        with suppress(NoAnswer):
+            line.request("get_version", within_s=_BESIDE_S)
+            subject.known["beside"] = True
+            line.reply("get_version", "1.0.0")
+        line.result(RUN.name)
+        finished(subject, line, first)
+        if not subject.known.setdefault("beside", False) and second.answer is None:
+            line.serve(second, "1.0.0")
+        subject.settled(second)
+    if not subject.known["beside"]:
+        raise NotRun("the client takes no order while another one executes")
+
+
+def attend(subject: Subject, line: Line, for_s: float, status: str = "00") -> None:
+    """Let time pass, and answer what the client asks of its own accord."""
+    deadline_s = subject.access.now_s + for_s
+    while not line.over and (left_s := deadline_s - subject.access.now_s) > 0:
+        with suppress(NoAnswer):
+            asked = line.awaited(
+                lambda seen: seen.name == "get_status" or seen.name in _ANSWERS, left_s, ""
+            )
+            name = asked.seen.name
+            line.reply(name, status if name == "get_status" else _ANSWERS[name])
+
+
+def settled(subject: Subject, line: Line, call: Call) -> Call:
+    """Wait for what it says of an order, and answer what it asks; an operator is asked later."""
+    if subject.access.attended:
+        return call
+    for _ in range(_GLANCES):
+        if subject.speaks(call, _GLANCE_S):
+            break
+        attend(subject, line, _GLANCE_S)
+    return subject.settled(call)
+
+
+def finished(subject: Subject, line: Line, call: Call, *, requirement: str = "") -> None:
+    """An order has to be said to have been accepted and done.
+
+    Raises:
+        Unmet: The client says something else, or nothing.
+    """
+    settled(subject, line, call)
+    subject.done(call, requirement=requirement)
+    _expect_said(call, {"accepted": True, "outcome": "11"}, requirement)
+
+
+def refused(
+    subject: Subject, line: Line, call: Call, code: str = "", *, requirement: str = ""
+) -> None:
+    """An order has to be said to have been refused; a code that is told has to be this one.
+
+    Raises:
+        Unmet: The client says something else, or nothing.
+    """
+    settled(subject, line, call)
+    subject.fails(call, requirement=requirement)
+    _expect_said(call, {"accepted": False}, requirement)
+    _expect_code(call, code, requirement)
+
+
+def failed(
+    subject: Subject, line: Line, call: Call, code: str = "", *, requirement: str = ""
+) -> None:
+    """An order has to be said to have been accepted and to have failed; so has its code.
+
+    Raises:
+        Unmet: The client says something else, or nothing.
+    """
+    settled(subject, line, call)
+    subject.fails(call, requirement=requirement)
+    _expect_said(call, {"accepted": True, "outcome": "00"}, requirement)
+    _expect_code(call, code, requirement)
+
+
+def code_of(call: Call) -> str | None:
+    """The code that the client tells of an order, if it does."""
+    code = call.result.get("code") if isinstance(call.result, Mapping) else None
+    return None if code is None else str(code)
+
+
+def shows(call: Call, code: str) -> bool:
+    """Whether the client tells this code, in a field of its own or in what it complains of."""
+    return code.upper() in (code_of(call) or call.error).upper()
+
+
+def _expect_said(call: Call, stages: Mapping[str, Any], requirement: str) -> None:
+    """Both stages, where they are told: an error tells neither."""
+    said = call.result if isinstance(call.result, Mapping) else {}
+    expect(
+        all(said.get(key, value) == value for key, value in stages.items()),
+        f"the client tells the stages of {call.name} otherwise than they were",
+        expected=json.dumps(stages),
+        observed=f"{call}",
+        requirement=requirement,
+    )
+
+
+def _expect_code(call: Call, code: str, requirement: str) -> None:
+    told = code_of(call)
+    if code and told is not None:
+        expect_in(
+            told.upper(),
+            (code.upper(),),
+            f"the client tells another code of {call.name} than it was sent",
+            requirement=requirement,
+        )

@@ -1,0 +1,144 @@
+"""Line: one connection from the client under test, on which the suite plays the controller.
+
+Replies are made from the command table, or are whatever bytes a case wants. Which reply is due is
+not known here.
+"""
+
+from typing import TYPE_CHECKING, Any, Final
+
+from scaraspec.links.link import Link
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.expect import Unmet, expect_equal, told
+from scaraspec.suite.wire import Answer, Wire
+
+if TYPE_CHECKING:
+    from scaraspec.suite.as_controller.subject import Subject
+
+PASSWORD: Final = b"password"  # the document's own example (L108)
+
+YES: Final = True
+"""The answer of a plain success."""
+
+_DONE: Final = "11"
+
+
+class Line(Wire):
+    """One connection; made by `Subject.open`."""
+
+    def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
+        super().__init__(name, link, subject, C2A, judged=judged)
+        self._subject = subject
+
+    # ------------------------------------------------------------------ listening
+
+    def request(
+        self, name: str, call: Call | None = None, *, within_s: float | None = None
+    ) -> Answer:
+        """Wait for a request of the table.
+
+        Args:
+            name: Its command.
+            call: The operation that should bring it about.
+            within_s: How long to wait; by default as long as the client may think.
+
+        Raises:
+            NoAnswer: None came.
+            Unmet: The client says that the operation is over, and has not sent it.
+            NotRun: The client lacks the operation.
+        """
+        command = BY_NAME[name]
+        opcodes = {command.opcode, command.also} - {None}
+        with self._subject.expecting(call):
+            return self.awaited(
+                lambda seen: seen.frame.opcode in opcodes,
+                self._subject.answer_s if within_s is None else within_s,
+                f"{name} was not sent",
+            )
+
+    def nothing(self, what: str, *, for_s: float = 0.0, requirement: str = "") -> None:
+        """Fail the client if it sends anything.
+
+        Args:
+            what: What must not come, in the words of the report.
+            for_s: How long to wait; by default as long as it takes to be sure.
+            requirement: The requirement in question; empty for the first of the case.
+
+        Raises:
+            Unmet: It does.
+        """
+        self.wait(for_s or self._subject.silence_s)
+        self.flush()
+        if self.heard or self.noise:
+            sent = [told(seen.frame) for seen in self.heard]
+            sent += [told(noise.data) for noise in self.noise]
+            message = f"the client sent what it must not: {what}"
+            raise Unmet(
+                message, expected="nothing", observed="; ".join(sent), requirement=requirement
+            )
+
+    # ------------------------------------------------------------------ sending
+
+    def frame(self, name: str, value: Any = YES, *, data: bytes | None = None) -> Frame:
+        """The first reply to a request of the table; `data` takes the place of its value."""
+        command = BY_NAME[name]
+        payload = command.reply.encode(value, self._subject.dialect) if data is None else data
+        return Frame(C2A, command.opcode, payload)
+
+    def reply(self, name: str, value: Any = YES, *, data: bytes | None = None) -> None:
+        """Send a first reply."""
+        self.send_frame(self.frame(name, value, data=data))
+
+    def result(self, name: str, code: str = "", *, data: bytes | None = None) -> None:
+        """Send the final result of a two-stage command: done, or failed with a code."""
+        self.send_frame(self.result_frame(name, code, data=data))
+
+    def result_frame(self, name: str, code: str = "", *, data: bytes | None = None) -> Frame:
+        """The frame of a final result."""
+        payload = (f"00|{code}" if code else _DONE).encode() if data is None else data
+        return Frame(C2A, BY_NAME[name].opcode, payload, tagged=True)
+
+    def chunk(self, chunk: Chunk) -> None:
+        """Send a chunk of a download."""
+        command = BY_NAME["download_chunk"]
+        data = command.request.encode(chunk, self._subject.dialect)
+        self.send_frame(Frame(C2A, command.opcode, data))
+
+    # ------------------------------------------------------------------ both
+
+    def log_in(self, call: Call, *, reply: bytes = b"1") -> None:
+        """Await the login that belongs to an order to connect, and answer it.
+
+        Raises:
+            NoAnswer: It did not come.
+            Unmet: It carries another password.
+        """
+        request = self.request("login", call)
+        sent = request.seen.text  # a NUL may end it (A-T-3)
+        expect_equal(sent, PASSWORD, "the login carries", requirement="4.1/1")
+        self.reply("login", data=reply)
+
+    def serve(
+        self, call: Call, value: Any = YES, *, data: bytes | None = None, sent: bytes | None = None
+    ) -> Answer:
+        """Await the request of an operation, and answer it.
+
+        Args:
+            call: The operation.
+            value: What to answer.
+            data: In its place, the payload of the answer.
+            sent: What the request has to carry; None for anything.
+
+        Raises:
+            NoAnswer: No request came.
+            Unmet: It carries something else.
+        """
+        request = self.request(call.name, call)
+        if sent is not None:
+            carried = request.seen.text if sent else request.frame.data  # NUL may end text (A-T-3)
+            expect_equal(carried, sent, f"what {call.name} carries")
+        self.reply(call.name, value, data=data)
+        return request

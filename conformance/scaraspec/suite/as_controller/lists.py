@@ -1,0 +1,57 @@
+"""Lists: a program list in parts, pushed or fetched as the client has it (A-4.10-3)."""
+
+from typing import Final
+
+from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.expect import NoAnswer
+
+_FETCH_S: Final = 0.05
+
+
+def list_of(*names: str | bytes, per_part: int, bar: bytes = b"|") -> list[bytes]:
+    """The data of the parts of a list.
+
+    Args:
+        names: Its names.
+        per_part: How many of them stand in each part.
+        bar: What stands between the flag and the first name (A-4.10-2).
+    """
+    encoded = [name if isinstance(name, bytes) else name.encode() for name in names]
+    parts = [encoded[i : i + per_part] for i in range(0, len(encoded), per_part)]
+    flags = [b"1"] * (len(parts) - 1) + [b"0"]
+    return [flag + bar + b"|".join(part) for flag, part in zip(flags, parts, strict=True)]
+
+
+def serve_list(
+    subject: Subject, line: Line, call: Call, parts: list[bytes], *, pause_s: float = 0.0
+) -> None:
+    """Answer a request for the program list part by part.
+
+    A client that asks for a further part by itself is given it as the answer to that; any other
+    has it pushed, after a pause.
+
+    Raises:
+        Unmet: No request came.
+    """
+    line.request("list_programs", call)
+    line.reply("list_programs", data=parts[0])
+    for part in parts[1:]:
+        if not _fetched(subject, line) and pause_s:
+            line.wait(pause_s)
+        line.reply("list_programs", data=part)
+
+
+def _fetched(subject: Subject, line: Line) -> bool:
+    """Whether the next part is asked for; what a client is like is found out once."""
+    patience_s = {None: _FETCH_S, False: 0.0, True: subject.answer_s}
+    known = subject.known.get("fetches parts")
+    try:
+        line.request("list_programs", within_s=patience_s[known])
+    except NoAnswer:
+        subject.known["fetches parts"] = False
+    else:
+        subject.known["fetches parts"] = True
+        subject.found["list_cont"] = "request"
+    return bool(subject.known["fetches parts"])

@@ -1,0 +1,74 @@
+"""Patience: silences that a client's transfer has to survive, and others that have to end it."""
+
+from collections.abc import Callable
+from typing import Final
+
+from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.as_controller.files import be_polite
+from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.expect import Undecided, Unmet
+from scaraspec.suite.limits import Silence, limits_of
+
+_LOOK_S: Final = 0.02
+_GRACE_S: Final = 0.5  # until a client that has given up says so
+
+
+def survived(
+    subject: Subject, line: Line, call: Call, requirement: str, go_on: Callable[[], None]
+) -> None:
+    """Keep silent for 25 s, and then go on.
+
+    Args:
+        subject: The client.
+        line: Its connection.
+        call: The transfer.
+        requirement: What it violates that has given up.
+        go_on: Sends what has been missed so long, and sees that the client takes it.
+
+    Raises:
+        Unmet: The client has given up.
+        Undecided: The silence was longer than it should be.
+    """
+    limits, silence = limits_of(subject), Silence(subject)
+    line.wait(limits.survived_s)
+    passed_s = silence.passed_s
+    try:
+        message = f"a transfer did not survive {limits.survived_s:g} s of silence"
+        subject.undone(call, message)
+        go_on()
+    except Unmet as error:
+        if passed_s > limits.early_s:
+            raise Undecided(f"this machine is too slow: it was silent for {passed_s:g} s") from None
+        error.requirement = requirement
+        raise
+
+
+def given_up(subject: Subject, line: Line, call: Call, requirement: str) -> None:
+    """Keep silent until the client gives up, which it has to do after 25 s and within 60 s.
+
+    Raises:
+        Unmet: It does so at another time, or says that the transfer was done.
+    """
+    limits, silence = limits_of(subject), Silence(subject)
+    while call.answer is None and silence.passed_s < limits.over_s:
+        subject.pause(_LOOK_S)
+        if not line.over:
+            be_polite(line)
+    passed_s = silence.passed_s
+    try:
+        subject.fails(call, within_s=_GRACE_S)
+    except Unmet as error:
+        error.requirement = requirement
+        raise
+    if passed_s < limits.survived_s:
+        raise Unmet(
+            f"a transfer was given up after {passed_s:.2f} s of silence",
+            expected=f"at least {limits.survived_s:.2f} s",
+            observed=f"{passed_s:.2f} s",
+            requirement=requirement,
+        )
+    if not limits.early_s <= passed_s <= limits.late_s:
+        option = "less" if passed_s < limits.early_s else "more"
+        message = f"a transfer was given up after {passed_s:.2f} s of silence"
+        subject.tolerate(requirement, "xfer_timeout", option, message)

@@ -1,0 +1,412 @@
+"""Subject: the client under test, as the cases meet it.
+
+It is ordered about, connects to us, and says what came of its operations. No requirement is judged
+here but by the checks that cases call.
+"""
+
+import itertools
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, Final
+
+from scaraspec.suite.as_controller.access import Access
+from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.as_controller.driver import DriverEndedError, DriverError
+from scaraspec.suite.as_controller.line import PASSWORD, Line
+from scaraspec.suite.as_controller.saying import same
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect
+from scaraspec.suite.observer import Observer
+from scaraspec.suite.statement import Statement
+from scaraspec.suite.wire import Wire
+
+_SILENCE_S: Final = 0.3
+_CONCURRENT_S: Final = 2.0
+
+
+class Subject:
+    """The client under test.
+
+    Args:
+        access: The way to it.
+        statement: What it claims.
+        observer: Watches everything.
+
+    Attributes:
+        dialect: The readings that we speak to it.
+        tolerated: What the running case saw of listed readings: requirement, key, option, sentence.
+        found: The readings that were found out, by key.
+        known: What cases found out once for all of the run, by a name of their own.
+        survival: No requirement of its own: see `party.Party`.
+        off: Never: a client stays.
+    """
+
+    def __init__(self, access: Access, statement: Statement, observer: Observer) -> None:
+        self.access, self.statement, self.observer = access, statement, observer
+        self.dialect = statement.dialect
+        self.tolerated: list[tuple[str, str, str, str]] = []
+        self.found: dict[str, str] = {}
+        self.known: dict[str, Any] = {}
+        self.survival = ""
+        self.off = False
+        self._lines: list[Line] = []
+        self._connections = itertools.count(1)
+        self._files = itertools.count(1)
+        self._expected: Call | None = None
+
+    # ------------------------------------------------------------------ time
+
+    @property
+    def now_ns(self) -> int:
+        """The present instant in nanoseconds since the Unix epoch."""
+        return self.access.now_ns
+
+    @property
+    def complaints(self) -> str:
+        """The end of what its driver wrote to stderr."""
+        return self.access.complaints
+
+    @property
+    def answer_s(self) -> float:
+        """For how long it may think about an order."""
+        return self.access.answer_s
+
+    @property
+    def silence_s(self) -> float:
+        """For how long silence is listened to."""
+        return _SILENCE_S
+
+    @property
+    def transfer_s(self) -> float:
+        """After what silence it abandons a transfer (5.4, L795)."""
+        return self.statement.transfer_s
+
+    def pause(self, for_s: float) -> None:
+        """Let time pass, listening to everything."""
+        deadline_s = self.access.now_s + for_s
+        while (left_s := deadline_s - self.access.now_s) > 0:
+            line = self._open_line()
+            if line is None:
+                self._wait(deadline_s)
+            else:
+                line.wait(left_s)
+
+    # ------------------------------------------------------------------ connections
+
+    def open(self, *, judged: bool = True) -> Line:
+        """Let it connect and log in.
+
+        Args:
+            judged: False for a connection that is to carry what is no protocol.
+
+        Raises:
+            Unmet: It does not.
+            NotRun: It cannot.
+        """
+        if self.access.attended and (kept := self._open_line()):
+            kept.heard.clear()
+            return kept
+        line, call = self.dial(judged=judged)
+        line.log_in(call)
+        self.done(call)
+        return line
+
+    def dial(self, *, judged: bool = True, **values: Any) -> tuple[Line, Call]:
+        """Let it connect, up to the connection itself.
+
+        Args:
+            judged: False for a connection that is to carry what is no protocol.
+            values: What to order in place of our address and the password; None leaves one out.
+
+        Returns:
+            The connection, and the order that its login will settle.
+
+        Raises:
+            Unmet: It does not.
+            NotRun: It cannot.
+        """
+        while (stale := self.access.accept(self.access.now_s)) is not None:
+            stale.close()
+        ordered = {
+            "host": self.access.host,
+            "port": self.access.port,
+            "password": PASSWORD.decode(),
+        }
+        ordered = {k: v for k, v in (ordered | values).items() if v is not None}
+        call = self.begin("connect", **ordered)
+        deadline_s = self.access.now_s + self.answer_s
+        with self.expecting(call):
+            while (link := self.access.accept(deadline_s)) is None:
+                self._pump()
+                if self.access.now_s >= deadline_s:
+                    raise NoAnswer("connect was ordered, and no connection came")
+        line = Line(str(next(self._connections)), link, self, judged=judged)
+        self._lines.append(line)
+        return line, call
+
+    def _open_line(self) -> Line | None:
+        return next((line for line in self._lines if not line.over), None)
+
+    def pump_others(self, line: Wire, /) -> bool:
+        """Take what came elsewhere; whether nothing can."""
+        self._pump()
+        alone = True
+        for other in self._lines:
+            if other is not line and not other.over:
+                alone = False
+                other.pump()
+        return alone
+
+    def close_lines(self) -> None:
+        """End every connection."""
+        for line in self._lines:
+            line.close()
+        self._lines.clear()
+
+    # ------------------------------------------------------------------ orders
+
+    def begin(self, name: str, /, **values: Any) -> Call:
+        """Order an operation, named and given its values as in the driver protocol.
+
+        Raises:
+            Unmet: The client has crashed.
+            Undecided: Its driver does not keep to its protocol.
+        """
+        with _told():
+            return self.access.begin(name, **values)
+
+    @contextmanager
+    def expecting(self, call: Call | None) -> Iterator[None]:
+        """As long as this lasts, an answer to that order comes too early."""
+        self._expected = call
+        try:
+            yield
+        finally:
+            self._expected = None
+
+    def settled(self, call: Call, *, within_s: float | None = None) -> Call:
+        """Wait for what it says of an order.
+
+        Raises:
+            Unmet: It says nothing, or has crashed.
+            NotRun: It lacks the operation.
+        """
+        limit_s = self.answer_s if within_s is None else within_s
+        if not self.speaks(call, limit_s):
+            raise Unmet(
+                f"the client does not say in {limit_s:g} s what came of {call.name}",
+                expected="an answer of its driver",
+                observed="silence",
+            )
+        _not_lacking(call)
+        return call
+
+    def speaks(self, call: Call, within_s: float) -> bool:
+        """Wait for what it says of an order; whether it says anything.
+
+        Raises:
+            Unmet: It has crashed.
+        """
+        deadline_s = self.access.now_s + within_s
+        while not self._heard(call):
+            if self.access.now_s >= deadline_s:
+                return False
+            self._wait(deadline_s)
+        return True
+
+    def _heard(self, call: Call) -> bool:
+        """Take what has come; whether the order has been answered."""
+        for line in self._lines:
+            line.pump()
+        self._pump()
+        return call.answer is not None
+
+    def _wait(self, deadline_s: float) -> None:
+        with _told():
+            self.access.wait(deadline_s)
+        self._pump()
+
+    def _pump(self) -> None:
+        with _told():
+            self.access.pump()
+        call = self._expected
+        if call is not None and call.answer is not None:
+            _not_lacking(call)
+            raise Unmet(
+                f"the client says that {call.name} is over before it can be",
+                expected="the operation goes on",
+                observed=f"{call}",
+            )
+
+    # ------------------------------------------------------------------ what it says
+
+    def done(self, call: Call, *, requirement: str = "", within_s: float | None = None) -> Any:
+        """What came of an order, which has to have been done.
+
+        Raises:
+            Unmet: The client says that it was not, or says nothing.
+        """
+        confirmed = self.access.confirm(f"{call.name} was done")
+        if confirmed is None:
+            confirmed = self.settled(call, within_s=within_s).ok
+        if not confirmed:
+            raise Unmet(
+                f"{call.name} was answered well, and the client says that it failed",
+                expected="done",
+                observed=f"{call}",
+                requirement=requirement,
+            )
+        return call.result
+
+    def gives(self, call: Call, expected: Any, *, requirement: str = "") -> None:
+        """What came of an order has to be this.
+
+        Raises:
+            Unmet: It is something else.
+        """
+        confirmed = self.access.confirm(f"{call.name} gave {expected}")
+        if confirmed is None:
+            result = self.done(call, requirement=requirement)
+            expect(
+                same(result, expected),
+                f"what the client says of {call.name}",
+                expected=f"{expected}",
+                observed=f"{result}",
+                requirement=requirement,
+            )
+        elif not confirmed:
+            raise Unmet(
+                f"the client does not show what came of {call.name}",
+                expected=f"{expected}",
+                observed="something else",
+                requirement=requirement,
+            )
+
+    def fails(self, call: Call, *, requirement: str = "", within_s: float | None = None) -> None:
+        """An order has to have failed; of a two-stage one a refusal or a bad outcome will do.
+
+        Raises:
+            Unmet: The client says that it was done, or says nothing.
+        """
+        failed = self.access.confirm(f"{call.name} failed")
+        if failed is None:
+            self.settled(call, within_s=within_s)
+            failed = call.failed
+        if not failed:
+            raise Unmet(
+                f"{call.name} failed, and the client says that it was done",
+                expected="an error",
+                observed=f"{call}",
+                requirement=requirement,
+            )
+
+    def undone(self, call: Call, message: str, *, requirement: str = "") -> None:
+        """An order must not be over yet.
+
+        Raises:
+            Unmet: The client says that it is.
+        """
+        self._pump()
+        if call.answer is not None:
+            _not_lacking(call)
+            raise Unmet(
+                message, expected="no answer yet", observed=f"{call}", requirement=requirement
+            )
+
+    def tolerate(self, requirement: str, key: str, option: str, message: str) -> None:
+        """The client follows a listed reading, or does what the register only warns of."""
+        self.tolerated.append((requirement, key, option, message))
+
+    # ------------------------------------------------------------------ what it can do
+
+    def concurrent(self, line: Line) -> None:
+        """Go on only where it does a second thing while a first one lasts.
+
+        Raises:
+            NotRun: It, or its driver, does one thing at a time.
+        """
+        if "concurrent" not in self.known:
+            first = self.begin("get_version")
+            line.request("get_version", first)
+            second = self.begin("get_status")
+            with suppress(NoAnswer):
+                line.request("get_status", within_s=_CONCURRENT_S)
+                self.known["concurrent"] = True
+            self.known.setdefault("concurrent", False)
+            line.reply("get_version", "V1.00")
+            if not self.known["concurrent"]:
+                line.request("get_status", second)
+            line.reply("get_status", "00")
+            self.settled(first)
+            self.settled(second)
+        if not self.known["concurrent"]:
+            raise NotRun("the client does one thing at a time")
+
+    def lacks(self, name: str) -> bool:
+        """Whether it says that it lacks this operation."""
+        call = self.begin(name)
+        with suppress(NotRun):
+            self.settled(call)
+        return call.unimplemented
+
+    def file(self, content: bytes) -> str:
+        """Make a file for it to send; its path."""
+        path = self.access.folder / f"zs{next(self._files)}.rob"
+        path.write_bytes(content)
+        return str(path)
+
+    def no_file(self) -> str:
+        """The path of a file that does not exist."""
+        return str(self.access.folder / f"zs{next(self._files)}.rob")
+
+    # ------------------------------------------------------------------ rest
+
+    def settle(self) -> None:
+        """Let it hang up, and show that it is alive.
+
+        Raises:
+            Unmet: It is not.
+            Undecided: Its driver does not keep to its protocol.
+        """
+        if self.access.attended:
+            return  # he would be asked to do the same over and over
+        self.close_lines()
+        self._hang_up()
+        line = self.open()
+        call = self.begin("get_status")
+        line.serve(call, "00")
+        self.gives(call, "00")
+        self._hang_up()
+        self.close_lines()
+        for file in self.access.folder.iterdir():
+            file.unlink()
+
+    def _hang_up(self) -> None:
+        self.settled(self.begin("disconnect"))
+
+    def revive(self) -> None:
+        """Start it anew.
+
+        Raises:
+            Undecided: It cannot be started.
+        """
+        self.close_lines()
+        try:
+            self.access.restart()
+        except DriverError as error:
+            raise Undecided(f"{error}") from None
+
+
+def _not_lacking(call: Call) -> None:
+    if call.unimplemented:
+        raise NotRun(f"the client lacks the operation {call.name}")
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Tell what is wrong with a driver in the words of the suite."""
+    try:
+        yield
+    except DriverEndedError as error:
+        raise NoAnswer(f"the client has crashed: {error}", observed=f"{error}") from None
+    except DriverError as error:
+        raise Undecided(f"{error}") from None

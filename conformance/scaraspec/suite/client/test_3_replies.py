@@ -1,0 +1,292 @@
+"""Clause 3: what a client makes of the frames that it is sent (L92-L98, L320-L321)."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import TAG, Frame
+from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.orders import (
+    REPLIES,
+    accomplished,
+    awaited,
+    of_each,
+    order,
+    sent_or_settled,
+)
+from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.case import client_case
+from scaraspec.suite.expect import NoAnswer, expect, expect_equal
+
+_TWO_STAGE: Final = tuple(c.name for c in BY_NAME.values() if c.two_stage)
+_UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
+_SHORT_S: Final = 0.03
+_LATE_S: Final = 0.3
+_MARKS: Final = (
+    b"\xaa" * 150 + b"\xcc" * 150,
+    b"\xcc\x09\x02\x30\x30\xaa" * 50,
+    b"\xaa\x09\x00\xcc" * 60,
+    bytes(range(256)),
+)
+"""Contents full of start and end bytes; some look like frames of either direction."""
+
+_FRAMING: Final = 4  # start, opcode, length, end
+
+
+# ---------------------------------------------------------------------- counting
+
+
+@client_case("3/9")
+def test_marks_in_data(subject: Subject, line: Line) -> None:
+    """A file full of 0xAA and 0xCC is downloaded, and is on the client's disk as it was sent."""
+    for content in _MARKS:
+        local = subject.no_file()
+        call = subject.begin("download", remote="marks.rob", local=local)
+        line.request("download_name", call)
+        line.reply("download_name")
+        for chunk in chunks_of(content):
+            line.chunk(chunk)
+            line.request("download_chunk")
+        subject.done(call)
+        expect_equal(Path(local).read_bytes(), content, "the file that was downloaded")
+
+
+@client_case("3/9", name="length")
+def test_marks_as_lengths(subject: Subject, line: Line) -> None:
+    """The length byte of a reply is 0xAA, and 0xCC."""
+    for size_bytes in (0xAA, 0xCC):
+        names = [f"{number:03}.rob" for number in range(size_bytes // 8)]
+        data = "|".join(["0", *names]).encode()
+        names[-1] = "z" * (size_bytes - len(data)) + names[-1]
+        call = subject.begin("list_programs")
+        line.serve(call, data="|".join(["0", *names]).encode())
+        subject.gives(call, names)
+
+
+# ---------------------------------------------------------------------- the tag
+
+
+@client_case("3/13")
+def test_tag(subject: Subject, line: Line) -> None:
+    """The final result of each two-stage command has the tag, and is read as what it is."""
+
+    def each(name: str) -> None:
+        call = order(subject, name)
+        awaited(line, name, call)
+        line.reply(name, data=b"1")
+        line.result(name)
+        accomplished(subject, call)
+
+    of_each(_TWO_STAGE, each)
+
+
+@client_case("3/13", name="cut")
+def test_cut_at_the_tag(subject: Subject, line: Line) -> None:
+    """The final result of each two-stage command is cut behind its tag, opcode and length."""
+
+    def each(name: str) -> None:
+        for cut in (1, 2, 3, 4):
+            call = order(subject, name)
+            line.serve(call, data=b"1")
+            data = line.result_frame(name).encode()
+            line.send_bytes(data[:cut])
+            line.wait(_SHORT_S / 3)
+            line.send_bytes(data[cut:])
+            accomplished(subject, call)
+
+    of_each(("run_program", "emergency_stop", "jog"), each)
+
+
+@client_case("3/13", name="next")
+def test_frame_behind_a_tagged_one(subject: Subject, line: Line) -> None:
+    """A reply follows a tagged frame in the same segment, or is sent where that one was cut."""
+    result = line.result_frame("simulate_program").encode()
+    reply = line.frame("get_status", data=b"04").encode()
+    for cut in range(len(result) + 1):
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        line.send_bytes(result[:cut])
+        line.wait(_SHORT_S / 3)
+        line.send_bytes(result[cut:] + reply)
+        subject.gives(call, "04")
+
+
+# ---------------------------------------------------------------------- what nobody has defined
+
+
+def _ignored(subject: Subject, line: Line, call: Call, *frames: Frame, why: str) -> bool:
+    """Send what must not be taken for the reply to an open order.
+
+    Returns:
+        Whether the order is still open: a client may give it up, and close the connection.
+
+    Raises:
+        Unmet: The client takes it for the reply.
+    """
+    with suppress(NoAnswer):  # it has closed already
+        line.send_bytes(b"".join(map(Frame.encode, frames)))
+        line.wait(_SHORT_S)
+    if line.over:
+        subject.settled(call)
+    if call.answer is None:
+        return True
+    expect(not call.ok, why, expected="no answer yet, or an error", observed=f"{call}")
+    return False
+
+
+def _given_up(subject: Subject, line: Line, requirement: str) -> Line:
+    """Go on after the client has given an order up for what it was sent."""
+    subject.tolerate(requirement, "A-3-9", "close", "the client gave its order up")
+    if not line.over:
+        return line
+    subject.settled(subject.begin("disconnect"))
+    return subject.open()
+
+
+@client_case("3/22")
+def test_undefined_opcodes(subject: Subject, line: Line) -> None:
+    """Frames with every undefined opcode come ahead of a reply; the client takes the reply."""
+    for data in (b"", b"1", b"00", b"0|a.rob"):
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        frames = [Frame(C2A, opcode, data) for opcode in _UNDEFINED]
+        why = "a frame with an undefined opcode was taken for a reply"
+        if not _ignored(subject, line, call, *frames, why=why):
+            line = _given_up(subject, line, "3/22")
+            continue
+        line.reply("get_status", "00")
+        subject.gives(call, "00")
+
+
+@client_case("3/22", name="idle")
+def test_undefined_while_idle(subject: Subject, line: Line) -> None:
+    """Frames with undefined opcodes come while nothing is asked, some with the tag."""
+    for opcode in (0x02, 0x10, 0x3E, 0x46, 0x7F, 0xFF):
+        for tagged in (False, True):
+            with suppress(NoAnswer):  # it has closed already
+                line.send_frame(Frame(C2A, opcode, b"11", tagged))
+    call = subject.begin("get_status")
+    if sent_or_settled(subject, line, call) is not None:
+        with suppress(NoAnswer):  # it may look at them only now, and close
+            line.reply("get_status", "00")
+        subject.settled(call)
+    if not call.ok:
+        line = _given_up(subject, line, "3/22")
+        call = subject.begin("get_status")
+        line.serve(call, "00")
+    subject.gives(call, "00")
+
+
+# ---------------------------------------------------------------------- late, in pieces, overtaken
+
+
+@client_case("3/27")
+def test_late_reply(subject: Subject, line: Line) -> None:
+    """A reply is late, and then comes in two pieces with a pause between them."""
+    call = subject.begin("get_version")
+    awaited(line, "get_version", call)
+    line.wait(_LATE_S)
+    data = line.frame("get_version", data=REPLIES["get_version"]).encode()
+    line.send_bytes(data[:_FRAMING])
+    line.wait(_LATE_S)
+    line.send_bytes(data[_FRAMING:])
+    subject.gives(call, "1.0.0")
+
+
+@client_case("3/27", name="result-of-nobody")
+def test_overtaken_by_an_old_result(subject: Subject, line: Line) -> None:
+    """The final result of a command of before comes ahead of each reply, and in the midst of it."""
+    for name in _TWO_STAGE:
+        call = subject.begin("get_version")
+        awaited(line, "get_version", call)
+        line.result(name)
+        line.reply("get_version", data=REPLIES["get_version"])
+        subject.gives(call, "1.0.0")
+
+
+@client_case("3/27", name="overtaken")
+def test_overtaken(subject: Subject, line: Line) -> None:
+    """The final result of a command that executes overtakes the reply to a query."""
+    subject.concurrent(line)
+    run = order(subject, "run_program")
+    line.serve(run, data=b"1")
+    query = subject.begin("get_time")
+    awaited(line, "get_time", query)
+    line.result("run_program")
+    accomplished(subject, run)
+    line.reply("get_time", data=REPLIES["get_time"])
+    subject.done(query)
+
+
+@client_case("3/27", name="meanwhile")
+def test_replies_meanwhile(subject: Subject, line: Line) -> None:
+    """Queries are answered while a command executes; its final result comes after them."""
+    subject.concurrent(line)
+    run = order(subject, "run_program")
+    line.serve(run, data=b"1")
+    for status in ("01", "02", "01"):
+        query = subject.begin("get_status")
+        line.serve(query, status)
+        subject.gives(query, status)
+    subject.undone(run, "run_program is over, and its final result has not come")
+    line.result("run_program")
+    accomplished(subject, run)
+
+
+# ---------------------------------------------------------------------- whose reply it is
+
+_OTHERS: Final = (
+    Frame(C2A, 0x08, b"00"),
+    Frame(C2A, 0x07, b"20141222143000"),
+    Frame(C2A, 0x0D, b"00"),
+    Frame(C2A, 0x01, b"1"),
+    Frame(C2A, 0x49, b"1|1001000011110000"),
+    Frame(C2A, 0x09, b"01", tagged=True),
+    Frame(C2A, 0x30, b"11", tagged=True),
+)
+"""Frames that are no reply to 0x09: another opcode, or the tag."""
+
+
+@client_case("3/33")
+def test_reply_of_another(subject: Subject, line: Line) -> None:
+    """Frames of other commands, and tagged ones, come ahead of the reply to get_status."""
+    for frame in _OTHERS:
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        why = f"the client took {frame} for the reply to 09"
+        if not _ignored(subject, line, call, frame, why=why):
+            line = _given_up(subject, line, "3/33")
+            continue
+        line.reply("get_status", "00")
+        subject.gives(call, "00")
+
+
+@client_case("3/33", name="flag")
+def test_flag_of_another(subject: Subject, line: Line) -> None:
+    """A yes to another command comes ahead of the no to this one."""
+    for opcode in (0x03, 0x0C, 0x35):
+        call = order(subject, "set_time")
+        awaited(line, "set_time", call)
+        why = "the client took the reply to another command for its own"
+        if not _ignored(subject, line, call, Frame(C2A, opcode, b"1"), why=why):
+            line = _given_up(subject, line, "3/33")
+            continue
+        line.reply("set_time", data=b"0")
+        subject.fails(call)
+
+
+@client_case("3/33", name="result-first")
+def test_result_ahead_of_its_reply(subject: Subject, line: Line) -> None:
+    """A tagged frame of its own opcode comes ahead of the first reply, which is a refusal."""
+    call = order(subject, "run_program")
+    awaited(line, "run_program", call)
+    why = "the client took a tagged frame for the first reply"
+    if not _ignored(subject, line, call, line.result_frame("run_program"), why=why):
+        _given_up(subject, line, "3/33")
+        return
+    line.reply("run_program", data=b"0|20")
+    subject.fails(call)

@@ -1,0 +1,145 @@
+"""Clause 3: bytes that are no frame. Where the next frame is looked for is a reading (A-3-10).
+
+The document says nothing of them. What counts is that the client takes none of them for a reply,
+and that it serves the next frame, on the same connection or on a new one.
+"""
+
+from contextlib import suppress
+from typing import Final
+
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.orders import awaited
+from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.case import client_case
+from scaraspec.suite.expect import NoAnswer, Unmet
+
+_TURN_S: Final = 0.02
+_PATIENCE_S: Final = 0.3
+_GOOD: Final = Frame(C2A, 0x09, b"00").encode()
+_STRAYS: Final = (
+    b"\x00",
+    b"\xaa",
+    b"\xff" * 10,
+    b"\r\n",
+    b"help\r\n" * 20,
+    b"\xaa\x09\x00",
+    bytes(range(0xA0)) * 20,
+)
+"""No byte of these begins a frame."""
+
+_SPOILT: Final = tuple(
+    Frame(C2A, 0x09, b"11").encode()[:-1] + bytes((end,)) for end in (0x00, 0x0D, 0xAB, 0xBB, 0xFF)
+)
+_HALVES: Final = (
+    b"\xcc",
+    b"\xcc\x09",
+    b"\xcc\x09\x02",
+    b"\xcc\x09\x02\x30\x30",
+    b"\xcc\x0b\xff" + b"0|a.rob|b.rob" * 4,
+    b"\xcc\x90\x30\x02",
+)
+
+
+def _settles(line: Line, call: Call) -> bool:
+    """Whether an order is over in a short time, or the connection is."""
+    for _ in range(round(_PATIENCE_S / _TURN_S)):
+        if call.answer is not None or line.over:
+            return True
+        line.wait(_TURN_S)
+    return False
+
+
+def _recovers(subject: Subject, line: Line, requirement: str, *segments: bytes) -> Line:
+    """Send segments with bytes that are no frame and one reply, which has to be served somehow.
+
+    Returns:
+        The connection to go on with.
+
+    Raises:
+        Unmet: The client takes something else for the reply, or stalls.
+    """
+    call = subject.begin("get_status")
+    awaited(line, "get_status", call)
+    with suppress(NoAnswer):
+        for segment in segments:
+            line.send_bytes(segment)
+            line.wait(_TURN_S)
+    if not _settles(line, call):
+        subject.tolerate(requirement, "resync", "flush", "what came with bad bytes was dropped")
+        with suppress(NoAnswer):
+            line.send_bytes(_GOOD)
+        if not _settles(line, call):
+            raise Unmet(
+                "bytes that are no frame keep the client from the next frame",
+                expected="the reply behind them is served, or the connection ended",
+                observed="neither",
+                requirement=requirement,
+            )
+    if not line.over and (call.answer is None or call.ok):
+        subject.gives(call, "00", requirement=requirement)
+        return line
+    subject.fails(call, requirement=requirement)
+    subject.tolerate(requirement, "resync", "close", "the client gave up what it was doing")
+    line.close()
+    subject.settled(subject.begin("disconnect"))
+    return subject.open(judged=False)
+
+
+@client_case("3/19")
+def test_stray_bytes(subject: Subject) -> None:
+    """Bytes that begin no frame come ahead of a reply."""
+    line = subject.open(judged=False)
+    for stray in _STRAYS:
+        line = _recovers(subject, line, "3/19", stray, _GOOD)
+
+
+@client_case("3/19", name="joined")
+def test_joined_with_a_reply(subject: Subject) -> None:
+    """Bytes that begin no frame come in one segment with the reply behind them, and before one."""
+    line = subject.open(judged=False)
+    for stray in _STRAYS:
+        line = _recovers(subject, line, "3/19", stray + _GOOD + stray)
+
+
+@client_case("3/20")
+def test_wrong_end(subject: Subject) -> None:
+    """A reply with a wrong end byte comes ahead of the right one, which says something else."""
+    line = subject.open(judged=False)
+    for spoilt in _SPOILT:
+        line = _recovers(subject, line, "3/20", spoilt, _GOOD)
+
+
+@client_case("3/29")
+def test_half_a_frame(subject: Subject) -> None:
+    """A reply stops half-way, and then the connection ends; on the next one all is well."""
+    for number, half in enumerate(_HALVES):
+        line = subject.open(judged=False)
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        line.send_bytes(half)
+        line.wait(_TURN_S)
+        line.close() if number % 2 else line.reset()
+        subject.fails(call)
+        subject.settled(subject.begin("disconnect"))
+        line = subject.open()
+        call = subject.begin("get_status")
+        line.serve(call, "00")
+        subject.gives(call, "00")
+        line.close()
+        subject.settled(subject.begin("disconnect"))
+
+
+@client_case("3/29", name="silence")
+def test_silence_behind_half_a_frame(subject: Subject) -> None:
+    """A reply stops half-way and nothing follows; the client can hang up and connect again."""
+    for half in _HALVES:
+        line = subject.open(judged=False)
+        subject.concurrent(line)
+        call = subject.begin("get_status")
+        line.request("get_status", call)
+        line.send_bytes(half)
+        line.wait(_TURN_S)
+        subject.open()

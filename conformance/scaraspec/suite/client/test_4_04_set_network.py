@@ -1,0 +1,58 @@
+"""4.4: setting the network."""
+
+from typing import Final
+
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import Network
+from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.orders import ask
+from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.case import client_case
+
+_addresses: Final = st.ip_addresses(v=4, network="10.0.0.0/8").map(str)
+_MASKS: Final = ("255.0.0.0", "255.255.0.0", "255.255.255.0", "255.255.255.252")
+_READ_S: Final = 0.05
+
+
+@client_case("4.4/1")
+def test_example(subject: Subject, line: Line) -> None:
+    """The network is set to the document's example, and that is refused."""
+    call, _ = ask(subject, line, "set_network")
+    line.reply("set_network", data=b"0")
+    subject.fails(call)
+
+
+@client_case("4.4/1", name="addresses")
+def test_addresses(subject: Subject, line: Line) -> None:
+    """Address, mask and gateway are sent whole, and in this order."""
+
+    @example("1.1.1.1", "255.255.255.252", "2.2.2.2")
+    @example("192.168.100.200", "255.255.255.128", "192.168.100.254")
+    @given(_addresses, st.sampled_from(_MASKS), _addresses)
+    def each(ip: str, mask: str, gateway: str) -> None:
+        call, _ = ask(subject, line, "set_network", Network(ip, mask, gateway))
+        line.reply("set_network", data=b"0")
+        subject.fails(call)
+
+    each()
+
+
+@client_case("4.4/6", attended=True)
+def test_link_ends_behind_the_yes(subject: Subject, line: Line) -> None:
+    """The connection ends as soon as the yes was sent; the client says done, and connects anew."""
+    _lose(subject, line, cut=False)
+    _lose(subject, subject.open(), cut=True)
+
+
+def _lose(subject: Subject, line: Line, *, cut: bool) -> None:
+    call, _ = ask(subject, line, "set_network")
+    line.reply("set_network", data=b"1")
+    if cut:
+        line.wait(_READ_S)  # a cut takes with it what has not been read
+        line.reset()
+    else:
+        line.close()
+    subject.done(call)
+    subject.settled(subject.begin("disconnect"))

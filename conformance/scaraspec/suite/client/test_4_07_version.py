@@ -1,0 +1,50 @@
+"""4.7: asking for the version."""
+
+from typing import Final
+
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.orders import tells
+from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.case import client_case
+
+_numbers: Final = st.lists(st.integers(0, 9999), min_size=1, max_size=5)
+_VERSIONS: Final = (
+    "1",
+    "1.0",
+    "01.00",
+    "10.20.30",
+    "1.10.0",
+    "1.0.0-rc1",
+    "V1.0.0 build 20141222",
+    "1.0.0." + "9" * 100,
+    "v" * 255,
+)
+"""Three dotted integers are drawn, free text is tolerated (A-4.7-1)."""
+
+
+@client_case("4.7/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """get_version is asked for without data, and answered."""
+    tells(subject, line, "get_version", requirement="4.7/5")
+
+
+@client_case("4.7/5")
+def test_versions(subject: Subject, line: Line) -> None:
+    """Versions of 1 to 255 characters are handed on as they are."""
+    for version in _VERSIONS:
+        tells(subject, line, "get_version", version.encode())
+
+
+@client_case("4.7/5", name="numbers")
+def test_numbers(subject: Subject, line: Line) -> None:
+    """Versions of one to five numbers are handed on as they are."""
+
+    @example([1, 0, 10])
+    @given(_numbers)
+    def each(numbers: list[int]) -> None:
+        tells(subject, line, "get_version", ".".join(map(str, numbers)).encode())
+
+    each()

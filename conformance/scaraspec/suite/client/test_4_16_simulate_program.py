@@ -1,0 +1,41 @@
+"""4.16: simulating a program (0x31, L330-354)."""
+
+from hypothesis import example, given
+
+from scaraspec.suite.as_controller.executing import finished
+from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.case import client_case
+from scaraspec.suite.expect import expect_equal
+from scaraspec.suite.strategies import names
+
+
+@client_case("4.16/1", attended=True)
+def test_simulate(subject: Subject, line: Line) -> None:
+    """A program is simulated by its name, to its end: 0x31 is sent, not 0x30."""
+    call = subject.begin("simulate_program", name="pro1.txt")
+    line.serve(call, data=b"1", sent=b"pro1.txt")
+    line.result("simulate_program")
+    finished(subject, line, call)
+
+
+@client_case("4.16/1", name="names")
+def test_names(subject: Subject, line: Line) -> None:
+    """Programs are simulated by names of 1 to 30 bytes, another one than was run before."""
+
+    @example(b"abcdefghijklmnopqrstuvwxyz.rob")
+    @example(b"a")
+    @given(names)
+    def each(name: bytes) -> None:
+        call = subject.begin("simulate_program", name=name.decode())
+        request = line.request("simulate_program", call)
+        expect_equal(request.seen.text, name, "the program that is simulated")
+        line.reply("simulate_program", data=b"1")
+        line.result("simulate_program")
+        finished(subject, line, call)
+
+    call = subject.begin("run_program", name="former.rob")
+    line.serve(call, data=b"1")
+    line.result("run_program")
+    finished(subject, line, call)
+    each()

@@ -1,0 +1,74 @@
+"""4.35: the shutdown (0x60, L689-706), and the loss of the link that follows."""
+
+import pytest
+
+from scaraspec.suite.as_controller.executing import MOVE, executing, finished
+from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.case import client_case
+from scaraspec.suite.expect import expect
+
+_OFF = "shutdown"
+_MOMENT_S = 0.05
+
+
+@client_case("4.35/1", attended=True)
+def test_refused(subject: Subject, line: Line) -> None:
+    """A shutdown without data is refused while a program runs, and the link goes on."""
+    call = subject.begin(_OFF)
+    line.serve(call, data=b"0|01", sent=b"")
+    subject.fails(call)
+    call = subject.begin("get_status")
+    line.serve(call, "01")
+    subject.gives(call, "01")
+
+
+@client_case("4.35/1", name="behind-others")
+def test_behind_others(subject: Subject, line: Line) -> None:
+    """The request carries no data behind one that carried some; its refusals are told."""
+    for code in ("01", "03", "12", "1F"):
+        call = executing(subject, line, MOVE)
+        line.result(MOVE.name)
+        finished(subject, line, call)
+        call = subject.begin(_OFF)
+        line.serve(call, data=b"0|" + code.encode(), sent=b"")
+        subject.fails(call)
+
+
+@client_case("4.35/6", attended=True)
+def test_done(subject: Subject, line: Line) -> None:
+    """The shutdown is accepted, which is all that comes of it, and the link ends."""
+    call = subject.begin(_OFF)
+    line.serve(call, data=b"1", sent=b"")
+    subject.done(call)
+    line.close()
+
+
+@pytest.mark.parametrize("loss", ["closed", "closed-at-once", "reset", "pending"])
+@client_case("4.35/6", name="loss")
+def test_link_is_lost(subject: Subject, line: Line, loss: str) -> None:
+    """The link is closed or cut off behind the 1, also with other things under way."""
+    if loss == "pending":
+        subject.concurrent(line)
+        other = subject.begin("get_joint_angles")
+        line.request("get_joint_angles", other)
+    call = subject.begin(_OFF)
+    line.serve(call, data=b"1", sent=b"")
+    if loss != "closed-at-once":
+        line.wait(_MOMENT_S)
+    if loss == "reset":
+        line.reset()
+    else:
+        line.close()
+    subject.done(call, requirement="4.35/6")
+    if loss == "pending":
+        expect(
+            not subject.settled(other).ok,
+            "a query whose reply was lost with the link is said to have been answered",
+            expected="an error",
+            observed=f"{other}",
+        )
+    again = subject.open()
+    query = subject.begin("get_version")
+    again.serve(query, "1.0.0")
+    subject.gives(query, "1.0.0")

@@ -1,0 +1,172 @@
+"""`scaraspec certify client` as a user runs it: behind a driver, good or bad, and attended."""
+
+import json
+import os
+import pty
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.report.model import Results
+
+OWN = f"{shlex.quote(sys.executable)} -m scaraspec client-driver"
+
+
+def test_the_reference_client(processes: Any, tmp_path: Path) -> None:
+    """Conformant, with every file that was promised; what it was told is in the capture."""
+    out = tmp_path / "out"
+    done = processes.run("certify", "client", "--driver", OWN, "--only", "4.8", "--out", str(out))
+    assert done.returncode == 0, done.stdout + done.stderr
+    results = Results.read(out / "results.json")
+    assert results.verdict.value == "conformant"
+    assert results.role.value == "client"
+    assert {case.verdict.value for case in results.cases} == {"pass"}
+    made = {file.name for file in out.iterdir()}
+    assert {"capture.mcap", "report.html", "junit.xml", "ctrf.json"} <= made
+
+
+ANSWER = """
+import json
+while True:
+    print(json.dumps({{'id': json.loads(input())['id'], {}}}), flush=True)
+"""
+BAD = {
+    "dies": ("raise SystemExit('no licence')", "no licence"),
+    "hangs": ("import time; time.sleep(60)", "does not say in 1 s"),
+    "floods": ("import os\nwhile True: os.write(1, b'x' * 65536)", "what answers nothing"),
+    "babbles": ("while True: print('[]', flush=True)", "what answers nothing"),
+    "lies": (ANSWER.format("'ok': True"), "is over before it can be"),
+    "lacks everything": (ANSWER.format("'unimplemented': True"), "lacks the operation disconnect"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_drivers(processes: Any, tmp_path: Path, name: str) -> None:
+    """Each is told in a sentence, in bounded time, and is never a pass."""
+    body, says = BAD[name]
+    file = tmp_path / "driver.py"
+    file.write_text(body, encoding="utf-8")
+    line = f"{shlex.quote(sys.executable)} {shlex.quote(str(file))}"
+    done = processes.run(
+        *("certify", "client", "--driver", line, "--only", "4.8", "--answer-timeout", "1")
+    )
+    assert done.returncode in (1, 3), done.stdout + done.stderr
+    assert says in done.stdout
+    assert "Traceback" not in done.stderr
+
+
+def test_a_driver_that_is_not_there(processes: Any) -> None:
+    """One sentence and exit status 2."""
+    done = processes.run("certify", "client", "--driver", "/no/such/driver")
+    assert done.returncode == 2
+    assert "cannot be started" in done.stderr
+
+
+def test_no_client_at_all(processes: Any) -> None:
+    """One sentence and exit status 2."""
+    done = processes.run("certify", "client", "--listen", "127.0.0.1:0")
+    assert done.returncode == 2
+    assert "--attended" in done.stderr
+
+
+class Operator:
+    """Whoever reads the terminal, works the client, and types what it shows.
+
+    Args:
+        terminal: The terminal's other end.
+    """
+
+    def __init__(self, terminal: int) -> None:
+        self._terminal = terminal
+        self._client = subprocess.Popen(
+            [*shlex.split(OWN)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self._number = 0
+        self._last: dict[str, Any] = {}
+        self.seen: list[str] = []
+
+    def work(self, leave_at: str = "") -> None:
+        """Do what is asked until the terminal ends, or leave once such a line is read."""
+        with (
+            os.fdopen(self._terminal, "r", encoding="utf-8", closefd=False) as lines,
+            suppress(OSError),
+        ):
+            for line in map(str.strip, lines):
+                self.seen.append(line)
+                if leave_at and leave_at in line:
+                    self._type("q")
+                elif found := re.fullmatch(r"now: (\w+)(?: with (.*))?", line):
+                    self._order(found[1], found[2] or "")
+                elif found := re.fullmatch(r"does the client show that (.*)\? \[y/n\]", line):
+                    self._type("y" if self._shows(found[1]) else "n")
+
+    def close(self) -> None:
+        """Put the client away."""
+        self._client.communicate()
+
+    def _type(self, text: str) -> None:
+        os.write(self._terminal, f"{text}\n".encode())
+
+    def _order(self, name: str, given: str) -> None:
+        values: dict[str, Any] = dict(pair.split(" = ", 1) for pair in given.split(", ") if pair)
+        for key, value in values.items():
+            with suppress(ValueError):
+                values[key] = int(value)
+        self._number += 1
+        assert self._client.stdin
+        self._client.stdin.write(json.dumps({"id": self._number, "do": name, **values}) + "\n")
+        self._client.stdin.flush()
+
+    def _shows(self, sentence: str) -> bool:
+        assert self._client.stdout
+        while self._last.get("id") != self._number:
+            self._last = json.loads(self._client.stdout.readline())
+        ok, result = self._last["ok"], self._last.get("result")
+        if found := re.fullmatch(r"\w+ gave (.*)", sentence):
+            return ok and str(result) == found[1]
+        return ok if sentence.endswith("was done") else not ok
+
+
+@pytest.fixture
+def attend(tmp_path: Path) -> Callable[..., tuple[int, list[str]]]:
+    """Sits an operator before `certify client --attended`; its status, and what he read."""
+
+    def sit(*arguments: str, leave_at: str = "") -> tuple[int, list[str]]:
+        ours, theirs = pty.openpty()
+        command = (sys.executable, "-m", "scaraspec", "certify", "client", "--attended")
+        process = subprocess.Popen(
+            [*command, "--listen", "127.0.0.1:0", "--out", str(tmp_path / "out"), *arguments],
+            stdin=theirs,
+            stdout=theirs,
+            stderr=subprocess.STDOUT,
+        )
+        os.close(theirs)
+        with closing(Operator(ours)) as operator:
+            operator.work(leave_at)
+        os.close(ours)
+        return process.wait(60), operator.seen
+
+    return sit
+
+
+def test_attended(attend: Callable[..., tuple[int, list[str]]], tmp_path: Path) -> None:
+    """The operator leaves after the first steps, comes back, and the rest is ticked off."""
+    status, read = attend("--only", "4.7,4.8", leave_at="pass 4.7/1")
+    assert status == 3, read
+    first = Results.read(tmp_path / "out/results.json")
+    assert [case.verdict.value for case in first.cases if case.id == "4.7/1"] == ["pass"]
+    status, read = attend("--only", "4.7,4.8")
+    assert status == 0, read
+    assert any("pass 4.8/1" in line for line in read)
+    results = Results.read(tmp_path / "out/results.json")
+    assert {case.verdict.value for case in results.cases} == {"pass"}
+    assert {"4.7/1", "4.8/1"} <= {case.id for case in results.cases}
+    assert not any("get_version" in line for line in read)
+    assert (tmp_path / "out/sitting-2/capture.mcap").stat().st_size

@@ -1,0 +1,201 @@
+"""The page as a browser shows it, headless: search, filter, keys, languages, print, hostile text.
+
+Wants Chromium; run by `make test-browser`. The browser is spoken to over two pipes, in the words of
+its debugging protocol.
+"""
+
+import base64
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from scaraspec.report import html
+from scaraspec.report.model import Results
+
+pytestmark = pytest.mark.browser
+
+_FLAGS: Final = (
+    *("--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe"),
+    *("--no-first-run", "--disable-background-networking", "--disable-component-update"),
+    *("--disable-sync", "--window-size=1200,900"),
+)
+_MANY: Final = 3000
+
+
+class Browser:
+    """A page in headless Chromium.
+
+    Args:
+        profile: An empty folder for what it keeps.
+    """
+
+    def __init__(self, profile: Path) -> None:
+        here_reads, there_writes = os.pipe()
+        there_reads, here_writes = os.pipe()
+
+        def arrange() -> None:
+            os.dup2(there_reads, 103)
+            os.dup2(there_writes, 104)
+            os.dup2(103, 3)
+            os.dup2(104, 4)
+
+        found = shutil.which("chromium") or shutil.which("google-chrome")
+        assert found, "make test-browser wants Chromium installed"
+        self._process = subprocess.Popen(
+            [found, *_FLAGS, f"--user-data-dir={profile}", "about:blank"],
+            close_fds=False,
+            preexec_fn=arrange,  # noqa: PLW1509 - it wants its pipes as 3 and 4, and nothing is threaded
+            stderr=subprocess.DEVNULL,
+        )
+        os.close(there_reads)
+        os.close(there_writes)
+        self._out, self._in = os.fdopen(here_writes, "wb", 0), os.fdopen(here_reads, "rb")
+        self._number, self._session = 0, ""
+        self.complaints: list[str] = []
+        (page, *_) = [t for t in self._targets() if t["type"] == "page"]
+        attached = self.do("Target.attachToTarget", targetId=page["targetId"], flatten=True)
+        self._session = attached["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.do(f"{domain}.enable")
+
+    def _targets(self) -> Any:
+        while True:
+            infos = self.do("Target.getTargets")["targetInfos"]
+            if any(info["type"] == "page" for info in infos):
+                return infos
+
+    def do(self, method: str, **params: Any) -> Any:
+        """Order something, and wait for what comes of it."""
+        self._number += 1
+        order: dict[str, Any] = {"id": self._number, "method": method, "params": params}
+        if self._session:
+            order["sessionId"] = self._session
+        self._out.write(json.dumps(order).encode() + b"\0")
+        while (answer := self._heard()).get("id") != self._number:
+            pass
+        assert "error" not in answer, answer
+        return answer["result"]
+
+    def _heard(self) -> Any:
+        said = bytearray()
+        while (byte := self._in.read(1)) not in (b"\0", b""):
+            said += byte
+        assert said, "the browser has ended"
+        message = json.loads(said)
+        match message.get("method"):
+            case "Runtime.exceptionThrown" | "Log.entryAdded":
+                self.complaints.append(json.dumps(message["params"]))
+            case "Network.requestWillBeSent":
+                url = message["params"]["request"]["url"]
+                if not url.startswith("file:"):
+                    self.complaints.append(url)
+        return message
+
+    def open(self, file: Path) -> None:
+        """Open a page, wholly."""
+        self.do("Page.navigate", url=file.as_uri())
+        while self.ask("document.readyState") != "complete":
+            pass
+
+    def ask(self, expression: str) -> Any:
+        """What an expression amounts to in the page."""
+        told = self.do("Runtime.evaluate", expression=expression, returnByValue=True)
+        return told["result"].get("value")
+
+    def key(self, key: str) -> None:
+        """Press a key, as a reader does."""
+        text = {"text": key} if len(key) == 1 else {}
+        self.do("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
+        self.do("Input.dispatchKeyEvent", type="keyUp", key=key)
+
+    def close(self) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.wait()
+        self._out.close()
+        self._in.close()
+
+
+@pytest.fixture
+def browser(tmp_path: Path) -> Iterator[Browser]:
+    """A browser."""
+    with closing(Browser(tmp_path / "profile")) as browser:
+        yield browser
+        assert browser.complaints == []
+
+
+@pytest.fixture
+def page_of(browser: Browser, tmp_path: Path) -> Any:
+    """Opens the page of results."""
+
+    def show(results: Results) -> Browser:
+        html.write(results, tmp_path / "report.html")
+        browser.open(tmp_path / "report.html")
+        return browser
+
+    return show
+
+
+SHOWN: Final = "[...document.querySelectorAll('.case')].filter(c => !c.hidden).length"
+
+
+def test_search_and_filter_with_thousands_of_cases(page_of: Any, full: Results) -> None:
+    """`/` goes to the search; what is typed and what is ticked is what is shown."""
+    model = next(case for case in full.cases if case.verdict.value == "pass")
+    many = tuple(replace(model, id=f"{model.id}.n{i}", message=f"case {i}") for i in range(_MANY))
+    page = page_of(replace(full, cases=full.cases + many))
+    assert page.ask(SHOWN) == len(full.cases) + _MANY
+    page.key("/")
+    for letter in ".n2999":
+        page.key(letter)
+    assert page.ask("document.activeElement.id") == "search"
+    assert page.ask(SHOWN) == 1
+    assert page.ask("document.querySelector('#shown').textContent") == "1"
+    page.do(
+        "Runtime.evaluate", expression="search.value = ''; search.dispatchEvent(new Event('input'))"
+    )
+    page.ask("document.querySelector('.filters input[value=pass]').click()")
+    assert page.ask(SHOWN) == sum(case.verdict.value != "pass" for case in full.cases)
+
+
+def test_the_keyboard_goes_from_case_to_case(page_of: Any, full: Results) -> None:
+    """`j` down, `k` up, Enter unfolds."""
+    page = page_of(full)
+    page.key("j")
+    page.key("j")
+    here = "document.activeElement.closest('.case').id"
+    assert page.ask(here) == "case-1"
+    page.key("k")
+    assert page.ask(here) == "case-0"
+
+
+def test_the_language_is_switched(page_of: Any, full: Results) -> None:
+    """One of both is seen at a time."""
+    page = page_of(full)
+    seen = "getComputedStyle(document.querySelector('h1 .{}')).display != 'none'"
+    assert (page.ask(seen.format("en")), page.ask(seen.format("zh"))) == (True, False)
+    page.ask("document.querySelector('[data-switch=zh]').click()")
+    assert (page.ask(seen.format("en")), page.ask(seen.format("zh"))) == (False, True)
+
+
+def test_hostile_text_does_nothing(page_of: Any, hostile: Results) -> None:
+    """No script of a subject runs, no element of its making is there; nothing is asked for."""
+    page = page_of(hostile)
+    assert page.ask("document.scripts.length") == 1
+    assert page.ask("document.querySelectorAll('img, iframe, object, svg a').length") == 0
+
+
+def test_it_fits_the_window_and_the_paper(page_of: Any, full: Results) -> None:
+    """Nothing is wider than the window; printed, it is a whole document."""
+    page = page_of(full)
+    assert page.ask("document.documentElement.scrollWidth <= innerWidth")
+    printed = base64.b64decode(page.do("Page.printToPDF")["data"])
+    assert printed.startswith(b"%PDF")

@@ -1,0 +1,117 @@
+"""Sequences find what no single command shows, and say which few steps it takes."""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from scaraspec.cli.proving import PASSWORD, Robot
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.faults import faults
+from scaraspec.controller.session import Request, Session
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import BY_OPCODE, COMMANDS
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import NameListPart
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.report.model import Case
+from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import Run
+from scaraspec.suite.statement import Statement
+
+ASKING = frozenset({Hazard.READ_ONLY})
+
+
+def tried(
+    brain: type[Brain], only: str, allowed: frozenset[Hazard] = ALL, examples: int = 20
+) -> Mapping[str, Case]:
+    """What comes of the cases of a requirement."""
+    options = Options(only=frozenset({only}), allowed=allowed, examples=examples)
+    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    return {case.id: case for case in results.cases}
+
+
+@pytest.mark.parametrize(
+    ("fault", "requirement", "case", "steps"),
+    [
+        (
+            "stopped-simulation-clears-outputs",
+            "4.32/6",
+            "4/15.sequences",
+            ("set output", "upload", "simulate_program", "stop"),
+        ),
+        (
+            "second-login-sets-the-clock-back",
+            "4.5/4",
+            "4.20/3.sequences",
+            ("set the clock", "log in again"),
+        ),
+        (
+            "any-deletion-forgets-the-default",
+            "4.13/3",
+            "5.2/12.sequences",
+            ("upload", "upload", "make", "delete"),
+        ),
+    ],
+)
+def test_shrunk(fault: str, requirement: str, case: str, steps: tuple[str, ...]) -> None:
+    """A fault that lies between commands is found, and told with the few steps that it takes."""
+    found = tried(faults()[fault].wrong, requirement)[case]
+    assert found.verdict is Verdict.FAIL
+    assert found.requirements == (requirement,)
+    told = found.message.partition(" behind: ")[2].split("; ")
+    done = [step for step in told if not step.startswith(("look", "list", "ask", "download"))]
+    assert len(done) == len(steps), found.message
+    assert all(step.startswith(name) for step, name in zip(done, steps, strict=True)), told
+
+
+class ForgetsItsListLate(Brain):
+    """A connection that has brought three hundred requests gets an empty list."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._requests: Counter[int] = Counter()
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Count."""
+        self._requests[session.connection] += 1
+        super().handle(session, frame, now_s)
+
+    def list_programs(self, request: Request) -> NameListPart:
+        """Tell nothing."""
+        if self._requests[request.session.connection] > 300:
+            return NameListPart(more=False, names=())
+        return super().list_programs(request)
+
+
+def test_late_faults() -> None:
+    """What shows after hundreds of requests is found, and the last steps before it are told."""
+    found = tried(ForgetsItsListLate, "4.10/11")["3/31.long-use"]
+    assert found.verdict is Verdict.FAIL
+    assert " steps; " in found.message
+
+
+class Hears(Brain):
+    """Keeps what it is asked."""
+
+    heard: set[int] = set()  # noqa: RUF012 - the test empties it
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Keep the opcode."""
+        self.heard.add(frame.opcode)
+        super().handle(session, frame, now_s)
+
+
+def test_only_what_is_allowed() -> None:
+    """Where nothing but asking is allowed, nothing else is drawn."""
+    Hears.heard.clear()
+    cases = tried(Hears, "3/31", ASKING)
+    assert cases["3/31.sequences"].verdict is Verdict.PASS
+    assert cases["3/31.long-use"].verdict is Verdict.NONE
+    names = {BY_OPCODE[opcode].name for opcode in Hears.heard}
+    assert names <= {c.name for c in COMMANDS if c.hazard is Hazard.READ_ONLY} | {"login"}

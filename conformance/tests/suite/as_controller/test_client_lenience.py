@@ -1,0 +1,97 @@
+"""Clients that do what the document leaves open, other than ours, are not failed."""
+
+from collections.abc import Iterable
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from scaraspec.cli.proving_client import MemoryClient
+from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError
+from scaraspec.client.core import Event, Unexpected
+from scaraspec.judgement.requirements import select
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.frames import Found, Frame, Skipped
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.as_controller.setting import ClientSetting
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import Run
+from scaraspec.suite.statement import Statement
+
+ONLY = frozenset(
+    r.id for r in select("2,3,T,4.1,4.2,4.3,4.4,4.5,4.6,4.7,4.8,4.9,4.10,4.11,4.12,4.13,4.14")
+)
+GOOD = (Verdict.PASS, Verdict.TOLERATED)
+
+
+class Flushes(ClientCore):
+    """Drops everything that came with bytes that are no frame (A-3-10)."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        items = list(found)
+        bad = any(isinstance(item, Skipped) for item in items)
+        return super()._digest([] if bad else items, now_s)
+
+
+class GivesUp(ClientCore):
+    """Gives up what it does when a frame comes that nothing awaits, and when bytes are none."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        events = super().feed(data, now_s)
+        if any(isinstance(event, Skipped) or self._is_odd(event) for event in events):
+            for exchange in tuple(self._open):
+                exchange.fail(ProtocolError("what is that?"))
+                events += self._follow(exchange, now_s)
+        return events
+
+    @staticmethod
+    def _is_odd(event: Event) -> bool:
+        return isinstance(event, Unexpected) and not event.frame.tagged
+
+
+class RefusesLongNames(ClientCore):
+    """Takes names of at most thirty bytes, and passwords of at most thirty-two."""
+
+    def command(self, name: str, value: Any = None) -> Any:
+        if isinstance(value, bytes) and len(value) > (32 if name == "login" else 30):
+            raise ClientError("too long")
+        return super().command(name, value)
+
+
+class Polls(AsyncClient):
+    """Asks for the joint angles as soon as it is logged in."""
+
+    async def connect(self) -> None:
+        await super().connect()
+        self._core.begin(self._core.command("get_joint_angles"), 0.0)
+        self._stir()
+
+
+class TakesNamesFromLists(ClientCore):
+    """Understands the bar behind the flag of a list, and nothing else (A-4.10-2)."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        if frame.opcode == 0x0B and frame.data[1:2] not in (b"", b"|"):
+            frame = frame._replace(data=b"?")
+        return super()._dispatch(frame, now_s)
+
+
+def wrong(make: type[AsyncClient] | type[ClientCore], only: frozenset[str]) -> dict[str, str]:
+    """The cases that neither pass nor are tolerated."""
+    shell = make if issubclass(make, AsyncClient) else type("Made", (AsyncClient,), {"core": make})
+    with closing(MemoryClient(shell, DEFAULT)) as access:
+        options = Options(only=only, allowed=ALL, examples=3, exhaustive=True)
+        results = Run(ClientSetting(access, Statement(), options)).results()
+    assert results.cases
+    return {case.id: case.message for case in results.cases if case.verdict not in GOOD}
+
+
+@pytest.mark.parametrize("make", [Flushes, GivesUp, RefusesLongNames, TakesNamesFromLists])
+def test_no_false_alarm(make: type[ClientCore]) -> None:
+    """Nothing fails."""
+    assert not wrong(make, ONLY)
+
+
+def test_own_questions() -> None:
+    """What a client asks by itself is not taken for what it must not send."""
+    assert not wrong(Polls, frozenset({"2/10", "3/28", "3/32", "4.2/7", "4.5/2", "T/6"}))

@@ -1,0 +1,240 @@
+"""Clients that transfer files in other ways than ours, and conform, pass clause 5."""
+
+import asyncio
+from contextlib import closing
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.cli.proving_client import MemoryClient
+from scaraspec.client import AsyncClient, ClientCore, TransferFailed
+from scaraspec.client.driver import Driver
+from scaraspec.client.exchange import Exchange, Progress
+from scaraspec.client.faults.transferring import CutsOtherwise, JudgesChunks
+from scaraspec.client.operations import Text
+from scaraspec.client.transfer import Upload
+from scaraspec.judgement.requirements import select
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import Parsed
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.protocol.transfer import FILE_DATA_BYTES, Chunk, Receiver, Sender, State
+from scaraspec.suite.as_controller.setting import ClientSetting
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import Run
+from scaraspec.suite.statement import Statement
+
+ONLY = frozenset(r.id for r in select("5")) - {"5.2/16"}  # which is large
+UPLOAD_CHUNK = 0x52
+
+
+class Closes(AsyncClient):
+    """Ends the connection on which a transfer broke off (A-5-26)."""
+
+    async def perform(self, call: Any) -> Any:
+        try:
+            return await super().perform(call)
+        except TransferFailed:
+            await self.close()
+            raise
+
+
+class Polls(AsyncClient):
+    """Asks for the status before and the list of programs behind each transfer."""
+
+    async def upload(
+        self,
+        local: str | PathLike[str],
+        remote: Text | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        await self.get_status()
+        await super().upload(local, remote, progress)
+        await self.list_programs()
+
+    async def download(
+        self,
+        remote: Text,
+        local: str | PathLike[str] | None = None,
+        progress: Progress | None = None,
+    ) -> Path:
+        await self.get_status()
+        path = await super().download(remote, local, progress)
+        await self.list_programs()
+        return path
+
+
+class KeepsParts(AsyncClient):
+    """Of a download that broke off an empty file stays."""
+
+    async def download(
+        self,
+        remote: Text,
+        local: str | PathLike[str] | None = None,
+        progress: Progress | None = None,
+    ) -> Path:
+        try:
+            return await super().download(remote, local, progress)
+        except TransferFailed:
+            _make(Path(str(local)))
+            raise
+
+
+def _make(path: Path) -> None:
+    path.touch(exist_ok=False)
+
+
+class Retries(Upload):
+    """Sends a refused chunk again, twice (A-5-14)."""
+
+    left = 2
+
+    @cached_property
+    def sent(self) -> list[Frame]:
+        return []
+
+    def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
+        if data == b"0" and self.sent and self.left:
+            self.left -= 1
+            self._be_patient(now_s)
+            return self.sent
+        frames = super().take(parsed, data, now_s)
+        self.sent[:] = frames
+        return frames
+
+
+class RetriesCore(ClientCore):
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        return Retries(name, content, self.dialect)
+
+
+class Mute(ClientCore):
+    """Leaves chunks of no transfer unanswered."""
+
+    def _refuse_stray_chunk(self, parsed: Parsed) -> None:
+        pass
+
+
+class OnlyFull(JudgesChunks):
+    """Takes no chunk that is cut off behind its content (A-5-3)."""
+
+    class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
+        def take(self, data: bytes, now_s: float) -> bool | None:
+            if data and len(data) != FILE_DATA_BYTES:
+                self.fail("it is cut off")
+                return False
+            return super().take(data, now_s)
+
+
+class LittleOnly(JudgesChunks):
+    """Reads nothing but little-endian numbers (A-5-2)."""
+
+    class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
+        def take(self, data: bytes, now_s: float) -> bool | None:
+            if int.from_bytes(data[8:12], "little") > FILE_DATA_BYTES:
+                self.fail("its length is out of bounds")
+                return False
+            return super().take(data, now_s)
+
+
+class FailsOnOddAnswers(ClientCore):
+    """Gives a transfer up when an answer comes that is not its own."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> Any:
+        for exchange in tuple(self._open):
+            odd = frame.tagged or frame.opcode in (0x50, 0x52, 0x54)
+            mine = not frame.tagged and frame.opcode == self._due(exchange)
+            if isinstance(exchange, Upload) and odd and not mine:
+                exchange.fail(TransferFailed("upload", "another answer came"))
+                return self._follow(exchange, now_s)
+        return super()._dispatch(frame, now_s)
+
+    def _due(self, exchange: Exchange) -> int:
+        return exchange.command.opcode if exchange.accepted is None else UPLOAD_CHUNK
+
+
+class AnswersSignals(JudgesChunks):
+    """Answers the error signal 0, like any chunk that cannot be taken (A-5-10)."""
+
+    class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
+        def take(self, data: bytes, now_s: float) -> bool | None:
+            active = self.state is State.ACTIVE
+            taken = super().take(data, now_s)
+            return False if active and taken is None else taken
+
+
+class SmallChunks(CutsOtherwise):
+    """Puts 128 bytes into a chunk."""
+
+    class sender(Sender):  # noqa: N801 - it takes the place of an attribute
+        def __init__(self, content: bytes, now_s: float, dialect: Dialect = DEFAULT) -> None:
+            super().__init__(content, now_s, dialect)
+            size = len(content)
+            pieces = ((at, content[at : at + 128]) for at in range(0, size, 128))
+            self._chunks = (Chunk(size, at, len(piece), piece) for at, piece in pieces)
+
+
+def _of(core: type[ClientCore]) -> type[AsyncClient]:
+    return type(core.__name__, (AsyncClient,), {"core": core})
+
+
+class InTurn(Driver):
+    """Does one thing at a time."""
+
+    @cached_property
+    def turn(self) -> asyncio.Lock:
+        return asyncio.Lock()
+
+    async def _do(self, number: Any, name: str, values: dict[str, Any]) -> None:
+        async with self.turn:
+            await super()._do(number, name, values)
+
+
+class OneAtATime(MemoryClient):
+    def _new(self) -> Driver:
+        def make(url: str, password: str | None) -> AsyncClient:
+            return AsyncClient(url, password=password)
+
+        return InTurn(self._take, make)
+
+
+def _verdicts(access: MemoryClient) -> dict[str, str]:
+    options = Options(only=ONLY, allowed=ALL, undefined=True, examples=3)
+    with closing(access):
+        results = Run(ClientSetting(access, Statement(), options)).results()
+    return {
+        case.id: f"{case.verdict.value}: {case.message}"
+        for case in results.cases
+        if case.verdict is not Verdict.PASS
+    }
+
+
+@pytest.mark.parametrize(
+    ("make", "tolerated"),
+    [
+        (Closes, True),
+        (Polls, False),
+        (KeepsParts, True),
+        (_of(RetriesCore), True),
+        (_of(Mute), False),
+        (_of(OnlyFull), True),
+        (_of(LittleOnly), True),
+        (_of(FailsOnOddAnswers), False),
+        (_of(AnswersSignals), False),
+        (_of(SmallChunks), False),
+    ],
+    ids=lambda value: value.__name__ if isinstance(value, type) else "",
+)
+def test_no_false_alarm(make: type[AsyncClient], *, tolerated: bool) -> None:
+    """Nothing fails; what the register only tolerates is told as such."""
+    verdicts = _verdicts(MemoryClient(make, DEFAULT))
+    assert {v.partition(":")[0] for v in verdicts.values()} <= {"tolerated"}, verdicts
+    assert bool(verdicts) is tolerated
+
+
+def test_one_thing_at_a_time() -> None:
+    """A driver that does one thing at a time passes all that any other does."""
+    assert not _verdicts(OneAtATime(AsyncClient, DEFAULT))
