@@ -19,7 +19,7 @@ C = TypeVar("C", bound=type[Any])
 _HUMP: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Fault(Generic[T]):
     """One wrong implementation.
 

@@ -71,7 +71,7 @@ def test_shrunk(fault: str, requirement: str, case: str, steps: tuple[str, ...])
 
 
 class ForgetsItsListLate(Brain):
-    """A connection that has brought three hundred requests gets an empty list."""
+    """A connection that has brought forty requests gets an empty list."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -84,13 +84,13 @@ class ForgetsItsListLate(Brain):
 
     def list_programs(self, request: Request) -> NameListPart:
         """Tell nothing."""
-        if self._requests[request.session.connection] > 300:
+        if self._requests[request.session.connection] > 40:
             return NameListPart(more=False, names=())
         return super().list_programs(request)
 
 
 def test_late_faults() -> None:
-    """What shows after hundreds of requests is found, and the last steps before it are told."""
+    """What shows only after many requests is found, and the last steps before it are told."""
     found = tried(ForgetsItsListLate, "4.10/11")["3/31.long-use"]
     assert found.verdict is Verdict.FAIL
     assert " steps; " in found.message
