@@ -3,9 +3,7 @@
 import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,6 +11,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from scaraspec.cli.apart import apart
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.proofs import STANDS, Proof, alarm_of, dialects, proof_of
 from scaraspec.judgement.requirements import UnknownRequirementError, select
@@ -27,7 +26,7 @@ EXAMPLE = "Example: scaraspec prove --only 4.15 --out proof"
 
 _PATH = click.Path(path_type=Path)
 MATRIX: Final = "kill-matrix.{role}.json"
-_RUNS: Final = 50  # in one process
+_RUNS: Final = 50  # in one process, for pytest and hypothesis keep something of each
 
 
 @click.command(epilog=EXAMPLE)
@@ -148,28 +147,23 @@ def _chosen(role: Role, names: Sequence[str], options: Options) -> list[Fault[An
 def _proofs(
     role: Role, chosen: Iterable[Fault[Any]], options: Options, jobs: int, *, quick: bool
 ) -> Iterator[Proof]:
-    """What the suite finds of each fault, in order, on several processes."""
-    with _pool(jobs) as pool:
-        names = [fault.name for fault in chosen]
-        yield from pool.map(partial(proof_of, role=role, options=options, quick=quick), names)
-
-
-def _pool(jobs: int) -> ProcessPoolExecutor:
-    """Processes that are young: pytest and hypothesis keep something of every run."""
-    return ProcessPoolExecutor(jobs, get_context("forkserver"), max_tasks_per_child=_RUNS)
+    """What the suite finds of each fault, in order."""
+    names = [fault.name for fault in chosen]
+    work = partial(proof_of, role=role, options=options, quick=quick)
+    return apart(work, names, jobs=jobs, runs=_RUNS)
 
 
 def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
     """Show that no conforming implementation is failed, whatever readings it follows."""
     spoken = list(dialects())
     wrong = 0
-    with _pool(jobs) as pool:
-        alarms = pool.map(partial(alarm_of, role=role, options=options), spoken)
-        for number, alarm in enumerate(alarms, 1):
-            wrong += alarm.false
-            click.echo(f"{number}/{len(spoken)} {alarm.verdict} {' '.join(alarm.readings)}")
-            for case, message in alarm.cases.items():
-                click.echo(f"    {case}: {message}")
+    work = partial(alarm_of, role=role, options=options)
+    alarms = apart(work, spoken, jobs=jobs, runs=_RUNS)
+    for number, alarm in enumerate(alarms, 1):
+        wrong += alarm.false
+        click.echo(f"{number}/{len(spoken)} {alarm.verdict} {' '.join(alarm.readings)}")
+        for case, message in alarm.cases.items():
+            click.echo(f"    {case}: {message}")
     click.echo(f"{len(spoken) - wrong} of {len(spoken)} dialects conformant")
     if wrong:
         raise SystemExit(ExitStatus.NONCONFORMANT)
