@@ -5,6 +5,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
+# The tests start many processes, and each would compile what it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test test-kill test-net test-net-full test-browser check bench soak pictures prove format lock wheel clean
 
 demo: $(READY)
@@ -12,7 +15,7 @@ demo: $(READY)
 	$(BIN)/scaraspec demo --out reports/out/demo
 
 test: check
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto --dist worksteal
 
 # Kills the recorder's processes at so many random moments under traffic; takes a quarter of an hour.
 test-kill: export SCARASPEC_KILLS ?= 200

@@ -65,6 +65,8 @@ class Bracket:
         loud: Whether pytest reports by itself, too.
 
     Attributes:
+        cases: Those that were collected and are wanted.
+        items: The tests that they are.
         over: The ids of cases that are over since an earlier sitting.
         before_last: Called ahead of the first case behind which the subject may be gone.
     """
@@ -82,6 +84,7 @@ class Bracket:
         self._subject, self._role = subject, role
         self.outcomes: list[Outcome] = []
         self.cases: list[Case] = []
+        self.items: list[pytest.Item] = []
         self.mistakes: list[str] = []
         self._tell, self._loud = tell, loud
         self.over: frozenset[str] = frozenset()
@@ -126,6 +129,7 @@ class Bracket:
         chosen = [item for item in cases if self._tries(cases[item])]
         chosen.sort(key=lambda item: cases[item].last)
         self.cases = [cases[item] for item in chosen]
+        self.items = chosen
         items[:] = own + chosen
         if self._subject is None:
             items.clear()

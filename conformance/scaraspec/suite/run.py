@@ -8,6 +8,7 @@ import os
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, Generic, Protocol, TypeVar
 
@@ -27,7 +28,7 @@ from scaraspec.suite.bracket import Bracket, Outcome
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.observer import Observer, Sighting, Take, speaks
 from scaraspec.suite.party import Party
-from scaraspec.suite.plan import Options
+from scaraspec.suite.plan import Options, wanted
 from scaraspec.suite.statement import Statement
 
 CASES: Final = {role: Path(__file__).parent / role.value for role in (Role.CONTROLLER, Role.CLIENT)}
@@ -43,9 +44,7 @@ def collect(options: Options, role: Role = Role.CONTROLLER) -> list[cases.Case]:
     Raises:
         SuiteError: The suite itself is broken.
     """
-    bracket = Bracket(None, role, options)
-    _pytest(bracket, role, options)
-    return bracket.cases
+    return [case for case, _ in _cases_in(CASES[role], role) if wanted(case, options)]
 
 
 class SuiteError(Exception):
@@ -154,7 +153,7 @@ class Run(Generic[P]):
         """
         try:
             self.begin()
-            _pytest(self.bracket, self.setting.role, self.setting.options)
+            self._try_cases()
         except KeyboardInterrupt:
             self.bracket.outcomes.append(
                 _set_up("interrupted", "the tester ended the run before its end")
@@ -162,6 +161,12 @@ class Run(Generic[P]):
         finally:
             self.end()
         return self.told()
+
+    def _try_cases(self) -> None:
+        role, options = self.setting.role, self.setting.options
+        files = {file for case, file in _cases_in(CASES[role], role) if wanted(case, options)}
+        if files:  # without any, pytest would look for tests elsewhere
+            _pytest(self.bracket, role, options, *sorted(files))
 
     def begin(self) -> None:
         """Write down what the subject is like, and find out how it is to be spoken to.
@@ -331,8 +336,20 @@ def _grouped(
         yield numbers[requirement], listed
 
 
-def _pytest(bracket: Bracket, role: Role, options: Options) -> None:
-    """Let pytest collect and run the shipped cases, silently.
+@cache
+def _cases_in(folder: Path, role: Role) -> tuple[tuple[cases.Case, Path], ...]:
+    """Every case in a folder, and its file: a run reads no other files than those of its cases.
+
+    Raises:
+        SuiteError: The suite itself is broken.
+    """
+    bracket = Bracket(None, role, Options())
+    _pytest(bracket, role, Options(), folder)
+    return tuple(zip(bracket.cases, (item.path for item in bracket.items), strict=True))
+
+
+def _pytest(bracket: Bracket, role: Role, options: Options, *where: Path) -> None:
+    """Let pytest collect and run shipped cases, silently.
 
     Raises:
         SuiteError: It could not.
@@ -345,7 +362,8 @@ def _pytest(bracket: Bracket, role: Role, options: Options) -> None:
     drawn = (f"--hypothesis-seed={options.seed}",)
     heard = ("--capture=no",) if options.attended else ()  # an operator reads and types
     status = pytest.main(
-        [str(folder), *alone, *quiet, *drawn, *heard, "--import-mode=importlib"], plugins=[bracket]
+        [*map(str, where), *alone, *quiet, *drawn, *heard, "--import-mode=importlib"],
+        plugins=[bracket],
     )
     if bracket.mistakes:
         raise SuiteError(bracket.mistakes[0])
