@@ -61,6 +61,7 @@ from scaraspec.suite.as_client.tasks import (
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect, expect_equal
 from scaraspec.suite.programs.listed import program_names
 from scaraspec.suite.programs.writing import endless_program, program_file, wait
+from scaraspec.suite.shortening import Failure
 from scaraspec.suite.wire import Answer
 
 _NAMES: Final = 3
@@ -211,6 +212,26 @@ def model_of(subject: Subject, acts: list[str], names: Sequence[bytes]) -> Itera
     finally:
         with suppress(Unmet, Undecided):
             model.take_away()
+
+
+def attempt(
+    subject: Subject,
+    acts: list[str],
+    names: Sequence[bytes],
+    steps: Sequence[Step],
+    like: Failure | None = None,
+) -> Failure | None:
+    """Take all steps of a sequence; how it fails, of the same requirement as another if need be."""
+    taken = 0
+    try:
+        with model_of(subject, acts, names) as model:
+            for step in steps:
+                taken += 1
+                model.take(step)
+    except Unmet as error:
+        if like is None or error.requirement == like.error.requirement:
+            return Failure(error, taken)
+    return None
 
 
 class Model:

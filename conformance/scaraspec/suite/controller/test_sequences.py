@@ -5,15 +5,17 @@ that is kept too long or forgotten, and faults that need many requests to show.
 """
 
 import itertools
+from functools import partial
 from typing import Final
 
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.sequences import (
     Step,
     acts_within,
+    attempt,
     endless,
     model_of,
     sequences,
@@ -21,6 +23,7 @@ from scaraspec.suite.as_client.sequences import (
 )
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.shortening import shortened
 
 _ASKING: Final = (Hazard.READ_ONLY,)
 _STATE: Final = (Hazard.STATE,)
@@ -92,14 +95,17 @@ def _in_any_order(
 ) -> None:
     acts = acts_within(subject, frozenset(hazards), only)
     examples = settings().max_examples
+    failed: dict[tuple[Step, ...], Exception] = {}
     with state_kept(subject, line, frozenset(hazards)) as names:
 
-        @settings(max_examples=-(-examples // share))
+        @settings(max_examples=-(-examples // share), phases=(Phase.generate,))
         @given(sequences(acts, 2 + examples // 2))
         def each(steps: list[Step]) -> None:
-            with model_of(subject, acts, names) as model:
-                for step in steps:
-                    model.take(step)
+            if not failed and (failure := attempt(subject, acts, names, steps)):
+                again = partial(attempt, subject, acts, names, like=failure)
+                failed[tuple(steps)] = shortened(steps, failure, again).error
+            if error := failed.get(tuple(steps)):  # hypothesis asks twice
+                raise error
 
         each()
 

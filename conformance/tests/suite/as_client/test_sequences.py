@@ -43,7 +43,7 @@ def tried(
             "stopped-simulation-clears-outputs",
             "4.32/6",
             "4/15.sequences",
-            ("set output", "upload", "simulate_program", "stop"),
+            ("set output", "upload", "simulate_program", "stop", "move"),
         ),
         (
             "second-login-sets-the-clock-back",
@@ -91,7 +91,7 @@ class ForgetsItsListLate(Brain):
 
 def test_late_faults() -> None:
     """What shows only after many requests is found, and the last steps before it are told."""
-    found = tried(ForgetsItsListLate, "4.10/11")["3/31.long-use"]
+    found = tried(ForgetsItsListLate, "4.10/11", examples=4)["3/31.long-use"]
     assert found.verdict is Verdict.FAIL
     assert " steps; " in found.message
 
