@@ -20,6 +20,8 @@ from scaraspec.report.codec import MisfitError, from_plain, to_plain
 from scaraspec.report.files import write_whole
 
 SCHEMA: Final = "scaraspec.results/1"
+SEEN: Final = ".seen-"
+"""In the id of what the judge saw on the wire, whichever case was tried meanwhile."""
 _LARGEST_FILE_BYTES: Final = 512 * 2**20
 
 

@@ -3,11 +3,12 @@
 Every writer takes its cases from here, so that they all tell the same.
 """
 
+from collections.abc import Iterable
 from typing import Final
 
 from scaraspec.judgement.requirements import REQUIREMENTS, Basis, Strength
 from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
-from scaraspec.report.model import Case, Results
+from scaraspec.report.model import SEEN, Case, Results
 
 TELLING: Final = (
     Verdict.FAIL,
@@ -26,18 +27,30 @@ _STRENGTHS, _BASES = list(Strength), list(Basis)
 
 
 def most_telling_first(results: Results) -> list[Case]:
-    """The cases, failures before all others; what is firm and stated before what is derived."""
+    """The cases, failures before all others; what is firm and stated before what is derived.
 
-    def key(case: Case) -> tuple[int, int, int]:
+    Of equals what the judge saw on the wire comes first: a case may fail for what another shows.
+    """
+
+    def key(case: Case) -> tuple[int, int, int, bool]:
         judged = () if case.verdict is Verdict.PASS else case.requirements
         known = [REQUIREMENTS[r] for r in judged if r in REQUIREMENTS]
         return (
             TELLING.index(case.verdict),
             min((_STRENGTHS.index(r.strength) for r in known), default=len(_STRENGTHS)),
             min((_BASES.index(r.basis) for r in known), default=len(_BASES)),
+            SEEN not in case.id,
         )
 
     return sorted(results.cases, key=key)
+
+
+def told_once(cases: Iterable[Case]) -> list[tuple[Case, int]]:
+    """Of cases that say the same the first, and how many others say it."""
+    alike: dict[tuple[Verdict, str], list[Case]] = {}
+    for case in cases:
+        alike.setdefault((case.verdict, case.message), []).append(case)
+    return [(same[0], len(same) - 1) for same in alike.values()]
 
 
 def cases_for_machines(results: Results) -> list[Case]:

@@ -4,7 +4,7 @@ It says what a run amounts to and what to look at first; the rest is in the page
 sent is shown, never obeyed: no control character of it reaches the terminal.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from rich.console import Console
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.report.model import Case, Results
-from scaraspec.report.telling import TELLING, most_telling_first
+from scaraspec.report.telling import TELLING, most_telling_first, told_once
 from scaraspec.report.visible import visible
 
 _STYLES: Final = {
@@ -40,7 +40,8 @@ def show(results: Results, console: Console, *, findings: int = DEFAULT_FINDINGS
         findings: How many findings to show, the most telling ones.
     """
     told = [case for case in most_telling_first(results) if case.verdict is not Verdict.PASS]
-    shown, hidden = told[:findings], max(len(told) - findings, 0)
+    shown = told_once(told)[:findings]
+    hidden = len(told) - sum(1 + others for _, others in shown)
     if console.is_terminal:
         _draw(results, shown, console)
     else:
@@ -55,18 +56,17 @@ def _text(text: str, style: str = "") -> Text:
     return Text(visible(text), style)
 
 
-def _lines(results: Results, shown: list[Case]) -> Iterator[str]:
+def _lines(results: Results, shown: Sequence[tuple[Case, int]]) -> Iterator[str]:
     yield f"{results.verdict.value}: {results.subject.title}"
     yield f"{_counts(results)}; {_coverage(results)}"
     for party, dialect in _dialects(results):
         yield f"dialect of the {party}: {dialect}"
-    for case in shown:
-        yield " · ".join(
-            part for part in (case.verdict.value, case.id, _what(case), _where(case)) if part
-        )
+    for case, others in shown:
+        parts = (case.verdict.value, _which(case, others), _what(case), _where(case))
+        yield " · ".join(filter(None, parts))
 
 
-def _draw(results: Results, shown: list[Case], console: Console) -> None:
+def _draw(results: Results, shown: Sequence[tuple[Case, int]], console: Console) -> None:
     verdict = results.verdict.value
     console.print(_text(f"{verdict}  ", _STYLES[verdict]).append_text(_text(results.subject.title)))
     facts = Table.grid(padding=(0, 2))
@@ -82,9 +82,9 @@ def _draw(results: Results, shown: list[Case], console: Console) -> None:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for heading in ("verdict", "case", "finding", "where"):
         table.add_column(heading, overflow="fold")
-    for case in shown:
+    for case, others in shown:
         verdict = case.verdict.value
-        texts = map(_text, (case.id, _what(case), _where(case)))
+        texts = map(_text, (_which(case, others), _what(case), _where(case)))
         table.add_row(_text(verdict, _STYLES[verdict]), *texts)
     console.print()
     console.print(table)
@@ -110,6 +110,10 @@ def _dialects(results: Results) -> Iterator[tuple[str, str]]:
         ]
         if seen:
             yield party, ", ".join(told) or "the default, as far as it shows"
+
+
+def _which(case: Case, others: int) -> str:
+    return f"{case.id} and {others} more" if others else case.id
 
 
 def _what(case: Case) -> str:

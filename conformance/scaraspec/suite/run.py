@@ -195,7 +195,7 @@ class Run(Generic[P]):
         """What came of it."""
         outcomes = (*self.bracket.outcomes, *self._wrong_claims())
         tried = [self._earlier.get(o.case.id) or self._case(o) for o in outcomes]
-        seen_before = [case for key, case in self._earlier.items() if _SEEN in key]
+        seen_before = [case for key, case in self._earlier.items() if model.SEEN in key]
         groups = _grouped(self._observer.sightings, seen_before)
         made = (*tried, *seen_before, *(self._seen(n, same) for n, same in groups))
         by_requirement: defaultdict[str, list[Case]] = defaultdict(list)
@@ -292,7 +292,7 @@ class Run(Generic[P]):
         bad = finding.verdict is Verdict.FAIL
         where = f"; first seen in case {first.case}{times}" if first.case else times
         return Case(
-            id=f"{finding.requirement}{_SEEN}{number}",
+            id=f"{finding.requirement}{model.SEEN}{number}",
             requirements=(finding.requirement,),
             verdict=finding.verdict,
             cause=finding.cause,
@@ -311,7 +311,6 @@ class Run(Generic[P]):
 
 
 _SHOWN: Final = 12
-_SEEN: Final = ".seen-"
 
 
 def _set_up(name: str, message: str) -> Outcome:

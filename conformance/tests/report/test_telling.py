@@ -6,7 +6,7 @@ import pytest
 
 from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
 from scaraspec.report.model import Case, Results
-from scaraspec.report.telling import cases_for_machines, most_telling_first
+from scaraspec.report.telling import cases_for_machines, most_telling_first, told_once
 
 
 def test_failures_come_first_and_passes_last(full: Results) -> None:
@@ -27,6 +27,16 @@ def test_what_the_document_states_comes_before_what_follows_from_it(full: Result
     cases = tuple(Case(i, (i,), Verdict.FAIL, Cause.SUBJECT) for i in ids)
     told = most_telling_first(replace(full, cases=cases))
     assert [case.id for case in told] == ["3/1", "3/18", "5.2/17", "9/9"]
+
+
+def test_what_was_seen_comes_before_what_failed_for_it(full: Results) -> None:
+    """Among equals; and what says the same is told once."""
+    ids = ("5.3/4.a", "5.3/4.b", "5.3/4.seen-1")
+    cases = tuple(Case(i, ("5.3/4",), Verdict.FAIL, message=i[:7]) for i in ids)
+    told = most_telling_first(replace(full, cases=cases))
+    assert [case.id for case in told] == ["5.3/4.seen-1", "5.3/4.a", "5.3/4.b"]
+    alike = [replace(case, message="so") for case in told[1:]]
+    assert told_once([told[0], *alike]) == [(told[0], 0), (alike[0], 1)]
 
 
 def test_passes_keep_the_order_of_the_document(full: Results) -> None:
