@@ -245,6 +245,21 @@ class JogGoesOn(Brain):
         return answer
 
 
+@fault("4.17/7", subtle=True)
+class StoppedArmCreeps(Brain):
+    """Behind a stop the inner arm goes on, by no more than half a degree in a second."""
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        """Let it creep."""
+        answer = super().emergency_stop(request)
+        if answer.accepted:
+            here = self.plant.joints(request.now_s)
+            there = here._replace(inner_arm_deg=here.inner_arm_deg + 0.5)
+            creeping = motion.Motion((here, there), (0.0, 1.0), 1.0, smooth=False)
+            self.plant.start(creeping, request.now_s)
+        return answer
+
+
 class _EndsAsDone(Brain):
     """Of what was stopped one command is said to be done."""
 
