@@ -184,6 +184,18 @@ class JogTakesFiveForFour(Brain):
 
 
 @fault("4.28/7")
+class JogTakesTheFirstOfTwo(Brain):
+    """Of two bytes the first is taken for the direction."""
+
+    def jog(self, request: Request) -> Acceptance:
+        """Overlook the rest."""
+        first = request.frame.data[:1]
+        if request.value is None and len(request.frame.data) > 1 and first in b"1234":
+            request = replace(request, value=JogDirection(int(first)))
+        return super().jog(request)
+
+
+@fault("4.28/7")
 class JogTakesZero(Brain):
     """A direction 0 is accepted, and moves nothing."""
 

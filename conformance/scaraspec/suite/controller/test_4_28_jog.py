@@ -66,6 +66,8 @@ _NO_DIRECTION: Final = tuple(
         ("binary sixteen", b"\x10"),
         ("highest bit and one", b"\x81"),
         ("highest byte", b"\xff"),
+        ("two directions", b"13"),
+        ("two binary directions", b"\1\3"),
         ("no data", b""),
     )
 )
@@ -245,7 +247,7 @@ def test_lost_link(subject: Subject, line: Line) -> None:
 
 @case("4.28/7", hazards=_MOTION)
 def test_no_direction(subject: Subject, line: Line) -> None:
-    """A byte that is none of 1 to 4 is not answered "1", and moves nothing."""
+    """What is not one byte of 1 to 4 is not answered "1", and moves nothing."""
     has(subject, JOG)
     subject.moved = True
     with returning(subject, line):
