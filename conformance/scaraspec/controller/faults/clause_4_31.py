@@ -308,6 +308,15 @@ class SettingsOfPairs(_Sets):
 
 
 @fault("4.32/6", subtle=True)
+class SettingsBeyondTheLastWrap(_Sets):
+    """A setting of a port from 17 to 40 is answered as done, and sets one of the outputs."""
+
+    def put(self, port: int, *, on: bool) -> None:
+        """Count round."""
+        super().put((port - 1) % 16 + 1 if 16 < port <= 40 else port, on=on)
+
+
+@fault("4.32/6", subtle=True)
 class HighestOutputIsDead(_Sets):
     """A setting of output 16 is answered as done, and has no effect."""
 

@@ -111,15 +111,24 @@ def test_while_running(subject: Subject, line: Line) -> None:
         )
 
 
-@case("4.32/4", name="flags")
+@case("4.32/4", "4.32/6", name="flags")
 def test_flags(line: Line) -> None:
-    """The reply is "1" or "0" and nothing else, for every port of 1 to 40."""
-    with outputs_kept(line) as now:
+    """The reply is "1" or "0" and nothing else, for every port of 1 to 40.
+
+    Ports that are no outputs are switched off while all outputs are on, so that one shows that is
+    taken for another.
+    """
+    ports = settable(line)
+    with outputs_kept(line):
+        for port in ports:
+            set_output(line, port, on=True)
+        now = outputs(line)
         for port in range(1, 41):
-            on = now[port - 1] if port in ALL_OUTPUTS else False
+            on = port in ALL_OUTPUTS and now[port - 1]
             data = set_output(line, port, on=on).seen.text
             expect_in(data, _FLAGS, f"port {port} is answered with something else than a flag")
-        expect_outputs(line, now, "outputs were set to what they were", requirement="4.32/6")
+            told = f"output {port} was set to {on:d}, as it was"
+            expect_outputs(line, now, told, requirement="4.32/6")
 
 
 @case("4.32/5")
