@@ -186,7 +186,7 @@ class Brain(Behaviour):
         if self.dialect["busy_reply"] == "queue" and len(self._queue) < MAX_QUEUED:
             self._queue.append((session, frame))
             return True
-        return self.dialect["busy_reply"] == "silence"
+        return self.dialect["busy_reply"] == "silence" and command.name != "reset"  # drawn, L397
 
     def _value(self, command: Command, frame: Frame) -> Any:
         """What a request says; None where a controller may not act upon it."""

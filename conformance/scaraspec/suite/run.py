@@ -245,9 +245,12 @@ class Run(Generic[P]):
         return {key: readings[key] for key in READINGS if key in readings}
 
     def _wrong_claims(self) -> Iterator[Outcome]:
-        """A claim that is not what was seen is a failure of its own."""
+        """A claim that is not what was seen, by the judge or by a case, is a failure of its own."""
+        told = {outcome.observed for outcome in self.bracket.outcomes}
         for key, seen in self._readings().items():
             if seen.claimed is None or not seen.options or seen.claimed in seen.options:
+                continue
+            if f"{key} = {seen.claimed}" in told:  # a case need not wait until silence is sure
                 continue
             if seen.claimed == "both" and len(seen.options) > 1:  # each has been seen by itself
                 continue

@@ -28,7 +28,7 @@ GOOD = (Verdict.PASS, Verdict.TOLERATED)
 
 def tried(brain: type[Brain], *only: str, **claims: Any) -> Mapping[str, Case]:
     """What comes of the cases of these requirements."""
-    robot = Robot(brain, DEFAULT)
+    robot = Robot(brain, claims.get("dialect", DEFAULT))
     options = Options(only=frozenset(only), allowed=ALL, examples=5)
     access = MemoryAccess(robot.network)
     results = Run(ControllerSetting(access, Statement(**claims), PASSWORD, options)).results()
@@ -130,6 +130,13 @@ class ServesNothingMeanwhile(Brain):
         super()._settle(now_s)
         while self.robot.task is None and self._waiting:
             self.handle(*self._waiting.pop(0), now_s)
+
+
+def test_silence_while_busy_is_claimed_rightly_though_a_reset_is_refused() -> None:
+    """The refusal of a reset is drawn (L397), the others are not: the claim is of those."""
+    silent = DEFAULT.replace(busy_reply="silence")
+    cases = tried(Brain, "4.18/2", "4.28/4", dialect=silent, claimed=frozenset({"busy_reply"}))
+    assert not wrong(cases)
 
 
 def test_a_network_that_applies_after_a_restart_is_read_back_then() -> None:

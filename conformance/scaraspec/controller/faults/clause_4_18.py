@@ -1,6 +1,7 @@
 """Faults of clause 4.18: the reset."""
 
-from scaraspec.controller.behaviour.base import ACCEPTED
+from scaraspec.controller.behaviour import SILENCE
+from scaraspec.controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import fault
 from scaraspec.controller.robot import DONE
@@ -31,6 +32,16 @@ class ResetIsRefusedWithIdle(Brain):
         if frame.opcode == 0x33 and frame.data == b"0|01":
             frame = frame._replace(data=b"0|00")
         super().emit(session, frame)
+
+
+@fault("4.18/2")
+class ResetIsNotAnsweredDuringRun(Brain):
+    """A reset during a run is not answered."""
+
+    def reset(self, request: Request) -> Acceptance | Silence:  # type: ignore[override] # silence is the fault
+        """Say nothing."""
+        answer = super().reset(request)
+        return SILENCE if answer.code == "01" else answer
 
 
 @fault("4.18/2", subtle=True)

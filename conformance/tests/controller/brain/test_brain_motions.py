@@ -376,9 +376,10 @@ def test_faults_add_up_joint_by_joint(bench: Any) -> None:
 
 
 def test_a_busy_robot_can_be_silent(busy_of: Any) -> None:
-    """A-4-2 (b): two-stage commands are not answered; the rest, and the stop, are."""
+    """A-4-2 (b): two-stage commands are not answered; the rest, the reset and the stop, are."""
     _, client = busy_of("run_program", busy_reply="silence")
     assert client.ask("jog", b"1") is None
+    assert client.ask("reset") == b"0|01"
     assert client.ask("get_status") == b"01"
     assert client.ask("shutdown") == b"0|01"
     client.send("emergency_stop")
