@@ -13,7 +13,7 @@ from scaraspec.controller.session import Request, Session
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Network
 from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.frames import Frame, Skipped, Why
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case
@@ -100,6 +100,16 @@ class IgnoresMalformed(Brain):
         super()._reply(session, command, frame, answer)
 
 
+class OverlooksEnds(Brain):
+    """The byte behind the data of a frame is taken for its end, whatever it is."""
+
+    def _take_in(self, session: Session, found: list[Any], now_s: float) -> None:
+        for index, item in enumerate(found):
+            if isinstance(item, Skipped) and item.why is Why.BAD_END:
+                found[index] = Frame(A2C, item.data[1], item.data[3:-1])
+        super()._take_in(session, found, now_s)
+
+
 class SimulatesAtOnce(Brain):
     """A simulation takes no time."""
 
@@ -130,6 +140,14 @@ class ServesNothingMeanwhile(Brain):
         super()._settle(now_s)
         while self.robot.task is None and self._waiting:
             self.handle(*self._waiting.pop(0), now_s)
+
+
+def test_a_wrong_end_byte_may_be_overlooked_and_is_warned_of() -> None:
+    """What follows a frame in place of its end byte is open (A-3-10)."""
+    framewise = DEFAULT.replace(resync="framewise")
+    cases = tried(OverlooksEnds, "3/20", dialect=framewise)
+    assert not wrong(cases)
+    assert cases["3/20.end"].verdict is Verdict.TOLERATED
 
 
 def test_silence_while_busy_is_claimed_rightly_though_a_reset_is_refused() -> None:
