@@ -21,7 +21,7 @@ from bench.peers import Peer
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from scaraspec_recorder.recording import spool_folder
+from scaraspec_recorder.claims import spool_folder
 
 _EXCHANGES: Final = "/exchanges"
 

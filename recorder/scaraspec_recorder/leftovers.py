@@ -14,12 +14,12 @@ from typing import Final
 
 from scaraspec_recorder.capture import draw_capture
 from scaraspec_recorder.chunk_writer import MAGIC
+from scaraspec_recorder.claims import claim, spool_folder
 from scaraspec_recorder.mcap_reading import read_mcap
 from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.recording import spool_folder
 from scaraspec_recorder.recover import discard_empty, recover, sweep
 from scaraspec_recorder.sinks import Folder, Sink, SinkFactory
-from scaraspec_recorder.spool import lock, unread_bytes
+from scaraspec_recorder.spool import unread_bytes
 
 _RRD_END: Final = b"RRF2FOOT"
 _RRD_END_BYTES: Final = 12
@@ -59,7 +59,7 @@ def hold(folder: Path) -> Iterator[int]:
     """
     spool = spool_folder(folder)
     try:
-        held = lock(spool / "recorder.lock", wait=False)
+        held = claim(spool)
     except BlockingIOError:
         raise BlockingIOError(f"a recorder writes into {folder}: stop it first") from None
     unwritten_bytes = unread_bytes(spool)

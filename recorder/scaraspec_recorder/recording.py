@@ -4,36 +4,27 @@ Law: the recorder's own process does none of the work. The tap forwards, the scr
 a process of its own, and only the spool lies between them; here they are watched.
 """
 
-import hashlib
-import os
 import shutil
-import stat
-from collections.abc import AsyncIterator, Iterator, Sequence
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 from scaraspec_recorder import asking, scribe, tap
 from scaraspec_recorder.children import Child
+from scaraspec_recorder.claims import claimed_spool
 from scaraspec_recorder.injection.connection import InjectedConnection
 from scaraspec_recorder.injection.rules import Injection
 from scaraspec_recorder.routes import Route
 from scaraspec_recorder.scribe import Progress
 from scaraspec_recorder.sinks import SinkFactory
-from scaraspec_recorder.spool import (
-    LIMIT_BYTES,
-    Trouble,
-    lock,
-    read_checkpoint,
-    trouble_of,
-)
+from scaraspec_recorder.spool import LIMIT_BYTES, Trouble, read_checkpoint, trouble_of
 
 DRAIN_S: Final = 60.0
 """How long the scribe may take to write what is left when a recording ends."""
 
 _TAP_STOP_S: Final = tap.STOP_S + 3.0
-_MEMORY: Final = Path("/dev/shm")  # noqa: S108 - files there are made in a folder of our own, mode 0700
 
 
 class Recording:
@@ -125,45 +116,3 @@ async def record(  # noqa: PLR0913 - what may be chosen, each on its own
                 await writing.stop(recording.drain_s)
             if recording.progress.finished:
                 shutil.rmtree(spool)
-
-
-def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES) -> Path:
-    """Return the folder of the spool of recordings into `out_dir`; made where it is not there.
-
-    It lies in memory where the system has files there, for a disk that is slow or full must not
-    reach the tap, and is just what the spool has to bridge; else in `out_dir`.
-
-    Raises:
-        OSError: It cannot be made, or is not ours alone.
-    """
-    beside = out_dir.resolve() / ".spool"
-    name = hashlib.sha256(os.fsencode(beside)).hexdigest()[:16]
-    in_memory = _MEMORY / f"scaraspec-{name}"
-    if not beside.exists() and (in_memory.exists() or _has_room(limit_bytes)):
-        in_memory.mkdir(mode=0o700, exist_ok=True)
-        found = in_memory.lstat()  # it may have been laid there by somebody else
-        private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
-        if not private or found.st_uid != os.geteuid():
-            raise PermissionError(f"{in_memory} is not a folder of this user alone: remove it")
-        return in_memory
-    beside.mkdir(mode=0o700, parents=True, exist_ok=True)
-    return beside
-
-
-def _has_room(size_bytes: int) -> bool:
-    return _MEMORY.is_dir() and shutil.disk_usage(_MEMORY).free > size_bytes
-
-
-@contextmanager
-def claimed_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
-    """Hold the spool against other recorders."""
-    spool = spool_folder(out_dir, limit_bytes)
-    try:
-        held = lock(spool / "recorder.lock", wait=False)
-    except BlockingIOError:
-        rule = "a folder has one recorder at a time, name another"
-        raise BlockingIOError(f"another recorder writes into {out_dir}: {rule}") from None
-    try:
-        yield spool
-    finally:
-        os.close(held)

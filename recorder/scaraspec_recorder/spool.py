@@ -42,6 +42,9 @@ FLUSH_S: Final = 0.02
 RETRY_S: Final = 0.1
 """How often a refused write is tried again."""
 
+READER_LOCK: Final = "reader.lock"
+"""Whoever reads a spool holds this file of it."""
+
 _FLUSH_BYTES: Final = 64 << 10  # with the largest read of an event loop, well within a block
 _MAX_SEGMENT_BYTES: Final = 8 << 20
 _MAX_OWED: Final = 10_000
@@ -269,7 +272,7 @@ class SpoolReader:
     def __init__(self, directory: Path) -> None:
         directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         self._directory = directory
-        self._lock = lock(directory / "reader.lock", wait=True)
+        self._lock = lock(directory / READER_LOCK, wait=True)
         checkpoint = read_checkpoint(directory)
         self.state: dict[str, Any] = checkpoint.get("state", {})
         self.trouble = trouble_of(checkpoint)

@@ -16,9 +16,9 @@ from typing import Any, Self
 
 import pytest
 
-from scaraspec_recorder import recording as recording_module
+from scaraspec_recorder import claims
 from scaraspec_recorder.children import Child
-from scaraspec_recorder.recording import Recording, record, spool_folder
+from scaraspec_recorder.recording import Recording, record
 from scaraspec_recorder.routes import Upstream
 from scaraspec_recorder.sinks import SinkFactory
 
@@ -40,7 +40,7 @@ def journal(monkeypatch: pytest.MonkeyPatch) -> Any:
 @pytest.fixture(autouse=True)
 def spools_beside(monkeypatch: pytest.MonkeyPatch) -> None:
     """Spools lie in the test's own folder."""
-    monkeypatch.setattr(recording_module, "_has_room", lambda _size_bytes: False)
+    monkeypatch.setattr(claims, "_has_room", lambda _size_bytes: False)
 
 
 def run(test: Callable[[], Awaitable[None]]) -> None:
@@ -418,25 +418,6 @@ def test_processes_share_no_interpreter_with_the_caller(tmp_path: Path, journal:
             assert len({os.getpid(), recording.tap.pid, recording.scribe.pid}) == 3
 
     run(test)
-
-
-def test_the_spool_lies_in_memory_and_is_private(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where the system has files in memory with room enough; one folder for one output folder."""
-    memory = tmp_path / "memory"
-    memory.mkdir()
-    monkeypatch.undo()
-    monkeypatch.setattr(recording_module, "_MEMORY", memory)
-    one, other = spool_folder(tmp_path / "a", 1), spool_folder(tmp_path / "b", 1)
-    assert one.parent == other.parent == memory
-    assert one != other
-    assert one == spool_folder(tmp_path / "a", 1 << 60), "what was left there is found again"
-    assert one.stat().st_mode & 0o777 == 0o700
-    assert spool_folder(tmp_path / "c", 1 << 60) == tmp_path / "c" / ".spool"
-    one.chmod(0o755)
-    with pytest.raises(PermissionError, match="not a folder of this user alone"):
-        spool_folder(tmp_path / "a", 1)
 
 
 def test_a_recording_is_seen_to_grow(tmp_path: Path, journal: Any) -> None:

@@ -28,8 +28,8 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.transfer import Chunk
+from scaraspec_recorder.claims import spool_folder
 from scaraspec_recorder.mcap_reading import read_mcap
-from scaraspec_recorder.recording import spool_folder
 
 TIMEOUT_S = 60.0
 PACE_S = 0.002
