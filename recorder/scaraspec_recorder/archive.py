@@ -5,7 +5,7 @@ Law: it only joins the rooms that do the work: rotation, the ring, retention, th
 
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -95,13 +95,12 @@ def archive_sink(
     session = {"robot": archive.robot, **archive.session, "passwords": masked}
     shelf = Shelf(folder, contents, archive.robot, session, archive.draw)
     judge = Judge(needs_login=archive.needs_login)
-    outputs: list[Output] = []
-    if archive.continuous:
-        outputs.append(Rotation(shelf, judge, archive.rotate))
-    if archive.triggers:
-        outputs.append(_incidents(archive, shelf))
+    rotation = Rotation(shelf, judge, archive.rotate) if archive.continuous else None
+    incidents = _incidents(archive, shelf) if archive.triggers else None
+    outputs: list[Output] = [output for output in (rotation, incidents) if output]
     deriver = Deriver(outputs, judge, Redactor() if archive.redact else None)
-    return _Retained(deriver, retention, shelf, _too_little(archive))
+    retained = _Retained(deriver, retention, shelf, _too_little(archive))
+    return _Ringed(retained, deriver, rotation, incidents) if incidents else retained
 
 
 def _incidents(archive: Archive, shelf: Shelf) -> Incidents:
@@ -118,6 +117,33 @@ def _too_little(archive: Archive) -> str:
         f"less than {show_size(archive.min_free_bytes)} is free on the disk, and no recording is "
         "left that may be removed: recording waits for room"
     )
+
+
+class _Ringed:
+    """A sink that writes incidents, and is told again what its ring held (a `Remembering`)."""
+
+    def __init__(
+        self, sink: Sink, deriver: Deriver, rotation: Rotation | None, incidents: Incidents
+    ) -> None:
+        self.write, self.tick, self.close = sink.write, sink.tick, sink.close
+        self._deriver = deriver
+        self._rotation = rotation
+        self._incidents = incidents
+
+    @property
+    def since_ns(self) -> int | None:
+        """Since when its ring, or an incident, needs what passed."""
+        return self._incidents.since_ns
+
+    def recall(self, events: Iterable[WireEvent], until_ns: int) -> None:
+        """Fill the ring, and begin again what incidents were being written."""
+        self._incidents.recalled_until_ns = until_ns
+        if self._rotation:
+            self._rotation.recalling = True
+        self._deriver.recall(events)
+        self._incidents.recalled_until_ns = None
+        if self._rotation:
+            self._rotation.recalling = False
 
 
 class _Retained:

@@ -4,7 +4,8 @@ Law: what an output is given is kept as it is, events and what they brought abou
 that begins in the middle of a session says what was judged with all that came before in mind. The
 ring is bounded in time and in bytes, incidents in number; what gets no file is counted.
 
-The ring is not on the disk: a writing process that dies takes it along.
+The ring is in memory alone. A writing process that dies takes it along, and the next one is told
+again what was in it; an incident that was being written then gets a second file, which is whole.
 """
 
 import logging
@@ -65,6 +66,11 @@ class Ring:
         """How many moments it holds."""
         return len(self._moments)
 
+    @property
+    def since_ns(self) -> int | None:
+        """When the first of them was; None where it holds none."""
+        return self._moments[0].event.time_ns if self._moments else None
+
     def write(self, event: WireEvent) -> None:
         """Keep an event."""
         self._moments.append(_Moment(event))
@@ -91,7 +97,7 @@ class Ring:
 
     def replay(self, output: Output, now_ns: int) -> None:
         """Give another output all that is kept, from the connections that were open on."""
-        begin_ns = self._moments[0].event.time_ns if self._moments else now_ns
+        begin_ns = now_ns if self.since_ns is None else self.since_ns
         for opened in self._before.reopened(begin_ns):
             output.write(opened)
         for kept in self._moments:
@@ -111,6 +117,7 @@ class _Incident:
     trigger: str
     files: FileSet
     begun_ns: int
+    since_ns: int  # when the first moment in it was
     fired: Counter[str] = field(default_factory=Counter)
 
     def close(self) -> None:
@@ -127,6 +134,10 @@ class Incidents:
         ring: What came before.
         watchers: The triggers, by their texts.
         after_ns: For how long an incident goes on.
+
+    Attributes:
+        recalled_until_ns: Where what comes is told again after a death, until when it is; else
+            None. Of the incidents in it, those that were over by then are not written again.
     """
 
     def __init__(
@@ -136,11 +147,20 @@ class Incidents:
         self._ring = ring
         self._watchers = watchers
         self._after_ns = after_ns
+        self.recalled_until_ns: int | None = None
+        self._over_ns: dict[str, int] = {}  # when incidents began that are not written again
         self._now_ns = 0  # on the clock of the events, which may lag behind that of the ticks
         self._heard = False
         self._incidents: list[_Incident] = []
         self._begun_ns: deque[int] = deque(maxlen=MOST_A_MINUTE)
         self._missed: Counter[str] = Counter()
+
+    @property
+    def since_ns(self) -> int | None:
+        """Since when what passed is needed to begin an incident, or those under way, again."""
+        begun = [incident.since_ns for incident in self._incidents]
+        kept = [] if self._ring.since_ns is None else [self._ring.since_ns]
+        return min((*begun, *kept), default=None)
 
     def write(self, event: WireEvent) -> None:
         """Take a raw event."""
@@ -191,6 +211,8 @@ class Incidents:
 
     def _fire(self, trigger: str, why: str) -> None:
         """A trigger fired: begin an incident, or count it."""
+        if self._is_over(trigger):
+            return
         same = [incident for incident in self._incidents if incident.trigger == trigger]
         if not same and self._has_room():
             self._incidents.append(self._begin(trigger, why))
@@ -198,6 +220,19 @@ class Incidents:
             self._missed[trigger] += 1
         for incident in self._incidents:
             incident.fired[trigger] += 1
+
+    def _is_over(self, trigger: str) -> bool:
+        """Whether this is of an incident whose file was complete before a death."""
+        until_ns, now_ns = self.recalled_until_ns, self._now_ns
+        if until_ns is None:
+            return False
+        begun_ns = self._over_ns.get(trigger)
+        if begun_ns is not None and now_ns <= begun_ns + self._after_ns:
+            return True
+        if now_ns + self._after_ns >= until_ns:
+            return False
+        self._over_ns[trigger] = now_ns
+        return True
 
     def _has_room(self) -> bool:
         begun_ns = self._begun_ns
@@ -215,10 +250,11 @@ class Incidents:
         }
         files = self._shelf.begin(now_ns, trigger, facts)
         _log.warning("%s (%s): recorded in %s", trigger, why, files.path.name)
+        since_ns = now_ns if self._ring.since_ns is None else self._ring.since_ns
         self._ring.replay(files, now_ns)
         self._begun_ns.append(now_ns)
         self._missed.clear()
-        return _Incident(trigger, files, now_ns)
+        return _Incident(trigger, files, now_ns, since_ns)
 
 
 def _counts(triggers: Counter[str]) -> str:

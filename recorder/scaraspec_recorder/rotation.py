@@ -67,12 +67,16 @@ class Rotation:
         judge: Who judges what comes; its tallies are cleared at each seam, so that each file's
             summary tells of that file.
         rotate: When a file ends.
+
+    Attributes:
+        recalling: Whether what comes is in earlier files, and to be written no more.
     """
 
     def __init__(self, shelf: Shelf, judge: Judge, rotate: Rotate) -> None:
         self._shelf = shelf
         self._judge = judge
         self._rotate = rotate
+        self.recalling = False
         self._links = Links()
         self._now_ns = 0
         self._files: FileSet | None = None
@@ -86,17 +90,19 @@ class Rotation:
         if self._due_ticks and self._quiet:
             self._end()
         self._now_ns = event.time_ns
-        self._current(event.time_ns).write(event)
+        if not self.recalling:
+            self._current(event.time_ns).write(event)
         self._links.follow(event)
         self._quiet = event.kind is not Kind.BYTES
-        if self._idle and not 0 <= event.time_ns - self._first_ns < TICK_NS:
+        if self._files and self._idle and not 0 <= event.time_ns - self._first_ns < TICK_NS:
             self._due_ticks = 1
 
     def take(self, item: Item, number: int, line: Line | None) -> None:
         """Write what the last event brought about."""
         if isinstance(item, FrameSeen):
             self._quiet = item.frame.direction is C2A
-        self._current(self._now_ns).take(item, number, line)
+        if not self.recalling:
+            self._current(self._now_ns).take(item, number, line)
 
     def tick(self, now_ns: int) -> None:
         """Make all durable, and end the file where it is time."""

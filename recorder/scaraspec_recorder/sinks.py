@@ -4,9 +4,9 @@ Law: the protocol between the scribe and whatever it feeds stands here, and no s
 slow, may fail, and dies with its process; the link never knows.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from scaraspec.judgement.wire import WireEvent
 
@@ -45,6 +45,25 @@ class Sink(Protocol):
 
     def close(self) -> None:
         """End in order: nothing more will come. It is not called after a failure."""
+
+
+@runtime_checkable
+class Remembering(Sink, Protocol):
+    """A sink that keeps in memory what passed, to write it later if it is asked for then."""
+
+    @property
+    def since_ns(self) -> int | None:
+        """Since when it needs what passed, should its process die; None where it needs nothing."""
+
+    def recall(self, events: Iterable[WireEvent], until_ns: int) -> None:
+        """Take what an earlier sink took before its last tick: to be remembered, not written.
+
+        It is called first, and connections that are open then go on without beginning again.
+
+        Args:
+            events: What passed.
+            until_ns: When the last of it was.
+        """
 
 
 class Folder:

@@ -13,7 +13,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
@@ -81,6 +81,13 @@ class Trouble(NamedTuple):
 
     since_ns: int
     reason: str
+
+
+class Place(NamedTuple):
+    """A place in a spool: a segment's number, and how far into it."""
+
+    segment: int
+    offset_bytes: int
 
 
 class SpoolWriter:
@@ -284,6 +291,28 @@ class SpoolReader:
             self._number = self._at = 0
         self._damaged = False
 
+    @property
+    def place(self) -> Place:
+        """Where it reads next."""
+        return Place(self._number, self._at)
+
+    def bytes_since(self, place: Place) -> int:
+        """Return how much lies in the spool from an earlier place on, by whole segments."""
+        return _size_bytes(self._directory, range(place.segment, self._number + 1))
+
+    def recall(self, place: Place) -> Iterator[Record]:
+        """Give again what lies between an earlier place and this one, as far as it is sound.
+
+        Raises:
+            OSError: The spool cannot be read.
+        """
+        for number in _segments(self._directory):
+            if place.segment <= number <= self._number:
+                data = _path(self._directory, number).read_bytes()
+                end = self._at if number == self._number else None
+                begin = place.offset_bytes if number == place.segment else 0
+                yield from read_blocks(data[begin:end])[0]
+
     def read(self) -> list[Record]:
         """Return the next records, up to about a mebibyte of them; none where none is there yet.
 
@@ -309,10 +338,10 @@ class SpoolReader:
             self._file = _path(self._directory, newer).open("rb", buffering=0)
             self._number, self._at = newer, 0
 
-    def acknowledge(self, state: Mapping[str, Any]) -> None:
+    def acknowledge(self, state: Mapping[str, Any], since: Place | None = None) -> None:
         """Keep the position, and with it `state` (JSON): all that was read is durable elsewhere.
 
-        Segments that lie wholly before the position are deleted.
+        Segments that lie wholly before the position are deleted; those from `since` on are kept.
 
         Raises:
             OSError: The position cannot be written.
@@ -320,8 +349,9 @@ class SpoolReader:
         checkpoint = {"segment": self._number, "offset_bytes": self._at, "state": state}
         _write_checkpoint(self._directory, checkpoint)
         self.trouble = None
+        first = min(since.segment, self._number) if since else self._number
         for number in _segments(self._directory):
-            if number < self._number:
+            if number < first:
                 _path(self._directory, number).unlink()
 
     def asked(self) -> int:
@@ -380,29 +410,35 @@ def _write_checkpoint(directory: Path, checkpoint: Mapping[str, Any]) -> None:
 
 
 def backlog_bytes(directory: Path) -> int:
-    """Return how many bytes of segments lie in a spool, at most a segment of them read already."""
-    total = 0
-    for number in _segments(directory):
-        with suppress(FileNotFoundError):  # taken and deleted meanwhile
-            total += _path(directory, number).stat().st_size
-    return total
+    """Return how many bytes of segments lie in a spool, read or not."""
+    return _size_bytes(directory, _segments(directory))
 
 
 def unread_bytes(directory: Path) -> int:
     """Return how many bytes lie in a spool behind what its reader last acknowledged."""
     checkpoint = read_checkpoint(directory)
-    partly_read = checkpoint.get("segment") in _segments(directory)
-    read_bytes = checkpoint.get("offset_bytes", 0) if partly_read else 0
-    return max(backlog_bytes(directory) - read_bytes, 0)
+    numbers, read_bytes = _segments(directory), 0
+    if (partly_read := checkpoint.get("segment")) in numbers:
+        numbers = [number for number in numbers if number >= partly_read]
+        read_bytes = checkpoint.get("offset_bytes", 0)
+    return max(_size_bytes(directory, numbers) - read_bytes, 0)
+
+
+def _size_bytes(directory: Path, numbers: Iterable[int]) -> int:
+    total = 0
+    for number in numbers:
+        with suppress(FileNotFoundError):  # taken and deleted meanwhile
+            total += _path(directory, number).stat().st_size
+    return total
 
 
 def _segments(directory: Path) -> list[int]:
-    """The numbers of the segments in a spool."""
+    """The numbers of the segments in a spool, in order."""
     try:
         names = [path.name for path in directory.iterdir()]
     except FileNotFoundError:
         return []
-    return [int(name.removesuffix(_SUFFIX)) for name in names if name.endswith(_SUFFIX)]
+    return sorted(int(name.removesuffix(_SUFFIX)) for name in names if name.endswith(_SUFFIX))
 
 
 def _path(directory: Path, number: int) -> Path:
