@@ -13,7 +13,7 @@ from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.contents import Contents
 from scaraspec_recorder.deriver import Deriver, Output
-from scaraspec_recorder.file_sets import Shelf
+from scaraspec_recorder.file_sets import Shelf, facts
 from scaraspec_recorder.masking import Redactor
 from scaraspec_recorder.quantities import SECOND_NS, show_size
 from scaraspec_recorder.recover import sweep
@@ -91,8 +91,8 @@ def archive_sink(
     contents.save()
     if not enough:
         raise SinkFailed(_too_little(archive))
-    masked = "masked" if archive.redact else "masked but in raw bytes"
-    session = {"robot": archive.robot, **archive.session, "passwords": masked}
+    known = {"robot": archive.robot, **archive.session}
+    session = facts(known, needs_login=archive.needs_login, redact=archive.redact)
     shelf = Shelf(folder, contents, archive.robot, session, archive.draw)
     judge = Judge(needs_login=archive.needs_login)
     rotation = Rotation(shelf, judge, archive.rotate) if archive.continuous else None

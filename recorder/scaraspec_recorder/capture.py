@@ -9,7 +9,7 @@ from pathlib import Path
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.deriver import Deriver
-from scaraspec_recorder.file_sets import make_files
+from scaraspec_recorder.file_sets import facts, make_files
 from scaraspec_recorder.masking import Redactor
 from scaraspec_recorder.sinks import Folder, SinkFailed
 
@@ -35,9 +35,8 @@ def capture_sink(
         OSError: A file cannot be made.
         ImportError: Drawing needs an extra that is not installed; the text says which.
     """
-    passwords = "masked" if redact else "masked but in raw bytes"
-    session = {**(session or {}), "passwords": passwords, **folder.take_news()}
-    _, outputs = make_files(folder, "capture", session, draw=draw, optimized=True)
+    told = {**facts(session or {}, needs_login=needs_login, redact=redact), **folder.take_news()}
+    _, outputs = make_files(folder, "capture", told, draw=draw, optimized=True)
     return Deriver(outputs, Judge(needs_login=needs_login), Redactor() if redact else None)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.contents import TRIGGER, Contents
 from scaraspec_recorder.deriver import Item, Output
-from scaraspec_recorder.mcap_file import McapSink
+from scaraspec_recorder.mcap_file import LINK, SERIAL, McapSink
 from scaraspec_recorder.optimizing import optimize_later
 from scaraspec_recorder.seams import stem
 from scaraspec_recorder.sinks import Folder
@@ -77,6 +77,18 @@ class Shelf:
         """
         session = {**self.session, **self.folder.take_news(), **(facts or {})}
         return FileSet(self, stem(time_ns, self.robot, label), session)
+
+
+def facts(session: Mapping[str, str], *, needs_login: bool, redact: bool) -> dict[str, str]:
+    """Return what each file of a recording says of its session, its own facts aside.
+
+    Args:
+        session: What is known beforehand, such as the addresses.
+        needs_login: False for a serial link (L83).
+        redact: Whether passwords are hidden in the raw layer too.
+    """
+    passwords = "masked" if redact else "masked but in raw bytes"
+    return {**session, LINK: "tcp" if needs_login else SERIAL, "passwords": passwords}
 
 
 def make_files(

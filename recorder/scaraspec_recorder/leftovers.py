@@ -87,7 +87,8 @@ def redraw(path: Path) -> Path:
     drawn = path.with_suffix(".rrd")
     beside = drawn.with_name(f".{drawn.name}.new")
     try:
-        draw_capture(read_mcap(path), beside)
+        capture = read_mcap(path)
+        draw_capture(capture, beside, needs_login=capture.needs_login)
         beside.replace(drawn)
     finally:
         beside.unlink(missing_ok=True)

@@ -40,6 +40,13 @@ RAW_TOPICS: Final = {A2C: "/raw/a2c", C2A: "/raw/c2a"}
 CONNECTION_TOPIC: Final = "/connection"
 GAP_TOPIC: Final = "/gap"
 
+SESSION: Final = "session"
+"""The metadata that say what a recording is of; they stand before everything that passed."""
+
+LINK: Final = "link"
+SERIAL: Final = "serial"
+"""What they say of a link that serves without a login (L83)."""
+
 _OWN_TOPICS: Final[dict[str, type[schemas.Message]]] = {
     RAW_TOPICS[A2C]: schemas.RawChunk,
     RAW_TOPICS[C2A]: schemas.RawChunk,
@@ -119,7 +126,7 @@ class McapSink:
             Transfer: self._transfer,
             Finding: self._finding,
         }
-        self._writer.metadata("session", {"tool": tool, **(session or {})})
+        self._writer.metadata(SESSION, {"tool": tool, **(session or {})})
         self._writer.flush()
 
     def write(self, event: WireEvent) -> None:

@@ -23,6 +23,7 @@ from scaraspec.protocol.direction import Direction
 from scaraspec_recorder import schemas
 from scaraspec_recorder.accounts import Audit
 from scaraspec_recorder.chunk_writer import MAGIC
+from scaraspec_recorder.mcap_file import LINK, SERIAL, SESSION
 from scaraspec_recorder.mending import Mender
 from scaraspec_recorder.passages import Passage
 from scaraspec_recorder.problems import CaptureError
@@ -145,6 +146,20 @@ class McapCapture:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.summary = Summary()
+
+    @property
+    def needs_login(self) -> bool:
+        """False where the file says that its link was serial (L83).
+
+        Raises:
+            CaptureError: It cannot be opened, or is no MCAP file.
+        """
+        for record in records(self.path, Summary()):
+            if isinstance(record, Metadata) and record.name == SESSION:
+                return record.metadata.get(LINK) != SERIAL
+            if isinstance(record, Message):
+                break
+        return True
 
     def __iter__(self) -> Iterator[WireEvent]:
         """Read the file.

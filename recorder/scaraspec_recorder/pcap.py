@@ -60,10 +60,13 @@ class Capture:
     """The wire events of a capture file, in the order of time. Each iteration reads it anew.
 
     Attributes:
+        needs_login: What it holds passed over TCP.
         path: The file.
         port: TCP port of the controller; None for every connection.
         summary: Complete when an iteration has ended.
     """
+
+    needs_login: Final = True
 
     def __init__(self, path: Path, port: int | None) -> None:
         self.path = path

@@ -28,6 +28,7 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec_recorder import schemas
+from scaraspec_recorder.capture import capture_sink
 from scaraspec_recorder.chunk_writer import ChunkWriter
 from scaraspec_recorder.deriver import Deriver
 from scaraspec_recorder.masking import Redactor
@@ -35,6 +36,8 @@ from scaraspec_recorder.mcap_file import McapSink
 from scaraspec_recorder.mcap_reading import read_mcap
 from scaraspec_recorder.passages import Passage
 from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.recover import recover
+from scaraspec_recorder.sinks import Folder
 
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
 KINDS: dict[str, type[schemas.Message]] = {
@@ -339,6 +342,22 @@ def test_a_redacted_file_holds_no_password(shift: list[WireEvent], tmp_path: Pat
     assert [(e.time_ns, e.kind, len(e.data)) for e in back] == [
         (e.time_ns, e.kind, len(e.data)) for e in shift
     ]
+
+
+@pytest.mark.parametrize("needs_login", [True, False])
+def test_the_file_says_what_link_it_was(
+    shift: list[WireEvent], tmp_path: Path, *, needs_login: bool
+) -> None:
+    """So that whoever reads it knows whether a login was due, also where its end is torn."""
+    sink = capture_sink(Folder(tmp_path, []), draw=False, needs_login=needs_login)
+    for event in shift:
+        sink.write(event)
+    sink.close()
+    capture = read_mcap(tmp_path / "capture.mcap")
+    assert capture.needs_login is needs_login
+    capture.path.write_bytes(capture.path.read_bytes()[:-100])
+    recover(capture.path)
+    assert capture.needs_login is needs_login
 
 
 def test_rerun_reads_it(capture: Path) -> None:

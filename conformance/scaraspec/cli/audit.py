@@ -21,7 +21,9 @@ _PATH = click.Path(path_type=Path)
 @click.command(epilog=EXAMPLE)
 @click.argument("file", type=_PATH)
 @capture_port
-@click.option("--serial", is_flag=True, help="The link was serial: no login is needed (clause 2).")
+@click.option(
+    "--serial", is_flag=True, help="The link was serial (clause 2), if FILE does not say so."
+)
 @click.option(
     "--reading",
     "readings",
@@ -53,7 +55,7 @@ def command(  # noqa: PLR0913 - one for each option
     """
     try:
         dialect = Dialect.parse(readings)
-        results, notes = audit(file, dialect=dialect, port=port, needs_login=not serial)
+        results, notes = audit(file, dialect=dialect, port=port, serial=serial)
         if json_file:
             results.write(json_file)
         if html_file:

@@ -18,9 +18,15 @@ _EVENTS_A_STEP = 1000
 
 
 def audit(
-    file: Path, *, dialect: Dialect, port: int | None, needs_login: bool = True
+    file: Path, *, dialect: Dialect, port: int | None, serial: bool = False
 ) -> tuple[Results, tuple[str, ...]]:
     """Judge a capture.
+
+    Args:
+        file: The capture.
+        dialect: What the controller claims.
+        port: TCP port of the controller in packet captures; None for every connection.
+        serial: Whether the link was serial (L83), though the file may not say so.
 
     Returns:
         The results, inconclusive at best where the file holds other bytes than its accounts say;
@@ -30,6 +36,7 @@ def audit(
         CaptureError: The file cannot be read.
     """
     capture = open_capture(file, port=port)
+    needs_login = capture.needs_login and not serial
     judge, stats = Judge(dialect, needs_login=needs_login), SessionStats()
     columns = (TextColumn("judging {task.completed} events"), TimeElapsedColumn())
     console = Console(stderr=True)

@@ -19,7 +19,6 @@ from scaraspec.cli.certify_options import (
 from scaraspec.cli.certifying import Display, Files, show_plan
 from scaraspec.cli.grouped import GroupedCommand
 from scaraspec.cli.problems import Problem
-from scaraspec.links.url import parse
 from scaraspec.suite.as_client.access import UrlAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.plan import Options, hazards
@@ -94,12 +93,15 @@ def command(  # noqa: PLR0913 - one for each option
         where = url or statement.url
         if not where:
             raise Problem("no controller: name its URL, as tcp://192.168.1.2, or in the ICS file")
-        parse(where)
+        access = UrlAccess(where, patience)
         given = again(allow=allow, ics=ics, seed=seed, examples=examples)
         replay = f"scaraspec certify controller {where}{given}"
-        with Files(out) as files, Display(Console(), len(cases)) as display:
+        with (
+            Files(out, needs_login=access.needs_login) as files,
+            Display(Console(), len(cases)) as display,
+        ):
             setting = ControllerSetting(
-                UrlAccess(where, patience),
+                access,
                 statement,
                 password.encode(),
                 options,

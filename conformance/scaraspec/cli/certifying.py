@@ -107,6 +107,7 @@ class Files:
         out: The folder; None for none.
         sittings: What an earlier run left there is gone on with, not refused; what is recorded
             from then on goes into a folder of its own, ``sitting-2`` and so on.
+        needs_login: False for a serial link (L83).
 
     Attributes:
         earlier: What the earlier run found out.
@@ -117,7 +118,9 @@ class Files:
         OSError: It cannot be made.
     """
 
-    def __init__(self, out: Path | None, *, sittings: bool = False) -> None:
+    def __init__(
+        self, out: Path | None, *, sittings: bool = False, needs_login: bool = True
+    ) -> None:
         self._out = out
         self._recording: Aside | None = None
         self.earlier: Results | None = None
@@ -132,7 +135,8 @@ class Files:
             self.earlier = Results.read(out / RESULTS[0])
             folder = out / f"sitting-{len(list(out.glob('sitting-*'))) + 2}"
             folder.mkdir()
-        self._recording = Aside(folder, [partial(capture_sink, draw=has_viewer())])
+        sink = partial(capture_sink, draw=has_viewer(), needs_login=needs_login)
+        self._recording = Aside(folder, [sink])
 
     @property
     def state_file(self) -> Path | None:

@@ -1,6 +1,6 @@
 """`scaraspec convert`: a capture, written again in another format."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -9,40 +9,45 @@ from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.capture import draw_capture
 from scaraspec_recorder.deriver import Deriver
-from scaraspec_recorder.mcap_file import McapSink
+from scaraspec_recorder.mcap_file import LINK, SERIAL, McapSink
 from scaraspec_recorder.pcap_writing import PcapngWriter
 from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.source import open_capture
+from scaraspec_recorder.source import Capture, McapCapture, open_capture
 
 EXAMPLE = "Example: scaraspec convert field.pcapng field.mcap"
 
 _PATH = click.Path(path_type=Path)
 
 
-def _write_mcap(events: Iterable[WireEvent], target: Path) -> None:
-    deriver = Deriver([McapSink(target.open("wb"))], Judge())
-    for event in events:
+def _write_mcap(capture: McapCapture | Capture, target: Path) -> None:
+    needs_login = capture.needs_login
+    session = {} if needs_login else {LINK: SERIAL}
+    deriver = Deriver([McapSink(target.open("wb"), session)], Judge(needs_login=needs_login))
+    for event in capture:
         deriver.write(event)
     deriver.close()
 
 
-def _write_pcapng(events: Iterable[WireEvent], target: Path) -> None:
+def _draw(capture: McapCapture | Capture, target: Path) -> None:
+    draw_capture(capture, target, needs_login=capture.needs_login)
+
+
+def _write_pcapng(capture: McapCapture | Capture, target: Path) -> None:
     with target.open("wb") as file:
         writer = PcapngWriter(file)
-        for event in events:
+        for event in capture:
             writer.write(event)
     if writer.short_holes:
         told = f"{writer.short_holes} gaps of unknown length are holes of one byte"
         click.echo(f"{target}: {told}", err=True)
 
 
-_WRITERS: dict[str, Callable[[Iterable[WireEvent], Path], None]] = {
+_WRITERS: dict[str, Callable[[McapCapture | Capture, Path], None]] = {
     ".mcap": _write_mcap,
     ".pcapng": _write_pcapng,
-    ".rrd": draw_capture,
+    ".rrd": _draw,
 }
 
 

@@ -93,7 +93,7 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
                 return drawn if whole else redraw(file)
         except OSError as error:
             click.echo(f"{file} is shown as it is: {error.strerror or error}", err=True)
-    draw_capture(capture, scratch)
+    draw_capture(capture, scratch, needs_login=capture.needs_login)
     for note in capture.summary.notes:
         click.echo(f"{file}: {note}", err=True)
     return scratch

@@ -269,7 +269,7 @@ def test_a_terminal_gets_a_dashboard(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo terminal")
 def test_a_serial_line(processes: Any, tmp_path: Path) -> None:
-    """A controller on a serial line is recorded as any other, and needs no login (L83)."""
+    """A controller on a serial line is recorded as any other; its file says so: no login (L83)."""
     pytest.importorskip("serial")
     robot, line = os.openpty()
     recorder = processes.start(
@@ -288,7 +288,7 @@ def test_a_serial_line(processes: Any, tmp_path: Path) -> None:
     events = list(open_capture(tmp_path / "capture.mcap", port=None))
     found = {way: b"".join(e.data for e in events if e.direction is way) for way in (A2C, C2A)}
     assert found == {A2C: question, C2A: answer}
-    assert processes.run("audit", "--serial", str(tmp_path / "capture.mcap")).returncode == 0
+    assert processes.run("audit", str(tmp_path / "capture.mcap")).returncode == 0
 
 
 def read_bytes(descriptor: int, size_bytes: int) -> bytes:
