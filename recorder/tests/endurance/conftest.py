@@ -30,6 +30,8 @@ from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.transfer import Chunk
 from scaraspec_recorder.claims import spool_folder
 from scaraspec_recorder.mcap_reading import read_mcap
+from scaraspec_recorder.scribe import Progress
+from scaraspec_recorder.spool import read_checkpoint
 
 TIMEOUT_S = 60.0
 PACE_S = 0.002
@@ -271,7 +273,7 @@ class Plant:
         until(ready.exists)
         self.out.mkdir()
         self.recorder = Recorder(f"tcp://{ready.read_text().strip()}", self.out, self.log)
-        stack.callback(shutil.rmtree, spool_folder(self.out), ignore_errors=True)
+        stack.callback(shutil.rmtree, self._spool, ignore_errors=True)
         stack.callback(self.recorder.close)
 
     @property
@@ -296,13 +298,16 @@ class Plant:
             until(lambda talker=talker, goal=goal: talker.answered >= goal or talker.failure)
 
     def until_written(self) -> None:
-        """Wait until something of what was said is in a file."""
-        for _ in range(2):  # the first growth may still be going on
-            size_bytes = max(12_000, self._size_bytes())  # of a file that holds nothing of the link
-            until(lambda size_bytes=size_bytes: self._size_bytes() > size_bytes)
+        """Wait until something of what is said from now on is in a file, as the scribe says."""
+        recorded_bytes = self._recorded_bytes()
+        until(lambda: self._recorded_bytes() > recorded_bytes)
 
-    def _size_bytes(self) -> int:
-        return sum(file.stat().st_size for file in self.out.glob("*.mcap"))
+    @property
+    def _spool(self) -> Path:
+        return spool_folder(self.out)  # where it lies may be laid down in a test
+
+    def _recorded_bytes(self) -> int:
+        return Progress.read(read_checkpoint(self._spool).get("state", {})).a2c.recorded_bytes
 
     def until_said(self, *words: str) -> None:
         """Wait until a line of the recorder holds all these."""
