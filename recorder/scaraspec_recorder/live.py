@@ -14,7 +14,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, Final
-from uuid import uuid4
 
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
@@ -134,13 +133,9 @@ class LiveSink:
 def draw(line: Connection, url: str, needs_login: bool) -> None:  # noqa: FBT001 - passed on to a process
     """Be the process that draws: until the line is closed, or the viewer is gone."""
     ignore_signals()
-    import rerun as rr  # noqa: PLC0415 - an optional extra
+    from scaraspec_recorder.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
 
-    from scaraspec_recorder import blueprint, rerun_view  # noqa: PLC0415 - they need it
-
-    stream = rr.RecordingStream(rerun_view.APPLICATION, recording_id=uuid4())
-    stream.connect_grpc(url, default_blueprint=blueprint.layout())
-    drawing = rerun_view.RerunSink(stream, delay_ns=rerun_view.LIVE_DELAY_NS)
+    drawing = RerunSink.to_viewer(url)
     deriver = Deriver([drawing], Judge(needs_login=needs_login))
     try:
         with suppress(EOFError):
@@ -149,7 +144,7 @@ def draw(line: Connection, url: str, needs_login: bool) -> None:  # noqa: FBT001
                 for event in events:
                     deriver.write(event)
                 deriver.tick(now_ns)
-                stream.flush(timeout_sec=PATIENCE_S)
+                drawing.wait(PATIENCE_S)
         _exit_after(PATIENCE_S)
         deriver.close()
     except (RuntimeError, SinkFailed):  # a flush failed: the viewer was closed, or hangs

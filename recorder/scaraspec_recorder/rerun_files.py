@@ -1,4 +1,4 @@
-"""Streams of Rerun into files, begun and ended so that nothing of them is left.
+"""Streams of Rerun, begun and ended so that nothing of them is left.
 
 Law: what is drawn stands elsewhere. The SDK keeps a stream that was closed, and the stream by which
 it sends a layout, with two threads and a mebibyte each; a recorder that rotates for weeks would
@@ -45,6 +45,13 @@ def begin(application: str, path: Path, layout: Any) -> rr.RecordingStream:
         stream.save(path, default_blueprint=sent)  # type: ignore[arg-type]  # it has what is asked of one
     finally:
         sent.end()
+    return stream
+
+
+def connect(application: str, url: str, layout: Any) -> rr.RecordingStream:
+    """Begin a stream into a viewer, with a layout."""
+    stream = rr.RecordingStream(application, recording_id=uuid4())
+    stream.connect_grpc(url, default_blueprint=layout)
     return stream
 
 

@@ -29,6 +29,8 @@ from scaraspec_recorder.sinks import SinkFailed
 from scaraspec_recorder.wording import Line
 
 try:
+    # Its native half tells on stderr what is told here in a sentence; a user may still ask for it.
+    os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 except ImportError:
     raise ImportError("drawing recordings needs rerun: pip install 'scaraspec[view]'") from None
@@ -115,6 +117,20 @@ class RerunSink:
         sink = cls(stream, session)
         sink._path, sink._optimized = path, optimized
         return sink
+
+    @classmethod
+    def to_viewer(cls, url: str) -> "RerunSink":
+        """Draw in a viewer."""
+        stream = rerun_files.connect(APPLICATION, url, blueprint.layout())
+        return cls(stream, delay_ns=LIVE_DELAY_NS)
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait until what was sent has arrived.
+
+        Raises:
+            RuntimeError: It has not after so long.
+        """
+        self._stream.flush(timeout_sec=timeout_s)
 
     def write(self, event: WireEvent) -> None:
         """Take the time of a raw event, and whether its link is up; its bytes are not drawn."""

@@ -225,4 +225,5 @@ def test_writes_that_the_system_refuses(plant: Any, recorded: Callable[[Path], A
     before, after = interruptions(plant.out)
     assert not before
     assert after.endswith(TOO_LARGE)
+    assert "file_sink" not in plant.log.read_text(), "what is said once is said again by rerun"
     assert books_are_right(plant, recorded) == 0
