@@ -25,7 +25,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.links.url import split_host_port
 from scaraspec.report.model import Role
 from scaraspec.suite.as_controller.access import DriverAccess
-from scaraspec.suite.as_controller.attended import Attended
+from scaraspec.suite.as_controller.attended import HELP, Attended
 from scaraspec.suite.as_controller.setting import ClientSetting
 from scaraspec.suite.plan import Options
 from scaraspec.suite.run import Run, collect
@@ -103,6 +103,7 @@ def command(  # noqa: PLR0913 - one for each option
                 replay=f"scaraspec certify client{given}{' --attended' * attended}",
             )
             run = Run(setting, earlier=files.earlier, take=files.take, tell=display.tell)
+            run.bracket.announce = display.announce
             results = run.results()
             files.write(results)
     conclude(results, out)
@@ -126,5 +127,6 @@ def _access(
         access = Attended(*where, click.echo, answer_s=answer_s or _OPERATOR_S)
     except OSError as error:
         raise Problem(f"cannot listen on {listen}: {error.strerror}") from None
-    click.echo(f"listening at {access.host}:{access.port}; type ? for help")
+    click.echo(f"listening at {access.host}:{access.port}. {HELP}")
+    click.echo("Let the client not connect again by itself; what it polls does no harm.")
     return access

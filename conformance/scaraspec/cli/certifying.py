@@ -67,6 +67,7 @@ class Display:
 
     def __init__(self, console: Console, count: int, *, ticks: bool = False) -> None:
         self._console, self._ticks = console, ticks
+        self._count, self._number = count, 0
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -92,8 +93,15 @@ class Display:
         """Take it away."""
         self._bar.stop()
 
+    def announce(self, case: Case) -> None:
+        """A case begins; whoever ticks it off is told what it is about."""
+        if self._ticks:
+            said = f"\ncase {self._number + 1} of {self._count}, {case.id}: {case.sentence}"
+            self._console.print(Text(said), soft_wrap=True)
+
     def tell(self, outcome: Outcome, _count: int) -> None:
         """A case is over."""
+        self._number += 1
         self._bar.update(self._task, advance=1, description=outcome.case.id)
         if self._ticks or outcome.verdict not in (Verdict.PASS, Verdict.NONE):
             said = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"

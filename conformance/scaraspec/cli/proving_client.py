@@ -66,7 +66,7 @@ class MemoryClient:
     def begin(self, name: str, /, **values: Any) -> Call:
         """Give an order, on the wire as a driver gets it."""
         number = len(self._calls) + 1
-        call = self._calls[number] = Call(number, name)
+        call = self._calls[number] = Call(number, name, values)
         line = json.dumps({"id": number, "do": name, **values})
         self._loop.call_soon(self._driver.take, line)
         return call
@@ -90,7 +90,7 @@ class MemoryClient:
         self._loop.ports.add(DEFAULT_PORT)
         return True
 
-    def confirm(self, sentence: str) -> bool | None:  # noqa: ARG002 - a driver says it by itself
+    def ask(self, sentence: str) -> Call | None:  # noqa: ARG002 - a driver says it by itself
         """Nobody is asked."""
         return None
 

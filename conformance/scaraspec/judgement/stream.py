@@ -38,6 +38,11 @@ class Stream:
             at = self._framer.offset_bytes
             yield from self._tell(at, self._framer.feed(event.data), certain=self._in_step)
 
+    @property
+    def held_bytes(self) -> int:
+        """How many bytes there are of a frame that is not whole yet."""
+        return self._framer.held_bytes
+
     def settle(self) -> Iterator[Undecodable]:
         """The other side speaks: what is no frame is over.
 

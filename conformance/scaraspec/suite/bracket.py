@@ -67,6 +67,7 @@ class Bracket:
     Attributes:
         cases: Those that were collected and are wanted.
         items: The tests that they are.
+        announce: Called with each case that begins.
         over: The ids of cases that are over since an earlier sitting.
         before_last: Called ahead of the first case behind which the subject may be gone.
     """
@@ -87,6 +88,7 @@ class Bracket:
         self.items: list[pytest.Item] = []
         self.mistakes: list[str] = []
         self._tell, self._loud = tell, loud
+        self.announce: Callable[[Case], None] = lambda _case: None
         self.over: frozenset[str] = frozenset()
         self.before_last: Callable[[], None] = lambda: None
         self._dead = ""
@@ -216,6 +218,7 @@ class Bracket:
         begun_ns = subject.now_ns
         subject.tolerated.clear()
         self._raised = None
+        self.announce(case)
         runtestprotocol(item, log=self._loud, nextitem=nextitem)
         outcome = self._outcome(case)
         frames = tuple(subject.observer.recent)

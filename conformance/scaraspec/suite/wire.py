@@ -200,6 +200,11 @@ class Wire:
                 return False
 
     @property
+    def mid_frame(self) -> bool:
+        """Whether a frame has been sent in part."""
+        return self._streams[self._ours].held_bytes > 0
+
+    @property
     def over(self) -> bool:
         """Whether it has been ended, by whomever."""
         return self.closed or self.ending is not None
@@ -243,10 +248,16 @@ class Wire:
     def _take(self, direction: Direction, found: "Iterator[FrameSeen | Undecodable]") -> None:
         for item in found:
             self._holder.observer.frame(item)
-            if direction is self._theirs and isinstance(item, FrameSeen):
+            if direction is self._ours:
+                if isinstance(item, FrameSeen):
+                    self._sent(item)
+            elif isinstance(item, FrameSeen):
                 self.heard.append(item)
-            elif direction is self._theirs and isinstance(item, Undecodable):
+            else:
                 self.noise.append(item)
+
+    def _sent(self, seen: FrameSeen) -> None:
+        """A frame of ours is whole: whoever answers by itself may want to know."""
 
     # ------------------------------------------------------------------ ending
 

@@ -76,6 +76,29 @@ def test_no_client_at_all(processes: Any) -> None:
     assert "--attended" in done.stderr
 
 
+POLLS = """
+import asyncio
+from scaraspec.client import AsyncClient, ClientError
+from scaraspec.client.driver import serve
+
+class Polls(AsyncClient):
+    async def connect(self):
+        await super().connect()
+        self.poller = asyncio.create_task(self.poll())
+
+    async def poll(self):
+        try:
+            while True:
+                await self.get_status()
+                await self.get_version()
+                await asyncio.sleep(0.1)
+        except ClientError:
+            pass
+
+asyncio.run(serve(lambda url, password: Polls(url, password=password)))
+"""
+
+
 class Operator:
     """Whoever reads the terminal, works the client, and types what it shows.
 
@@ -86,7 +109,7 @@ class Operator:
     def __init__(self, terminal: int) -> None:
         self._terminal = terminal
         self._client = subprocess.Popen(
-            [*shlex.split(OWN)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [sys.executable, "-c", POLLS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         self._number = 0
         self._last: dict[str, Any] = {}
@@ -157,7 +180,10 @@ def attend(tmp_path: Path) -> Callable[..., tuple[int, list[str]]]:
 
 
 def test_attended(attend: Callable[..., tuple[int, list[str]]], tmp_path: Path) -> None:
-    """The operator leaves after the first steps, comes back, and the rest is ticked off."""
+    """The operator leaves after the first steps, comes back, and the rest is ticked off.
+
+    His client asks for what he is to ask for by itself, all the time.
+    """
     status, read = attend("--only", "4.7,4.8", leave_at="pass 4.7/1")
     assert status == 3, read
     first = Results.read(tmp_path / "out/results.json")

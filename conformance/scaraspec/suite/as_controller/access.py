@@ -79,8 +79,8 @@ class Access(Protocol):
     def listen_at_default(self) -> bool:
         """Also listen at port 8877 (2/3); whether that can be done."""
 
-    def confirm(self, sentence: str) -> bool | None:
-        """Whether somebody who watches it says that this is so; None where nobody is asked."""
+    def ask(self, sentence: str) -> Call | None:
+        """Ask whoever watches it whether this is so; None where nobody does."""
 
     def restart(self) -> None:
         """End it, and start it anew.
@@ -162,7 +162,7 @@ class DriverAccess:
             self._listeners.append(socket.create_server((LOOPBACK, DEFAULT_PORT)))
         return len(self._listeners) > 1
 
-    def confirm(self, sentence: str) -> bool | None:  # noqa: ARG002 - a driver says it by itself
+    def ask(self, sentence: str) -> Call | None:  # noqa: ARG002 - a driver says it by itself
         """Nobody is asked."""
         return None
 

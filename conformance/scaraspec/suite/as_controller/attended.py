@@ -19,7 +19,11 @@ from scaraspec.suite.expect import NotRun
 
 _READ_BYTES: Final = 4096
 _ANSWERS: Final = {"y": True, "yes": True, "n": False, "no": False}
-_HELP: Final = "y = yes, n = no, s = skip this step, q = leave (and resume later), ? = say it again"
+HELP: Final = (
+    'Do what follows "now", as soon as it is said. Type y = yes, n = no, or: the client refuses to '
+    "do it; s = skip this case, q = leave (the same --out goes on later), ? = say it again."
+)
+"""What an operator has to know."""
 
 
 class Attended:
@@ -59,6 +63,7 @@ class Attended:
         self._held = b""
         self._told = ""
         self._number = 0
+        self._asked: Call | None = None
 
     @property
     def now_ns(self) -> int:
@@ -73,22 +78,23 @@ class Attended:
     def begin(self, name: str, /, **values: Any) -> Call:
         """Tell the operator what to do; hanging up is done by us."""
         self._number += 1
-        call = Call(self._number, name)
+        call = Call(self._number, name, values)
         if name == "disconnect":
             call.answer = {"ok": True}
         else:
             given = ", ".join(f"{key} = {value}" for key, value in values.items())
             self._tell(f"now: {name}" + (f" with {given}" if given else ""))
+            self._asked = call
         return call
 
     def pump(self) -> None:
         """Take what the operator has typed.
 
         Raises:
-            NotRun: He skips the step.
+            NotRun: He skips the case.
             KeyboardInterrupt: He leaves.
         """
-        while ready_of(time.monotonic(), self._input_fd):
+        while b"\n" in self._held or ready_of(time.monotonic(), self._input_fd):
             self._obey(self._line())
 
     def wait(self, deadline_s: float) -> None:
@@ -107,17 +113,11 @@ class Attended:
         """The operator has been told where to connect."""
         return False
 
-    def confirm(self, sentence: str) -> bool | None:
-        """Ask him whether the client shows this.
-
-        Raises:
-            NotRun: He skips the question.
-            KeyboardInterrupt: He leaves.
-        """
+    def ask(self, sentence: str) -> Call | None:
+        """Ask him whether the client shows this; he says so when he has seen it."""
+        self._asked = question = Call(0, "", {})
         self._tell(f"does the client show that {sentence}? [y/n]")
-        while (answer := _ANSWERS.get(line := self._line())) is None:
-            self._obey(line)
-        return answer
+        return question
 
     def restart(self) -> None:
         """The operator sees to that by himself."""
@@ -133,11 +133,17 @@ class Attended:
         self._say(sentence)
 
     def _obey(self, line: str) -> None:
+        """Do what he types: he answers the question, or says that the client refuses the order."""
+        answer, asked = _ANSWERS.get(line), self._asked
         if line == "s":
             raise NotRun("the operator skipped it")
         if line == "q":
             raise KeyboardInterrupt
-        self._say(f"{_HELP}\n{self._told}")
+        if answer is None or asked is None or (asked.name and answer):
+            self._say(f"{HELP}\n{self._told}")
+        else:
+            self._asked = None
+            asked.answer = {"ok": answer}
 
     def _line(self) -> str:
         """The next line that he types.

@@ -16,12 +16,15 @@ class Call:
     Attributes:
         number: Its id.
         name: Its name.
+        values: What was ordered.
         answer: What the client said of it; None as long as it has said nothing.
+        came: The request that it brings about has come.
     """
 
-    def __init__(self, number: int, name: str) -> None:
-        self.number, self.name = number, name
+    def __init__(self, number: int, name: str, values: "Mapping[str, Any]") -> None:
+        self.number, self.name, self.values = number, name, values
         self.answer: Mapping[str, Any] | None = None
+        self.came = False
 
     @property
     def unimplemented(self) -> bool:

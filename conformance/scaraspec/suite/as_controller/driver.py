@@ -69,7 +69,7 @@ class Driver:
             DriverEndedError: The process has ended, or reads no more.
         """
         self._number += 1
-        call = self._calls[self._number] = Call(self._number, name)
+        call = self._calls[self._number] = Call(self._number, name, values)
         line = json.dumps({"id": self._number, "do": name, **values}, ensure_ascii=True)
         try:
             self._input.write(line.encode() + b"\n")

@@ -1,18 +1,16 @@
 """Executing: the two-stage commands of a client under test: ordered, accepted, ended.
 
-What the client says of them is held against what it was sent. Queries that it makes of its own
-accord are answered, since nothing forbids them.
+What the client says of them is held against what it was sent.
 """
 
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-from scaraspec.protocol.commands import JointValues, Pose, RunningProgram
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, expect, expect_in
 
@@ -53,21 +51,6 @@ ORDERS: Final = (*REASONED, STOP)
 """Every two-stage command."""
 
 _BESIDE_S: Final = 2.0
-_GLANCE_S: Final = 0.25
-_GLANCES: Final = 4
-_ANSWERS: Final = MappingProxyType(
-    {
-        "get_time": "20141222143000",
-        "get_version": "1.0.0",
-        "get_running_program": RunningProgram(b"pro1.rob", 5),
-        "get_motor_temperatures": JointValues(20, 38, 34, 22),
-        "get_tool_coordinates": Pose(200, 300, 324, 34.6, 0, 0),
-        "get_joint_angles": JointValues(20.4, 30.5, 38, 0),
-        "get_digital_inputs": "00000000",
-        "get_digital_outputs": "0000000000000000",
-    }
-)
-"""What is said to queries that nobody ordered."""
 
 
 def ordered(subject: Subject, line: Line, order: Order) -> Call:
@@ -81,6 +64,7 @@ def executing(subject: Subject, line: Line, order: Order) -> Call:
     """Give an order, and accept it."""
     call = ordered(subject, line, order)
     line.reply(order.name, data=b"1")
+    line.polls.answers["get_status"] = order.status.encode()
     return call
 
 
@@ -98,77 +82,48 @@ def beside(subject: Subject, line: Line) -> None:
     """
     if "beside" not in subject.known:
         first = executing(subject, line, RUN)
-        second = subject.begin("get_version")
+        name, _ = subject.unpolled("get_version", "get_time", "get_joint_angles")
+        second = subject.begin(name)
         with suppress(NoAnswer):
-            line.request("get_version", within_s=_BESIDE_S)
+            line.request(name, within_s=_BESIDE_S)
             subject.known["beside"] = True
-            line.reply("get_version", "1.0.0")
+            line.reply(name, data=REPLIES[name])
         line.result(RUN.name)
-        finished(subject, line, first)
+        finished(subject, first)
         if not subject.known.setdefault("beside", False) and second.answer is None:
-            line.serve(second, "1.0.0")
+            line.serve(second, data=REPLIES[name])
         subject.settled(second)
     if not subject.known["beside"]:
         raise NotRun("the client takes no order while another one executes")
 
 
-def attend(subject: Subject, line: Line, for_s: float, status: str = "00") -> None:
-    """Let time pass, and answer what the client asks of its own accord."""
-    deadline_s = subject.access.now_s + for_s
-    while not line.over and (left_s := deadline_s - subject.access.now_s) > 0:
-        with suppress(NoAnswer):
-            asked = line.awaited(
-                lambda seen: seen.name == "get_status" or seen.name in _ANSWERS, left_s, ""
-            )
-            name = asked.seen.name
-            line.reply(name, status if name == "get_status" else _ANSWERS[name])
-
-
-def settled(subject: Subject, line: Line, call: Call) -> Call:
-    """Wait for what it says of an order, and answer what it asks; an operator is asked later."""
-    if subject.access.attended:
-        return call
-    for _ in range(_GLANCES):
-        if subject.speaks(call, _GLANCE_S):
-            break
-        attend(subject, line, _GLANCE_S)
-    return subject.settled(call)
-
-
-def finished(subject: Subject, line: Line, call: Call, *, requirement: str = "") -> None:
+def finished(subject: Subject, call: Call, *, requirement: str = "") -> None:
     """An order has to be said to have been accepted and done.
 
     Raises:
         Unmet: The client says something else, or nothing.
     """
-    settled(subject, line, call)
     subject.done(call, requirement=requirement)
     _expect_said(call, {"accepted": True, "outcome": "11"}, requirement)
 
 
-def refused(
-    subject: Subject, line: Line, call: Call, code: str = "", *, requirement: str = ""
-) -> None:
+def refused(subject: Subject, call: Call, code: str = "", *, requirement: str = "") -> None:
     """An order has to be said to have been refused; a code that is told has to be this one.
 
     Raises:
         Unmet: The client says something else, or nothing.
     """
-    settled(subject, line, call)
     subject.fails(call, requirement=requirement)
     _expect_said(call, {"accepted": False}, requirement)
     _expect_code(call, code, requirement)
 
 
-def failed(
-    subject: Subject, line: Line, call: Call, code: str = "", *, requirement: str = ""
-) -> None:
+def failed(subject: Subject, call: Call, code: str = "", *, requirement: str = "") -> None:
     """An order has to be said to have been accepted and to have failed; so has its code.
 
     Raises:
         Unmet: The client says something else, or nothing.
     """
-    settled(subject, line, call)
     subject.fails(call, requirement=requirement)
     _expect_said(call, {"accepted": True, "outcome": "00"}, requirement)
     _expect_code(call, code, requirement)

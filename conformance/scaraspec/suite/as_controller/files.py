@@ -16,7 +16,6 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, chunks_of
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
-from scaraspec.suite.as_controller.orders import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.chunks import chunk_of, expect_next
 from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
@@ -32,14 +31,6 @@ _GRACE_S: Final = 0.5  # until what it has given up is told
 # ---------------------------------------------------------------------- either way
 
 
-def be_polite(line: Line) -> None:
-    """Answer what the client asks besides: it may ask for more than it needs."""
-    for seen in tuple(line.heard):
-        if seen.name in REPLIES:
-            line.heard.remove(seen)
-            line.reply(seen.name, data=REPLIES[seen.name])
-
-
 def reaction(
     subject: Subject, line: Line, call: Call, command: str, within_s: float | None = None
 ) -> Answer | None:
@@ -51,65 +42,40 @@ def reaction(
             return line.request(command, within_s=min(_SLICE_S, max(left_s, 0)))
         if last:
             return None
-        be_polite(line)
         left_s -= _SLICE_S
 
 
-def request(subject: Subject, line: Line, command: str, call: Call | None = None) -> Answer:
-    """Await a request, as `Line.request` does; what else is asked meanwhile is answered.
-
-    Raises:
-        NoAnswer: It does not come.
-        Unmet: The client says that the operation is over, and has not sent it.
-    """
-    left_s = subject.answer_s
-    while True:
-        try:
-            return line.request(command, call, within_s=_SLICE_S)
-        except NoAnswer:
-            left_s -= _SLICE_S
-            if line.over or left_s <= 0:
-                raise
-        be_polite(line)
-
-
-def _attend(subject: Subject, line: Line, call: Call, within_s: float, requirement: str) -> None:
-    """Answer what the client asks, until it says what came of an order.
+def _settled(subject: Subject, call: Call, within_s: float, requirement: str) -> None:
+    """Wait for what the client says of an order; an operator is asked later.
 
     Raises:
         Unmet: It says nothing.
     """
-    left_s = within_s
-    while not subject.access.attended and not subject.speaks(call, _SLICE_S):
-        left_s -= _SLICE_S
-        if left_s <= 0:
-            raise Unmet(
-                f"the client does not say in {within_s:g} s what came of {call.name}",
-                expected="an answer of its driver",
-                observed="silence",
-                requirement=requirement,
-            )
-        if not line.over:
-            be_polite(line)
+    if not subject.access.attended:
+        try:
+            subject.settled(call, within_s=within_s)
+        except Unmet as error:
+            error.requirement = requirement
+            raise
 
 
-def expect_done(subject: Subject, line: Line, call: Call) -> None:
+def expect_done(subject: Subject, call: Call) -> None:
     """A transfer of which everything has come has to be over, and done.
 
     Raises:
         Unmet: It is not.
     """
-    _attend(subject, line, call, subject.answer_s, "5.1/7")  # to the client it is never over
+    _settled(subject, call, subject.answer_s, "5.1/7")  # to the client it is never over
     subject.done(call, requirement="5.2/19")
 
 
-def expect_failed(subject: Subject, line: Line, call: Call, requirement: str = "5.2/19") -> None:
+def expect_failed(subject: Subject, call: Call, requirement: str = "5.2/19") -> None:
     """A transfer has to fail, at once or when the client has waited in vain (A-5-14).
 
     Raises:
         Unmet: It does not.
     """
-    _attend(subject, line, call, limits_of(subject).over_s + _GRACE_S, requirement)
+    _settled(subject, call, limits_of(subject).over_s + _GRACE_S, requirement)
     subject.fails(call, requirement=requirement)
 
 
@@ -157,15 +123,14 @@ def serving(subject: Subject, line: Line, what: str) -> Line:
 
 
 def _ask_status(subject: Subject, line: Line) -> None:
-    be_polite(line)
     call = subject.begin("get_status")
     line.serve(call, "00")
-    _attend(subject, line, call, subject.answer_s, "5.4/6")
+    _settled(subject, call, subject.answer_s, "5.4/6")
     subject.gives(call, "00")
 
 
-def _expect_named(subject: Subject, line: Line, call: Call, remote: str, requirement: str) -> None:
-    asked = request(subject, line, f"{call.name}_name", call)
+def _expect_named(line: Line, call: Call, remote: str, requirement: str) -> None:
+    asked = line.request(f"{call.name}_name", call)
     sent = asked.frame.data.removesuffix(b"\0")  # which some end a text with (A-T-3)
     expect_equal(sent, remote.encode(), "the name sent", requirement=requirement)
 
@@ -196,7 +161,7 @@ class Upload:
         local = subject.file(content)
         remote = remote or Path(local).name
         self.call = subject.begin("upload", local=local, remote=remote)
-        _expect_named(subject, line, self.call, remote, "5.2/1")
+        _expect_named(line, self.call, remote, "5.2/1")
 
     def accept(self) -> None:
         """Answer the name: the file has been created."""
@@ -265,15 +230,15 @@ class Upload:
 
     def expect_done(self) -> None:
         """The upload has to be over, and done; see `expect_done`."""
-        expect_done(self._subject, self._line, self.call)
+        expect_done(self._subject, self.call)
 
     def expect_failed(self, requirement: str = "5.2/19") -> None:
         """The upload has to fail; see `expect_failed`."""
-        expect_failed(self._subject, self._line, self.call, requirement)
+        expect_failed(self._subject, self.call, requirement)
 
     def _frame(self, requirement: str) -> Answer:
         try:
-            return request(self._subject, self._line, "upload_chunk", self.call)
+            return self._line.request("upload_chunk", self.call)
         except Unmet as error:
             error.requirement = requirement
             raise
@@ -338,7 +303,7 @@ class Download:
         self.received = b""
         remote = remote or self.local.name
         self.call = subject.begin("download", remote=remote, local=str(self.local))
-        _expect_named(subject, line, self.call, remote, "5.3/1")
+        _expect_named(line, self.call, remote, "5.3/1")
 
     @property
     def stored(self) -> bytes | None:
@@ -387,7 +352,7 @@ class Download:
             Unmet: It does not take it, or does not answer.
         """
         try:
-            answer = request(self._subject, self._line, "download_chunk")
+            answer = self._line.request("download_chunk")
         except NoAnswer as error:
             error.requirement = "5.3/5"
             raise
@@ -406,9 +371,9 @@ class Download:
         Raises:
             Unmet: It is not.
         """
-        expect_done(self._subject, self._line, self.call)
+        expect_done(self._subject, self.call)
         size_bytes, content = len(self.received), self.received
-        confirmed = self._subject.access.confirm(f"{self.local} holds {size_bytes} bytes")
+        confirmed = self._subject.confirmed(f"{self.local} holds {size_bytes} bytes")
         stored = self.stored
         if confirmed or (confirmed is None and stored == content):
             return
@@ -429,7 +394,7 @@ class Download:
         Raises:
             Unmet: It does not, or something else is there.
         """
-        expect_failed(self._subject, self._line, self.call, requirement)
+        expect_failed(self._subject, self.call, requirement)
         stored, received = self.stored, self.received
         if stored is None:
             return

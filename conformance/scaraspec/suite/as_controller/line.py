@@ -1,18 +1,21 @@
 """Line: one connection from the client under test, on which the suite plays the controller.
 
 Replies are made from the command table, or are whatever bytes a case wants. Which reply is due is
-not known here.
+not known here. What the client asks of its own accord is answered while a case waits for something.
 """
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
+from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.links.link import Link
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_controller.call import Call
-from scaraspec.suite.expect import Unmet, expect_equal, told
+from scaraspec.suite.as_controller.polls import Polls
+from scaraspec.suite.expect import NoAnswer, NotRun, expect_equal
 from scaraspec.suite.wire import Answer, Wire
 
 if TYPE_CHECKING:
@@ -27,11 +30,17 @@ _DONE: Final = "11"
 
 
 class Line(Wire):
-    """One connection; made by `Subject.open`."""
+    """One connection; made by `Subject.open`.
+
+    Attributes:
+        polls: What the client asks of its own accord.
+    """
 
     def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
-        super().__init__(name, link, subject, C2A, judged=judged)
+        self.polls = Polls(subject.awaits)
         self._subject = subject
+        self._answering = False
+        super().__init__(name, link, subject, C2A, judged=judged)
 
     # ------------------------------------------------------------------ listening
 
@@ -48,37 +57,53 @@ class Line(Wire):
         Raises:
             NoAnswer: None came.
             Unmet: The client says that the operation is over, and has not sent it.
-            NotRun: The client lacks the operation.
+            NotRun: The client lacks the operation, or its operator is away.
         """
         command = BY_NAME[name]
         opcodes = {command.opcode, command.also} - {None}
-        with self._subject.expecting(call):
-            return self.awaited(
-                lambda seen: seen.frame.opcode in opcodes,
-                self._subject.answer_s if within_s is None else within_s,
-                f"{name} was not sent",
-            )
+        patience_s = self._subject.answer_s if within_s is None else within_s
+        try:
+            with self._subject.expecting(call):
+                request = self.awaited(
+                    lambda seen: (
+                        seen.frame.opcode in opcodes and not self._subject.repeats(seen, call)
+                    ),
+                    patience_s,
+                    f"{name} was not sent",
+                )
+        except NoAnswer:
+            if self._subject.access.attended and within_s is None and not self.over:
+                raise NotRun(f"the operator did not do it in {patience_s:g} s") from None
+            raise
+        self.polls.taken(request.seen)
+        self._subject.came(name)
+        return request
 
-    def nothing(self, what: str, *, for_s: float = 0.0, requirement: str = "") -> None:
-        """Fail the client if it sends anything.
+    def _receive(self, deadline_s: float) -> bool:
+        """Take one arrival, as `Wire` does, and answer polls before and behind it."""
+        self._answer_polls()
+        received = super()._receive(deadline_s)
+        self._answer_polls()
+        return received
 
-        Args:
-            what: What must not come, in the words of the report.
-            for_s: How long to wait; by default as long as it takes to be sure.
-            requirement: The requirement in question; empty for the first of the case.
+    def _answer_polls(self) -> None:
+        if self._answering:
+            return
+        self._answering = True
+        try:
+            while not (self.over or self.mid_frame):
+                poll = self.polls.next(self.heard, self._subject.access.now_s)
+                if poll is None:
+                    break
+                self.heard.remove(poll)
+                self._subject.polled.add(poll.frame)
+                with suppress(NoAnswer):  # it asks, and hangs up
+                    self.send_frame(self.polls.answer(poll))
+        finally:
+            self._answering = False
 
-        Raises:
-            Unmet: It does.
-        """
-        self.wait(for_s or self._subject.silence_s)
-        self.flush()
-        if self.heard or self.noise:
-            sent = [told(seen.frame) for seen in self.heard]
-            sent += [told(noise.data) for noise in self.noise]
-            message = f"the client sent what it must not: {what}"
-            raise Unmet(
-                message, expected="nothing", observed="; ".join(sent), requirement=requirement
-            )
+    def _sent(self, seen: FrameSeen) -> None:
+        self.polls.sent(seen)
 
     # ------------------------------------------------------------------ sending
 

@@ -27,6 +27,7 @@ from scaraspec.protocol.fields import Number, Wrong, show
 from scaraspec.protocol.payloads import FirstReply, Jog, JogDirection, Record
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import PASSWORD, Line
+from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.saying import spoken
 from scaraspec.suite.expect import NotRun, Unmet
 from scaraspec.suite.wire import Answer as Request
@@ -54,25 +55,6 @@ VALUES: Final[Mapping[str, Any]] = {
 
 But for thetaY of a move, which means nothing (L1006).
 """
-
-REPLIES: Final[Mapping[str, bytes]] = {
-    "get_network": b"192.168.1.2|255.255.255.0|192.168.1.1",
-    "get_time": b"20141222143000",
-    "get_version": b"1.0.0",
-    "get_status": b"00",
-    "get_running_program": b"1|myprogram1.txt|00011230",
-    "list_programs": b"0|pro1.rob|pro2.rob|pro3.rob",
-    "get_default_program": b"pro1.txt",
-    "get_motor_temperatures": b"20|38|34|22",
-    "get_gripper_center": b"200|300|456",
-    "get_initial_tool_position": b"200|300|324|34.6|34.5|0",
-    "get_tool_coordinates": b"200|300|324|34.6|34.5|0",
-    "get_joint_angles": b"20.4|30.5|38.0|0",
-    "get_digital_inputs": b"1|10000000",
-    "get_analog_input": b"1|100",
-    "get_digital_outputs": b"1|1001000011110000",
-}
-"""The document's own example of the reply to every query, with the bars that it lost (A-0-1)."""
 
 _OF_WRITING: Final[Mapping[Wrong, str]] = {
     Wrong.SPACE_FOR_BAR: "T/1",

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Final
 
 from scaraspec.suite.as_controller.call import Call
-from scaraspec.suite.as_controller.files import be_polite
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.expect import Undecided, Unmet
@@ -44,7 +43,7 @@ def survived(
         raise
 
 
-def given_up(subject: Subject, line: Line, call: Call, requirement: str) -> None:
+def given_up(subject: Subject, call: Call, requirement: str) -> None:
     """Keep silent until the client gives up, which it has to do after 25 s and within 60 s.
 
     Raises:
@@ -53,8 +52,6 @@ def given_up(subject: Subject, line: Line, call: Call, requirement: str) -> None
     limits, silence = limits_of(subject), Silence(subject)
     while call.answer is None and silence.passed_s < limits.over_s:
         subject.pause(_LOOK_S)
-        if not line.over:
-            be_polite(line)
     passed_s = silence.passed_s
     try:
         subject.fails(call, within_s=_GRACE_S)

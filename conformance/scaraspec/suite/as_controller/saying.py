@@ -44,6 +44,18 @@ def spoken(value: Any) -> Any:
     return value
 
 
+def shown(value: Any) -> str:
+    """What `spoken` gives, in words for whoever looks at a client's window."""
+    match value:
+        case dict():
+            return ", ".join(f"{key} = {shown(item)}" for key, item in value.items())
+        case list():
+            return ", ".join(map(shown, value)) or "nothing"
+        case float():
+            return f"{value:.15g}"
+    return "nothing" if value is None else f"{value}"
+
+
 def same(said: Any, expected: Any) -> bool:
     """Whether a client said what was expected of it."""
     match expected:

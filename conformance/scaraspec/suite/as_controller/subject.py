@@ -7,19 +7,26 @@ here but by the checks that cases call.
 import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
+from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.protocol.commands import BY_NAME
 from scaraspec.suite.as_controller.access import Access
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.driver import DriverEndedError, DriverError
 from scaraspec.suite.as_controller.line import PASSWORD, Line
-from scaraspec.suite.as_controller.saying import same
+from scaraspec.suite.as_controller.polls import REPLIES
+from scaraspec.suite.as_controller.saying import same, shown
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.statement import Statement
 from scaraspec.suite.wire import Wire
 
+if TYPE_CHECKING:
+    from scaraspec.protocol.frames import Frame
+
 _SILENCE_S: Final = 0.3
+_SLICE_S: Final = 0.02  # for how long a connection may wait while others speak
 _CONCURRENT_S: Final = 2.0
 
 
@@ -36,6 +43,7 @@ class Subject:
         tolerated: What the running case saw of listed readings: requirement, key, option, sentence.
         found: The readings that were found out, by key.
         known: What cases found out once for all of the run, by a name of their own.
+        polled: The requests that it has sent of its own accord.
         survival: No requirement of its own: see `party.Party`.
         off: Never: a client stays.
     """
@@ -46,12 +54,14 @@ class Subject:
         self.tolerated: list[tuple[str, str, str, str]] = []
         self.found: dict[str, str] = {}
         self.known: dict[str, Any] = {}
+        self.polled: set[Frame] = set()
         self.survival = ""
         self.off = False
         self._lines: list[Line] = []
         self._connections = itertools.count(1)
         self._files = itertools.count(1)
         self._expected: Call | None = None
+        self._orders: list[Call] = []
 
     # ------------------------------------------------------------------ time
 
@@ -102,8 +112,9 @@ class Subject:
             Unmet: It does not.
             NotRun: It cannot.
         """
-        if self.access.attended and (kept := self._open_line()):
+        if self.access.attended and (kept := self._open_line()) and kept.polls.logged_in:
             kept.heard.clear()
+            kept.polls.renew()
             return kept
         line, call = self.dial(judged=judged)
         line.log_in(call)
@@ -135,9 +146,11 @@ class Subject:
         call = self.begin("connect", **ordered)
         deadline_s = self.access.now_s + self.answer_s
         with self.expecting(call):
-            while (link := self.access.accept(deadline_s)) is None:
-                self._pump()
+            while (link := self.access.accept(self._slice(deadline_s))) is None:
+                self._pump_all()
                 if self.access.now_s >= deadline_s:
+                    if self.access.attended:
+                        raise NotRun(f"the operator did not do it in {self.answer_s:g} s")
                     raise NoAnswer("connect was ordered, and no connection came")
         line = Line(str(next(self._connections)), link, self, judged=judged)
         self._lines.append(line)
@@ -172,7 +185,38 @@ class Subject:
             Undecided: Its driver does not keep to its protocol.
         """
         with _told():
-            return self.access.begin(name, **values)
+            call = self.access.begin(name, **values)
+        self._orders.append(call)
+        return call
+
+    def awaits(self, seen: FrameSeen) -> bool:
+        """Whether this may be the request of an order whose own has not come yet."""
+        return any(
+            order.name == seen.name
+            and not order.came
+            and not order.failed
+            and not self.repeats(seen, order)
+            for order in self._orders
+        )
+
+    def repeats(self, seen: FrameSeen, order: Call | None) -> bool:
+        """Whether this asks what the client has asked by itself before, and not what was ordered.
+
+        Such are polls of one port while another one is ordered.
+        """
+        return (
+            order is not None
+            and bool(order.values)
+            and seen.frame in self.polled
+            and seen.value not in order.values.values()
+        )
+
+    def came(self, name: str) -> None:
+        """The request of the oldest order of this name has come."""
+        for order in self._orders:
+            if order.name == name and not order.came:
+                order.came = True
+                break
 
     @contextmanager
     def expecting(self, call: Call | None) -> Iterator[None]:
@@ -215,15 +259,24 @@ class Subject:
 
     def _heard(self, call: Call) -> bool:
         """Take what has come; whether the order has been answered."""
+        self._pump_all()
+        return call.answer is not None
+
+    def _pump_all(self) -> None:
         for line in self._lines:
             line.pump()
         self._pump()
-        return call.answer is not None
 
     def _wait(self, deadline_s: float) -> None:
         with _told():
-            self.access.wait(deadline_s)
+            self.access.wait(self._slice(deadline_s))
         self._pump()
+
+    def _slice(self, deadline_s: float) -> float:
+        """Until when to wait for something else than what may come on an open connection."""
+        if self._open_line() is None:
+            return deadline_s
+        return min(deadline_s, self.access.now_s + _SLICE_S)
 
     def _pump(self) -> None:
         with _told():
@@ -239,13 +292,29 @@ class Subject:
 
     # ------------------------------------------------------------------ what it says
 
+    def confirmed(self, sentence: str, call: Call | None = None) -> bool | None:
+        """Whether an operator says that the client shows this; None where nobody is asked.
+
+        Args:
+            sentence: What it should show.
+            call: The order in question; nobody is asked about one that has been answered.
+        """
+        if call is not None and call.answer is not None:
+            return None
+        question = self.access.ask(sentence)
+        if question is None:
+            return None
+        while not self.speaks(question, self.answer_s):
+            pass  # he may be away
+        return question.ok
+
     def done(self, call: Call, *, requirement: str = "", within_s: float | None = None) -> Any:
         """What came of an order, which has to have been done.
 
         Raises:
             Unmet: The client says that it was not, or says nothing.
         """
-        confirmed = self.access.confirm(f"{call.name} was done")
+        confirmed = self.confirmed(f"{call.name} was done", call)
         if confirmed is None:
             confirmed = self.settled(call, within_s=within_s).ok
         if not confirmed:
@@ -263,7 +332,7 @@ class Subject:
         Raises:
             Unmet: It is something else.
         """
-        confirmed = self.access.confirm(f"{call.name} gave {expected}")
+        confirmed = self.confirmed(f"{call.name} gave {shown(expected)}", call)
         if confirmed is None:
             result = self.done(call, requirement=requirement)
             expect(
@@ -287,7 +356,7 @@ class Subject:
         Raises:
             Unmet: The client says that it was done, or says nothing.
         """
-        failed = self.access.confirm(f"{call.name} failed")
+        failed = self.confirmed(f"{call.name} failed", call)
         if failed is None:
             self.settled(call, within_s=within_s)
             failed = call.failed
@@ -325,21 +394,28 @@ class Subject:
             NotRun: It, or its driver, does one thing at a time.
         """
         if "concurrent" not in self.known:
-            first = self.begin("get_version")
-            line.request("get_version", first)
-            second = self.begin("get_status")
+            one, other = self.unpolled("get_version", "get_status", "get_time", "get_joint_angles")
+            first = self.begin(one)
+            line.request(one, first)
+            second = self.begin(other)
             with suppress(NoAnswer):
-                line.request("get_status", within_s=_CONCURRENT_S)
+                line.request(other, within_s=_CONCURRENT_S)
                 self.known["concurrent"] = True
             self.known.setdefault("concurrent", False)
-            line.reply("get_version", "V1.00")
+            line.reply(one, data=REPLIES[one])
             if not self.known["concurrent"]:
-                line.request("get_status", second)
-            line.reply("get_status", "00")
+                line.request(other, second)
+            line.reply(other, data=REPLIES[other])
             self.settled(first)
             self.settled(second)
         if not self.known["concurrent"]:
             raise NotRun("the client does one thing at a time")
+
+    def unpolled(self, *names: str) -> tuple[str, str]:
+        """The first two of these queries that it does not make by itself, if there are any."""
+        asked = {frame.opcode for frame in self.polled}
+        one, other, *_ = sorted(names, key=lambda name: BY_NAME[name].opcode in asked)
+        return one, other
 
     def lacks(self, name: str) -> bool:
         """Whether it says that it lacks this operation."""
@@ -367,6 +443,7 @@ class Subject:
             Unmet: It is not.
             Undecided: Its driver does not keep to its protocol.
         """
+        self._orders.clear()
         if self.access.attended:
             return  # he would be asked to do the same over and over
         self.close_lines()

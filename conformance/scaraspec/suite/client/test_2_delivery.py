@@ -5,7 +5,8 @@ from typing import Final
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.lists import list_of
-from scaraspec.suite.as_controller.orders import REPLIES, accomplished, awaited, order
+from scaraspec.suite.as_controller.orders import accomplished, awaited, order
+from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.expect import NotRun

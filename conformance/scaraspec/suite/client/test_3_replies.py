@@ -11,13 +11,13 @@ from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
-    REPLIES,
     accomplished,
     awaited,
     of_each,
     order,
     sent_or_settled,
 )
+from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.expect import NoAnswer, expect, expect_equal

@@ -6,7 +6,6 @@ from scaraspec.protocol.commands import BY_NAME, PasswordChange
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
-    REPLIES,
     VALUES,
     answer,
     ask,
@@ -16,6 +15,7 @@ from scaraspec.suite.as_controller.orders import (
     refuses,
     sent_or_settled,
 )
+from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.expect import expect
@@ -26,6 +26,8 @@ _LENGTHS_BYTES: Final = (127, 128, 129, 170, 200, 204, 254, 255)
 _SIGNED: Final = 127
 _TOO_LONG_BYTES: Final = (256, 257, 300, 511, 512, 600)
 _PAUSE_S: Final = 0.3
+_TWICE: Final = {"get_status": ("00", "01"), "get_version": ("1.0.0", "1.0.1")}
+"""Two answers to the same question."""
 
 
 @client_case("3/1", "3/2", "3/3", "3/7", "3/10", "3/15", "3/32")
@@ -121,18 +123,20 @@ def test_farewell(subject: Subject, line: Line) -> None:
 
 @client_case("3/25")
 def test_one_at_a_time(subject: Subject, line: Line) -> None:
-    """The status is asked for twice at once; each answer goes to who asked for it."""
+    """The same is asked for twice at once; each answer goes to who asked for it."""
     subject.concurrent(line)
-    first, second = subject.begin("get_status"), subject.begin("get_status")
-    line.request("get_status", first)
+    name, _ = subject.unpolled(*_TWICE)
+    one, other = _TWICE[name]
+    first, second = subject.begin(name), subject.begin(name)
+    line.request(name, first)
     line.wait(_PAUSE_S)
-    if any(seen.name == "get_status" for seen in line.heard):
-        subject.tolerate("3/25", "A-3-14", "two open requests", "get_status is sent twice at once")
-    line.reply("get_status", "00")
+    if any(seen.name == name for seen in line.heard):
+        subject.tolerate("3/25", "A-3-14", "two open requests", f"{name} is sent twice at once")
+    line.reply(name, one)
     if sent_or_settled(subject, line, second) is None:
-        subject.gives(second, "00")  # it was content with the answer to the first
+        subject.gives(second, one)  # it was content with the answer to the first
     else:
-        line.request("get_status", second)
-        line.reply("get_status", "01")
-        subject.gives(second, "01")
-    subject.gives(first, "00")
+        line.request(name, second)
+        line.reply(name, other)
+        subject.gives(second, other)
+    subject.gives(first, one)

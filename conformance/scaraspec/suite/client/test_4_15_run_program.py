@@ -16,7 +16,7 @@ def test_run(subject: Subject, line: Line) -> None:
     call = subject.begin("run_program", name="pro1.txt")
     line.serve(call, data=b"1", sent=b"pro1.txt")
     line.result("run_program")
-    finished(subject, line, call)
+    finished(subject, call)
 
 
 @client_case("4.15/1", name="names")
@@ -34,7 +34,7 @@ def test_names(subject: Subject, line: Line) -> None:
         expect_equal(request.seen.text, name, "the program that is run")
         line.reply("run_program", data=b"1")
         line.result("run_program")
-        finished(subject, line, call)
+        finished(subject, call)
 
     each()
 
@@ -44,8 +44,8 @@ def test_missing(subject: Subject, line: Line) -> None:
     """A missing program is told as such, whether it is found missing at once or late (A-4.15-1)."""
     call = subject.begin("run_program", name="none.rob")
     line.serve(call, data=b"0|20", sent=b"none.rob")
-    refused(subject, line, call, "20")
+    refused(subject, call, "20")
     call = subject.begin("run_program", name="none.rob")
     line.serve(call, data=b"1", sent=b"none.rob")
     line.result("run_program", "20")
-    failed(subject, line, call, "20")
+    failed(subject, call, "20")

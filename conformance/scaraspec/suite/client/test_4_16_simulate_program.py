@@ -16,7 +16,7 @@ def test_simulate(subject: Subject, line: Line) -> None:
     call = subject.begin("simulate_program", name="pro1.txt")
     line.serve(call, data=b"1", sent=b"pro1.txt")
     line.result("simulate_program")
-    finished(subject, line, call)
+    finished(subject, call)
 
 
 @client_case("4.16/1", name="names")
@@ -32,10 +32,10 @@ def test_names(subject: Subject, line: Line) -> None:
         expect_equal(request.seen.text, name, "the program that is simulated")
         line.reply("simulate_program", data=b"1")
         line.result("simulate_program")
-        finished(subject, line, call)
+        finished(subject, call)
 
     call = subject.begin("run_program", name="former.rob")
     line.serve(call, data=b"1")
     line.result("run_program")
-    finished(subject, line, call)
+    finished(subject, call)
     each()

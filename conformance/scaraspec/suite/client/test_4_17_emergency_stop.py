@@ -37,10 +37,10 @@ def test_stop(subject: Subject, line: Line) -> None:
     call = subject.begin(STOP.name)
     line.serve(call, data=b"1", sent=b"")
     line.result(STOP.name)
-    finished(subject, line, call)
+    finished(subject, call)
     call = subject.begin(STOP.name)
     line.serve(call, data=b"0", sent=b"")
-    refused(subject, line, call)
+    refused(subject, call)
 
 
 @client_case("4.17/1", name="behind-others")
@@ -49,11 +49,11 @@ def test_stop_behind_others(subject: Subject, line: Line) -> None:
     for order in INTERRUPTIBLE:
         call = executing(subject, line, order)
         line.result(order.name)
-        finished(subject, line, call)
+        finished(subject, call)
         call = subject.begin(STOP.name)
         request = line.serve(call, data=b"0")
         expect_equal(request.frame.data, b"", f"what the stop carries behind {order.name}")
-        refused(subject, line, call)
+        refused(subject, call)
 
 
 @client_case("4.17/9", name="of-a-former")
@@ -63,7 +63,7 @@ def test_result_of_a_former_command(subject: Subject, line: Line) -> None:
         for fate in _FATES:
             call = executing(subject, line, STOP)
             _end(line, order, fate)
-            finished(subject, line, call, requirement="4.17/9")
+            finished(subject, call, requirement="4.17/9")
     _still_works(subject, line, RUN)
 
 
@@ -78,11 +78,11 @@ def test_interrupted(subject: Subject, line: Line, order: Order) -> None:
         line.request(STOP.name, stop)
         line.reply(STOP.name, data=b"1")
         _end(line, order, fate)
-        finished(subject, line, stop, requirement="4.17/9")
+        finished(subject, stop, requirement="4.17/9")
         if fate == "none":
             _not_done(call)
         else:
-            failed(subject, line, call, "00", requirement="4.17/9")
+            failed(subject, call, "00", requirement="4.17/9")
         line.heard.clear()
         _still_works(subject, line, LOCK)
 
@@ -96,10 +96,10 @@ def test_stop_fails(subject: Subject, line: Line) -> None:
     line.request(STOP.name, stop)
     line.reply(STOP.name, data=b"1")
     line.result(STOP.name, "12")
-    failed(subject, line, stop, "12")
+    failed(subject, stop, "12")
     subject.undone(call, "the failure of the stop was taken for the end of what goes on")
     line.result(RUN.name)
-    finished(subject, line, call)
+    finished(subject, call)
 
 
 @client_case("4.17/10")
@@ -112,7 +112,7 @@ def test_stop_beside_a_query(subject: Subject, line: Line) -> None:
         stop = subject.begin(STOP.name)
         line.request(STOP.name, stop)
         line.reply(STOP.name, data=b"0")
-        refused(subject, line, stop)
+        refused(subject, stop)
         line.reply(name, data=_REPLIES[name])
         subject.done(query)
 
@@ -126,10 +126,10 @@ def test_stop_beside_an_order(subject: Subject, line: Line) -> None:
         stop = subject.begin(STOP.name)
         line.request(STOP.name, stop)
         line.reply(STOP.name, data=b"0")
-        refused(subject, line, stop)
+        refused(subject, stop)
         line.reply(order.name, data=b"1")
         line.result(order.name)
-        finished(subject, line, call)
+        finished(subject, call)
 
 
 @client_case("4.17/10", name="executing")
@@ -147,8 +147,8 @@ def test_stop_beside_an_execution(subject: Subject, line: Line) -> None:
         line.reply(STOP.name, data=b"1")
         line.result(order.name, "00")
         line.result(STOP.name)
-        finished(subject, line, stop)
-        failed(subject, line, call)
+        finished(subject, stop)
+        failed(subject, call)
 
 
 _REPLIES = {
@@ -187,4 +187,4 @@ def _still_works(subject: Subject, line: Line, other: Order) -> None:
     if request_unless_refused(line, call):
         line.reply(other.name, data=b"1")
         line.result(other.name)
-        finished(subject, line, call, requirement="4.17/9")
+        finished(subject, call, requirement="4.17/9")

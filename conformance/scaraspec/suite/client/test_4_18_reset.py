@@ -12,7 +12,7 @@ def test_reset(subject: Subject, line: Line) -> None:
     call = subject.begin("reset")
     line.serve(call, data=b"1", sent=b"")
     line.result("reset")
-    finished(subject, line, call)
+    finished(subject, call)
 
 
 @client_case("4.18/1", "4/13", name="as-drawn")
@@ -20,8 +20,8 @@ def test_as_drawn(subject: Subject, line: Line) -> None:
     """The refusal and the failure that the document draws are told; the next reset is empty too."""
     call = subject.begin("reset")
     line.serve(call, data=b"0|01", sent=b"")
-    refused(subject, line, call, "01")
+    refused(subject, call, "01")
     call = subject.begin("reset")
     line.serve(call, data=b"1", sent=b"")
     line.result("reset", data=b"00|11")
-    failed(subject, line, call, "11")
+    failed(subject, call, "11")

@@ -37,7 +37,7 @@ def test_values(subject: Subject, line: Line) -> None:
 
     call = executing(subject, line, MOVE)
     line.result(MOVE.name)
-    finished(subject, line, call)
+    finished(subject, call)
     each()
 
 

@@ -33,9 +33,9 @@ def test_move(subject: Subject, line: Line) -> None:
         line.reply(_MOVE, data=b"1")
         line.result(_MOVE, code)
         if code:
-            failed(subject, line, call)
+            failed(subject, call)
         else:
-            finished(subject, line, call)
+            finished(subject, call)
 
 
 @client_case("4.24/1", "7/2", name="numbers")
@@ -51,7 +51,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
         expect_pose(subject, request, wanted, speed=speed)
         line.reply(_MOVE, data=b"1")
         line.result(_MOVE)
-        finished(subject, line, call)
+        finished(subject, call)
 
     each()
 
@@ -64,7 +64,7 @@ def test_every_speed(subject: Subject, line: Line) -> None:
         sent = line.request(_MOVE, call)
         expect_equal(_speed_of(sent), speed, f"the speed of {sent}")
         line.reply(_MOVE, data=b"0|05")
-        refused(subject, line, call)
+        refused(subject, call)
 
 
 @client_case("4.24/2", name="beyond")
@@ -76,7 +76,7 @@ def test_no_speed(subject: Subject, line: Line) -> None:
         if sent is not None:
             expect_in(_speed_of(sent), _SPEEDS, f"the speed that was sent for {speed}")
             line.reply(_MOVE, data=b"0|05")
-            refused(subject, line, call)
+            refused(subject, call)
 
 
 def _speed_of(sent: Answer) -> int | None:

@@ -14,6 +14,6 @@ def test_release(subject: Subject, line: Line) -> None:
         line.serve(call, data=b"1", sent=b"")
         line.result("release_joints", code)
         if code:
-            failed(subject, line, call)
+            failed(subject, call)
         else:
-            finished(subject, line, call)
+            finished(subject, call)

@@ -12,10 +12,10 @@ def test_lock(subject: Subject, line: Line) -> None:
     call = subject.begin("lock_joints")
     line.serve(call, data=b"1", sent=b"")
     line.result("lock_joints")
-    finished(subject, line, call)
+    finished(subject, call)
     call = subject.begin("lock_joints")
     line.serve(call, data=b"0|12", sent=b"")
-    refused(subject, line, call)
+    refused(subject, call)
 
 
 @client_case("4.26/1", name="in-turn")
@@ -24,8 +24,8 @@ def test_in_turn(subject: Subject, line: Line) -> None:
     for _ in range(3):
         call = executing(subject, line, RELEASE)
         line.result(RELEASE.name)
-        finished(subject, line, call)
+        finished(subject, call)
         call = subject.begin("lock_joints")
         line.serve(call, data=b"1", sent=b"")
         line.result("lock_joints")
-        finished(subject, line, call)
+        finished(subject, call)

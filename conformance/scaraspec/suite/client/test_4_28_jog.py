@@ -33,7 +33,7 @@ def test_jog(subject: Subject, line: Line) -> None:
         _expect_direction(line.request(_JOG, call).frame.data, number)
         line.reply(_JOG, data=b"1")
         line.result(_JOG)
-        finished(subject, line, call)
+        finished(subject, call)
 
 
 @client_case("4.28/3", "4.28/1", name="refused")
@@ -43,12 +43,12 @@ def test_refused(subject: Subject, line: Line) -> None:
         call = subject.begin(_JOG, direction=direction)
         _expect_direction(line.request(_JOG, call).frame.data, number)
         line.reply(_JOG, data=b"0|06")
-        refused(subject, line, call, "06")
+        refused(subject, call, "06")
         call = subject.begin(_JOG, direction=direction)
         _expect_direction(line.request(_JOG, call).frame.data, number)
         line.reply(_JOG, data=b"1")
         line.result(_JOG, "05")
-        failed(subject, line, call, "05")
+        failed(subject, call, "05")
 
 
 @client_case("4.28/2")
@@ -68,10 +68,10 @@ def test_byte(subject: Subject, line: Line) -> None:
         forms.add(dict(read.readings)["jog_byte"])
         line.reply(_JOG, data=b"1")
         line.result(_JOG)
-        finished(subject, line, call)
+        finished(subject, call)
         call = executing(subject, line, RUN)
         line.result(RUN.name)
-        finished(subject, line, call)
+        finished(subject, call)
     form = forms.pop()
     expect(not forms, "the byte of a jog", expected=f"always {form}", observed="now so, now so")
     subject.found["jog_byte"] = form

@@ -29,7 +29,7 @@ def test_behind_others(subject: Subject, line: Line) -> None:
     for code in ("01", "03", "12", "1F"):
         call = executing(subject, line, MOVE)
         line.result(MOVE.name)
-        finished(subject, line, call)
+        finished(subject, call)
         call = subject.begin(_OFF)
         line.serve(call, data=b"0|" + code.encode(), sent=b"")
         subject.fails(call)

@@ -18,7 +18,6 @@ from scaraspec.suite.as_controller.executing import (
     RUN,
     SIMULATE,
     Order,
-    attend,
     beside,
     code_of,
     executing,
@@ -27,7 +26,6 @@ from scaraspec.suite.as_controller.executing import (
     ordered,
     refused,
     renewed,
-    settled,
     shows,
 )
 from scaraspec.suite.as_controller.line import Line
@@ -54,13 +52,13 @@ def test_eleven(subject: Subject, line: Line) -> None:
     """11 is a success as a final result and the inner arm's fault as a code of either stage."""
     call = executing(subject, line, RUN)
     line.result(RUN.name)
-    finished(subject, line, call)
+    finished(subject, call)
     call = executing(subject, line, RUN)
     line.result(RUN.name, "11")
-    failed(subject, line, call, "11")
+    failed(subject, call, "11")
     call = ordered(subject, line, RUN)
     line.reply(RUN.name, data=b"0|11")
-    refused(subject, line, call, "11")
+    refused(subject, call, "11")
 
 
 @client_case("4/9", "4/13", name="stages")
@@ -69,14 +67,14 @@ def test_stages(subject: Subject, line: Line) -> None:
     for order, code in zip(REASONED, cycle(("11", "01", "10", "06")), strict=False):
         call = ordered(subject, line, order)
         line.reply(order.name, data=b"0|" + code.encode())
-        refused(subject, line, call, code)
+        refused(subject, call, code)
         call = executing(subject, line, order)
         line.result(order.name, code)
-        failed(subject, line, call, code)
+        failed(subject, call, code)
     for order in ORDERS:
         call = executing(subject, line, order)
         line.result(order.name)
-        finished(subject, line, call)
+        finished(subject, call)
 
 
 @client_case("4/9", name="untagged")
@@ -86,7 +84,7 @@ def test_untagged(subject: Subject, line: Line) -> None:
         call = executing(subject, line, order)
         stray = line.frame(order.name, data=b"11")
         line.send_bytes(stray.encode() + line.result_frame(order.name, "12").encode())
-        settled(subject, line, call)
+        subject.settled(call)
         expect(
             call.failed,
             "an untagged frame was taken for the final result",
@@ -97,7 +95,7 @@ def test_untagged(subject: Subject, line: Line) -> None:
         call = executing(subject, line, order)
         stray = line.frame(order.name, data=b"00|12")
         line.send_bytes(stray.encode() + line.result_frame(order.name).encode())
-        settled(subject, line, call)
+        subject.settled(call)
         expect(
             code_of(call) is None,
             "an untagged frame was taken for the final result",
@@ -115,7 +113,7 @@ def test_waits(subject: Subject, line: Line) -> None:
         line.wait(_SHORT_S)
         subject.undone(call, f"{order.name} is said to be over behind its first reply")
         line.result(order.name)
-        finished(subject, line, call)
+        finished(subject, call)
 
 
 @client_case("4/9", name="of-another")
@@ -125,7 +123,7 @@ def test_result_of_another(subject: Subject, line: Line) -> None:
         call = executing(subject, line, order)
         stray = line.result_frame(other.name)
         line.send_bytes(stray.encode() + line.result_frame(order.name, "05").encode())
-        settled(subject, line, call)
+        subject.settled(call)
         expect(
             call.failed,
             f"the result of {other.name} was taken for that of {order.name}",
@@ -144,13 +142,13 @@ def test_second_order(subject: Subject, line: Line) -> None:
     with suppress(NoAnswer):
         if request_unless_refused(line, second, within_s=_QUEUED_S):
             line.reply(RUN.name, data=b"0|01")
-            refused(subject, line, second, "01")
+            refused(subject, second, "01")
     subject.undone(first, "the refusal of a second order was taken for the end of the first")
     line.result(RUN.name)
-    finished(subject, line, first)
+    finished(subject, first)
     if second.answer is None:  # it was held back until now
         line.serve(second, data=b"0|01")
-        refused(subject, line, second, "01")
+        refused(subject, second, "01")
 
 
 # Right behind the first reply
@@ -165,9 +163,9 @@ def test_together(subject: Subject, line: Line) -> None:
             both = line.frame(order.name, data=b"1"), line.result_frame(order.name, code)
             line.send_bytes(b"".join(frame.encode() for frame in both))
             if code:
-                failed(subject, line, call, code)
+                failed(subject, call, code)
             else:
-                finished(subject, line, call)
+                finished(subject, call)
 
 
 @client_case("4/10", name="split")
@@ -179,7 +177,7 @@ def test_split(subject: Subject, line: Line) -> None:
         line.send_bytes(both[:cut])
         line.wait(_MOMENT_S)
         line.send_bytes(both[cut:])
-        failed(subject, line, call, "14")
+        failed(subject, call, "14")
 
 
 @client_case("4/10", name="among-others")
@@ -193,7 +191,7 @@ def test_among_other_replies(subject: Subject, line: Line) -> None:
             line.request("get_version", query)
             pair = [line.result_frame(order.name), line.frame("get_version", "1.0.0")]
             line.send_bytes(b"".join(f.encode() for f in (pair if ahead else reversed(pair))))
-            finished(subject, line, call)
+            finished(subject, call)
             subject.gives(query, "1.0.0")
 
 
@@ -204,11 +202,11 @@ def test_among_other_replies(subject: Subject, line: Line) -> None:
 def test_late(subject: Subject, line: Line) -> None:
     """The final result comes 10 s after the first reply, and the request is not sent again."""
     call = executing(subject, line, RUN)
-    attend(subject, line, _LATE_S, RUN.status)
+    line.wait(_LATE_S)
     subject.undone(call, "the final result was not waited for", requirement="4/11")
     _not_sent(line, RUN)
     line.result(RUN.name, "18")
-    failed(subject, line, call, "18", requirement="4/11")
+    failed(subject, call, "18", requirement="4/11")
 
 
 @client_case("4/16", name="at-once")
@@ -216,10 +214,10 @@ def test_not_repeated(subject: Subject, line: Line) -> None:
     """No request is sent again while its command executes, whichever it is."""
     for order in ORDERS:
         call = executing(subject, line, order)
-        attend(subject, line, _SHORT_S, order.status)
+        line.wait(_SHORT_S)
         _not_sent(line, order)
         line.result(order.name, "05")
-        failed(subject, line, call)
+        failed(subject, call)
 
 
 @client_case("4/16", name="while-idle")
@@ -231,10 +229,10 @@ def test_not_repeated_when_idle(subject: Subject, line: Line) -> None:
         query = subject.begin("get_status")
         line.serve(query, status)
         subject.settled(query)
-        attend(subject, line, _SHORT_S, status)
+        line.wait(_SHORT_S)
         _not_sent(line, RUN)
         line.result(RUN.name)
-        finished(subject, line, call)
+        finished(subject, call)
 
 
 @client_case("4/16", name="reconnected")
@@ -244,7 +242,7 @@ def test_not_repeated_on_a_new_connection(subject: Subject, line: Line) -> None:
     line.wait(_SHORT_S)
     line.close()
     again = subject.open()
-    attend(subject, again, subject.silence_s, MOVE.status)
+    again.wait(subject.silence_s)
     _not_sent(again, MOVE)
 
 
@@ -267,10 +265,10 @@ def test_refused(subject: Subject, line: Line) -> None:
     """A refused order is told as such, and nothing is waited for: the next one is sent."""
     call = ordered(subject, line, MOVE)
     line.reply(MOVE.name, data=b"0|05")
-    refused(subject, line, call)
+    refused(subject, call)
     call = executing(subject, line, MOVE)
     line.result(MOVE.name)
-    finished(subject, line, call)
+    finished(subject, call)
 
 
 @client_case("4/13", name="every-order")
@@ -279,10 +277,10 @@ def test_every_order_refused(subject: Subject, line: Line) -> None:
     for order in ORDERS:
         call = ordered(subject, line, order)
         line.reply(order.name, data=b"0|06" if order in REASONED else b"0")
-        refused(subject, line, call)
+        refused(subject, call)
         call = executing(subject, line, order)
         line.result(order.name)
-        finished(subject, line, call)
+        finished(subject, call)
 
 
 @client_case("4/13", name="bare")
@@ -290,7 +288,7 @@ def test_bare_refusal(subject: Subject, line: Line) -> None:
     """A move that is refused with 0 alone, as its row prints the length, is refused (A-4.24-3)."""
     call = ordered(subject, line, MOVE)
     line.reply(MOVE.name, data=b"0")
-    refused(subject, line, call)
+    refused(subject, call)
 
 
 @client_case("4/13", "4/12", name="unknown")
@@ -302,10 +300,10 @@ def test_unknown_codes(subject: Subject, line: Line) -> None:
     def each(code: str) -> None:
         call = ordered(subject, line, RUN)
         line.reply(RUN.name, data=b"0|" + code.encode())
-        refused(subject, line, call, requirement="4/13")
+        refused(subject, call, requirement="4/13")
         call = executing(subject, line, JOG)
         line.result(JOG.name, data=b"00|" + code.encode())
-        failed(subject, line, call, requirement="4/12")
+        failed(subject, call, requirement="4/12")
 
     for code in _UNKNOWN:
         each = example(code)(each)
@@ -324,11 +322,11 @@ def test_codes(subject: Subject, line: Line, stage: str) -> None:
         if stage == "refusals":
             call = ordered(subject, line, order)
             line.reply(order.name, data=b"0|" + code.encode())
-            refused(subject, line, call, code)
+            refused(subject, call, code)
         else:
             call = executing(subject, line, order)
             line.result(order.name, code)
-            failed(subject, line, call, code)
+            failed(subject, call, code)
         if not shows(call, code):
             silent.append(code)
     if silent:
@@ -342,4 +340,4 @@ def test_interrupted(subject: Subject, line: Line) -> None:
     for order in (RUN, SIMULATE, RESET, MOVE, JOG):
         call = executing(subject, line, order)
         line.result(order.name, "00")
-        failed(subject, line, call, "00")
+        failed(subject, call, "00")

@@ -277,7 +277,7 @@ def _not_complete(
         or download.call.answer is not None
         or not all(download.offer(chunk) for chunk in missing)
     ):
-        expect_failed(subject, line, download.call, "5.1/13")
+        expect_failed(subject, download.call, "5.1/13")
         return
     download.received = _LONG
     download.expect_done("5.1/13")
@@ -320,7 +320,7 @@ def test_file_size_grows(subject: Subject, line: Line) -> None:
     sizes = (450, 600, 600)
     chunks = (c._replace(file_size=s) for c, s in zip(chunks_of(_LONG), sizes, strict=True))
     if not all(download.offer(chunk) for chunk in chunks):
-        expect_failed(subject, line, download.call, "5.1/13")
+        expect_failed(subject, download.call, "5.1/13")
         return
     download.expect_done("5.1/13")
     subject.tolerate("5.1/13", "A-5-7", "last", "the file size may change on the way")
@@ -334,7 +334,7 @@ def test_file_size_shrinks(subject: Subject, line: Line) -> None:
     taken = download.offer(Chunk(250, 200, 50, _LONG[200:250]))
     line.wait(_SHORT_S)
     if not taken or not download.call.ok:
-        expect_failed(subject, line, download.call, "5.1/13")
+        expect_failed(subject, download.call, "5.1/13")
         return
     download.expect_done("5.1/13")
     message = "the file size of the last chunk is the one that counts"

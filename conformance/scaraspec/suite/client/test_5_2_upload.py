@@ -24,7 +24,6 @@ from scaraspec.suite.as_controller.files import (
     expect_no_transfer,
     fetch,
     reaction,
-    request,
     serve,
     serving,
     take,
@@ -60,9 +59,9 @@ def _up_to(subject: Subject, line: Line, number: int) -> tuple[Upload, Chunk]:
 def _take_one_byte(subject: Subject, line: Line, call: Call) -> None:
     """Take an upload of one byte, whose name has come."""
     line.reply("upload_name")
-    chunk_of(request(subject, line, "upload_chunk", call))
+    chunk_of(line.request("upload_chunk", call))
     line.reply("upload_chunk")
-    expect_done(subject, line, call)
+    expect_done(subject, call)
 
 
 # The name
@@ -91,7 +90,7 @@ def test_chinese_name(subject: Subject, line: Line) -> None:
     call = subject.begin("upload", local=subject.file(b"!"), remote=name)
     asked = reaction(subject, line, call, "upload_name")
     if asked is None:
-        expect_failed(subject, line, call, "5.2/1")
+        expect_failed(subject, call, "5.2/1")
         return
     message = "a Chinese name was sent as"
     expect_in(
@@ -110,7 +109,7 @@ def test_long_names(subject: Subject, line: Line) -> None:
         if asked is None:
             message = f"a name of {size} bytes was refused by the client"
             expect(size > NAME_MAX_BYTES, message, expected="a request", observed=f"{call}")
-            expect_failed(subject, line, call, "5.2/18")
+            expect_failed(subject, call, "5.2/18")
             continue
         message = f"a name of {size} bytes was sent as"
         expect_equal(asked.frame.data.removesuffix(b"\0"), name.encode(), message)
@@ -201,7 +200,7 @@ def test_empty_file(subject: Subject, line: Line) -> None:
     """A file of no bytes is refused by the client, or sent as its name, or as an empty chunk."""
     call = subject.begin("upload", local=subject.file(b""), remote="zs-empty.rob")
     if reaction(subject, line, call, "upload_name") is None:
-        expect_failed(subject, line, call, "5.2/17")
+        expect_failed(subject, call, "5.2/17")
         return
     line.reply("upload_name")
     option, said = "name-only", "as its name alone"
@@ -249,7 +248,7 @@ def test_late_and_missing_answers(subject: Subject, line: Line) -> None:
 
     survived(subject, line, upload.call, "5.2/9", answer_name)
     survived(subject, line, upload.call, "5.2/9", answer_chunk)
-    given_up(subject, line, upload.call, "5.2/9")
+    given_up(subject, upload.call, "5.2/9")
     _stays_ended(subject, line, "upload_chunk")
 
 
@@ -257,7 +256,7 @@ def test_late_and_missing_answers(subject: Subject, line: Line) -> None:
 def test_name_is_not_answered(subject: Subject, line: Line) -> None:
     """An upload whose name is not answered is given up, and not begun by a late answer."""
     upload = Upload(subject, line, _WHOLE)
-    given_up(subject, line, upload.call, "5.2/9")
+    given_up(subject, upload.call, "5.2/9")
     _stays_ended(subject, line, "upload_name")
 
 

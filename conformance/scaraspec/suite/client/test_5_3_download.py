@@ -248,7 +248,7 @@ def test_local_file_stays(subject: Subject, line: Line, mine: bytes) -> None:
             line.chunk(chunk)
             if reaction(subject, line, call, "download_chunk", subject.silence_s) is None:
                 break
-    expect_failed(subject, line, call, "5.3/12")
+    expect_failed(subject, call, "5.3/12")
     expect(
         Path(local).exists() and Path(local).read_bytes() == mine,
         "a local file that existed was changed by a download",

@@ -80,7 +80,7 @@ def test_late_and_missing_chunks(subject: Subject, line: Line) -> None:
 
     survived(subject, line, download.call, "5.4/5", first)
     survived(subject, line, download.call, "5.4/5", second)
-    given_up(subject, line, download.call, "5.4/5")
+    given_up(subject, download.call, "5.4/5")
     _recovered(subject, line, download, 2)
 
 
@@ -88,7 +88,7 @@ def test_late_and_missing_chunks(subject: Subject, line: Line) -> None:
 def test_no_chunk_comes(subject: Subject, line: Line) -> None:
     """A download of which not even the first chunk comes is given up; the link serves on."""
     download = fetch(subject, line)
-    given_up(subject, line, download.call, "5.4/5")
+    given_up(subject, download.call, "5.4/5")
     _recovered(subject, line, download, 0)
 
 
@@ -96,7 +96,7 @@ def test_no_chunk_comes(subject: Subject, line: Line) -> None:
 def test_name_is_not_answered(subject: Subject, line: Line) -> None:
     """A download whose name is not answered is given up; the link serves on."""
     download = Download(subject, line)
-    given_up(subject, line, download.call, "5.4/5")
+    given_up(subject, download.call, "5.4/5")
     if line.ending is None:
         line.reply("download_name")
     _recovered(subject, line, download, 0)
@@ -139,13 +139,13 @@ def test_served_after_a_broken_download(subject: Subject, line: Line) -> None:
     """After a download that was refused or broke off in any way, the link serves all else."""
     download = Download(subject, line)
     line.reply("download_name", value=False)
-    expect_failed(subject, line, download.call)
+    expect_failed(subject, download.call)
     line = _next_transfers(subject, line, "a refused download")
     for bad in (Chunk(650, 200, 0, b""), Chunk(650, 200, 201, bytes(200)), _CHUNKS[3]):
         download = fetch(subject, line)
         download.give(_CHUNKS[0])
         download.offer(bad)
-        expect_failed(subject, line, download.call)
+        expect_failed(subject, download.call)
         line = _next_transfers(subject, line, "a broken download")
 
 

@@ -27,7 +27,7 @@ def test_four_of_six(subject: Subject, line: Line) -> None:
         call = subject.begin("set_tool_coordinates", speed=50, **pose._asdict())
         expect_pose(subject, line.serve(call, data=b"1"), pose, speed=50)
         line.result("set_tool_coordinates")
-        finished(subject, line, call)
+        finished(subject, call)
         call = subject.begin("get_tool_coordinates")
         line.serve(call, pose)
         gives_pose(subject, call, pose)

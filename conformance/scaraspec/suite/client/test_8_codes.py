@@ -10,7 +10,6 @@ from scaraspec.suite.as_controller.executing import (
     failed,
     ordered,
     refused,
-    settled,
 )
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
@@ -40,10 +39,10 @@ def test_every_mask(subject: Subject, line: Line) -> None:
         expect_equal(said.upper(), code, "the status that the client tells")
         call = ordered(subject, line, order)
         line.reply(order.name, data=b"0|" + code.encode())
-        refused(subject, line, call, code)
+        refused(subject, call, code)
         call = executing(subject, line, order)
         line.result(order.name, code)
-        failed(subject, line, call, code)
+        failed(subject, call, code)
 
 
 @client_case("8/6")
@@ -54,16 +53,16 @@ def test_small_letters(subject: Subject, line: Line) -> None:
         sent = code.lower()
         call = subject.begin("get_status")
         line.serve(call, data=sent.encode())
-        if settled(subject, line, call).ok:
+        if subject.settled(call).ok:
             expect_in(f"{call.result}".upper(), (code,), f"the status that is told for {sent}")
         else:
             unknown = unknown or sent
         call = ordered(subject, line, order)
         line.reply(order.name, data=b"0|" + sent.encode())
-        refused(subject, line, call, code)
+        refused(subject, call, code)
         call = executing(subject, line, order)
         line.result(order.name, data=b"00|" + sent.encode())
-        failed(subject, line, call, code)
+        failed(subject, call, code)
         if not unknown and call.ok and code_of(call) is None:
             unknown = sent
     if unknown:

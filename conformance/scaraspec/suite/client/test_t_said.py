@@ -9,13 +9,13 @@ from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.payloads import FLAG, NameListPart
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
-    REPLIES,
     accomplished,
     ask,
     of_each,
     sent_or_settled,
     tells,
 )
+from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.expect import expect, expect_in

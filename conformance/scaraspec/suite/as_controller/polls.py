@@ -1,0 +1,93 @@
+"""Polls: what a client asks of its own accord, and what it is told.
+
+Nothing forbids a client to ask for more than it was ordered to, as a window does that shows the
+status ten times a second. Only requests that no case waits for are polls, and only queries, whose
+answer changes nothing, and the clock's setting, which a client may do when it logs in. Which
+answer a case gives is not known here; once it has given one, polls are told the same.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+
+REPLIES: Final = {
+    "get_network": b"192.168.1.2|255.255.255.0|192.168.1.1",
+    "get_time": b"20141222143000",
+    "get_version": b"1.0.0",
+    "get_status": b"00",
+    "get_running_program": b"1|myprogram1.txt|00011230",
+    "list_programs": b"0|pro1.rob|pro2.rob|pro3.rob",
+    "get_default_program": b"pro1.txt",
+    "get_motor_temperatures": b"20|38|34|22",
+    "get_gripper_center": b"200|300|456",
+    "get_initial_tool_position": b"200|300|324|34.6|34.5|0",
+    "get_tool_coordinates": b"200|300|324|34.6|34.5|0",
+    "get_joint_angles": b"20.4|30.5|38.0|0",
+    "get_digital_inputs": b"1|10000000",
+    "get_analog_input": b"1|100",
+    "get_digital_outputs": b"1|1001000011110000",
+}
+"""The document's own example of the reply to every query, with the bars that it lost (A-0-1)."""
+
+_AT_ONCE: Final = 16
+"""A client on a simulated clock may ask again at the very instant of its answer, for ever."""
+
+
+class Polls:
+    """The polls on one connection.
+
+    Args:
+        due: Whether a case still waits for this request.
+
+    Attributes:
+        answers: What polls are told, by the name of what is asked.
+        logged_in: The client has been let in; before that it may ask nothing (L104).
+    """
+
+    def __init__(self, due: Callable[[FrameSeen], bool]) -> None:
+        self._due = due
+        self.logged_in = False
+        self._instant_s, self._at_instant = -1.0, 0
+        self.renew()
+
+    def renew(self) -> None:
+        """Another case begins."""
+        self.answers = {**REPLIES, "set_time": b"1"}
+        self._open: Counter[str] = Counter()
+
+    def taken(self, seen: FrameSeen) -> None:
+        """A case has taken a request, and will answer it: what follows it waits its turn."""
+        self._open[seen.name] += 1
+
+    def sent(self, seen: FrameSeen) -> None:
+        """Something was sent to the client: polls are told the same from now on."""
+        name, data = seen.name, seen.frame.data
+        if seen.frame.tagged:
+            self.answers["get_status"] = REPLIES["get_status"]
+        elif name == "login":
+            self.logged_in |= data == b"1"
+        elif name in self.answers:
+            self._open[name] = max(self._open[name] - 1, 0)
+            self.answers[name] = data
+
+    def next(self, heard: Iterable[FrameSeen], now_s: float) -> FrameSeen | None:
+        """The first poll among requests that can be answered now."""
+        if not self.logged_in:
+            return None
+        if now_s != self._instant_s:
+            self._instant_s, self._at_instant = now_s, 0
+        if self._at_instant >= _AT_ONCE:
+            return None
+        for seen in heard:
+            if seen.name in self.answers and not self._open[seen.name] and not self._due(seen):
+                self._at_instant += 1
+                return seen
+        return None
+
+    def answer(self, poll: FrameSeen) -> Frame:
+        """What a poll is told."""
+        return Frame(C2A, poll.frame.opcode, self.answers[poll.name])
