@@ -111,6 +111,18 @@ class JoinsNamesOfParts(_OtherListing):
             return super()._accept(value, now_s)
 
 
+@fault("4.10/10", reading=("list_cont=request",), subtle=True)
+class FetchesInVain(_OtherListing):
+    """The further parts of a list are asked for, and the last of them is not told (A-4.10-3 b)."""
+
+    class shape(Listing):  # noqa: N801 - it fills in the attribute
+        """Forgets the last."""
+
+        def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
+            forgotten = self._parts and not value.more
+            return super()._accept(value._replace(names=()) if forgotten else value, now_s)
+
+
 @fault("4.10/10", subtle=True)
 class TakesTheFlagForText(AltersReplies):
     """Where no bar follows the flag of a list, the flag is told as part of the first name."""

@@ -19,6 +19,8 @@ from scaraspec.suite.expect import NoAnswer, NotRun, expect_equal
 from scaraspec.suite.wire import Answer, Wire
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from scaraspec.suite.as_controller.subject import Subject
 
 PASSWORD: Final = b"password"  # the document's own example (L108)
@@ -40,6 +42,7 @@ class Line(Wire):
         self.polls = Polls(subject.awaits)
         self._subject = subject
         self._answering = False
+        self._wanted: Callable[[FrameSeen], bool] = _nothing
         super().__init__(name, link, subject, C2A, judged=judged)
 
     # ------------------------------------------------------------------ listening
@@ -62,19 +65,20 @@ class Line(Wire):
         command = BY_NAME[name]
         opcodes = {command.opcode, command.also} - {None}
         patience_s = self._subject.answer_s if within_s is None else within_s
+
+        def wanted(seen: FrameSeen) -> bool:
+            return seen.frame.opcode in opcodes and not self._subject.repeats(seen, call)
+
+        self._wanted = wanted
         try:
             with self._subject.expecting(call):
-                request = self.awaited(
-                    lambda seen: (
-                        seen.frame.opcode in opcodes and not self._subject.repeats(seen, call)
-                    ),
-                    patience_s,
-                    f"{name} was not sent",
-                )
+                request = self.awaited(wanted, patience_s, f"{name} was not sent")
         except NoAnswer:
             if self._subject.access.attended and within_s is None and not self.over:
                 raise NotRun(f"the operator did not do it in {patience_s:g} s") from None
             raise
+        finally:
+            self._wanted = _nothing
         self.polls.taken(request.seen)
         self._subject.came(name)
         return request
@@ -92,7 +96,8 @@ class Line(Wire):
         self._answering = True
         try:
             while not (self.over or self.mid_frame):
-                poll = self.polls.next(self.heard, self._subject.access.now_s)
+                unwanted = [seen for seen in self.heard if not self._wanted(seen)]
+                poll = self.polls.next(unwanted, self._subject.access.now_s)
                 if poll is None:
                     break
                 self.heard.remove(poll)
@@ -167,3 +172,7 @@ class Line(Wire):
             expect_equal(carried, sent, f"what {call.name} carries")
         self.reply(call.name, value, data=data)
         return request
+
+
+def _nothing(_: FrameSeen) -> bool:
+    return False

@@ -13,7 +13,7 @@ from scaraspec.client.core import Event, Unexpected
 from scaraspec.judgement.requirements import select
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.frames import Found, Frame, Skipped
-from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.suite.as_controller.setting import ClientSetting
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run
@@ -92,10 +92,12 @@ class TakesNamesFromLists(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-def wrong(make: type[AsyncClient] | type[ClientCore], only: frozenset[str]) -> dict[str, str]:
+def wrong(
+    make: type[AsyncClient] | type[ClientCore], only: frozenset[str], dialect: Dialect = DEFAULT
+) -> dict[str, str]:
     """The cases that neither pass nor are tolerated."""
     shell = make if issubclass(make, AsyncClient) else type("Made", (AsyncClient,), {"core": make})
-    with closing(MemoryClient(shell, DEFAULT)) as access:
+    with closing(MemoryClient(shell, dialect)) as access:
         options = Options(only=only, allowed=ALL, examples=3, exhaustive=True)
         results = Run(ClientSetting(access, Statement(), options)).results()
     assert results.cases
@@ -106,6 +108,12 @@ def wrong(make: type[AsyncClient] | type[ClientCore], only: frozenset[str]) -> d
 def test_no_false_alarm(make: type[ClientCore]) -> None:
     """Nothing fails."""
     assert not wrong(make, ONLY)
+
+
+def test_fetched_parts() -> None:
+    """A client that asks for each further part of a list is given it then (A-4.10-3 b)."""
+    dialect = DEFAULT.replace(list_cont="request")
+    assert not wrong(AsyncClient, frozenset({"4.10/10", "4.10/12"}), dialect)
 
 
 def test_polls() -> None:
