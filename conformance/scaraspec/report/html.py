@@ -27,7 +27,7 @@ from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, CommandSeen, RequirementResult, Results, Session
 from scaraspec.report.plots import WIDTH, LatencyPlot, timeline
 from scaraspec.report.segments import segments
-from scaraspec.report.telling import TELLING, most_telling_first
+from scaraspec.report.telling import TELLING, UNSETTLED, most_telling_first, told_once
 from scaraspec.report.visible import visible
 from scaraspec.report.words import CLAUSES, WORDS, Language, Words
 
@@ -42,6 +42,7 @@ _SIGNS: Final = {
 """So that no verdict is told by its colour alone."""
 
 _NS: Final = 1_000_000_000
+_FIRST: Final = 5
 
 
 def write(results: Results, path: Path, language: Language = Language.ENGLISH) -> None:
@@ -64,6 +65,7 @@ def render(results: Results, language: Language = Language.ENGLISH) -> str:
             results=results,
             language=language.value,
             cases=cases,
+            first=_first(cases),
             clauses=_clauses(results, cases),
             dialect=_keys(results),
             judged=sum(r.verdict is not Verdict.NONE for r in results.requirements),
@@ -73,6 +75,13 @@ def render(results: Results, language: Language = Language.ENGLISH) -> str:
             lanes=timeline(results, session) if session else {},
         )
     )
+
+
+def _first(cases: list[Case]) -> list[tuple[int, Case, int]]:
+    """What to look at first: the number of a case on the page, and how many say the same."""
+    numbered = {case.id: number for number, case in enumerate(cases)}
+    told = told_once(case for case in cases if case.verdict in UNSETTLED)
+    return [(numbered[case.id], case, others) for case, others in told[:_FIRST]]
 
 
 def _by_opcode(session: Session) -> list[CommandSeen]:

@@ -55,6 +55,8 @@ WORDS: Final[Mapping[str, Words]] = MappingProxyType(
             "{judged} of {total} requirements in scope were judged.",
             "范围内共 {total} 项要求，已判定 {judged} 项。",
         ),
+        "look_first": Words("To be looked at first", "首先查看"),
+        "and_more": Words("and {count} more", "及另外 {count} 项"),
         # Verdicts of a case
         "none": Words("not judged", "未判定"),
         "pass": Words("pass", "通过"),

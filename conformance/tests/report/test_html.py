@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.judgement.verdicts import Conclusion
+from scaraspec.judgement.verdicts import Conclusion, Verdict
 from scaraspec.report import html
-from scaraspec.report.model import Results, Role
+from scaraspec.report.model import Case, Results, Role
 from scaraspec.report.words import WORDS, Language
 
 _VOID = frozenset({"meta", "input", "br"})
@@ -339,3 +339,14 @@ def test_thousands_of_cases_are_folded(full: Results) -> None:
 def test_equal_results_are_equal_pages(full: Results) -> None:
     """No clock and no chance in it."""
     assert html.render(full) == html.render(full)
+
+
+def test_what_to_look_at_first(full: Results) -> None:
+    """Beside the verdict, each finding once, with the way to its case; nothing if all is well."""
+    alike = tuple(Case(f"3/1.{n}", ("3/1",), Verdict.FAIL, message="no <frame>") for n in range(3))
+    page = html.render(replace(full, cases=alike))
+    verdict, _, _ = page.partition("</section>")
+    assert '<a href="#case-0">3/1.0</a> <span class="en" lang="en">and 2 more</span>' in verdict
+    assert verdict.count("no &lt;frame&gt;") == 1
+    passes = (Case("3/1", ("3/1",), Verdict.PASS),)
+    assert 'class="first"' not in html.render(replace(full, cases=passes))
