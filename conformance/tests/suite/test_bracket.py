@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.cli.proving import PASSWORD, Robot
+from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Session
 from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.proving import PASSWORD, Robot
+from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.robot import DONE

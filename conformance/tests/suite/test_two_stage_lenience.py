@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.proving import PASSWORD, Robot
+from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller import arm, motion
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import ACCEPTED, refused

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import pytest
 
-from scaraspec.cli.proving import PASSWORD, Robot
+from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller.behaviour.base import SILENCE, Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults.transferring import AltersChunkData, JudgesChunks
