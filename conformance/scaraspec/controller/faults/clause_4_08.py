@@ -13,6 +13,7 @@ _STATUS: Final = 0x09
 _WORDS: Final = {b"00": b"IDLE", b"05": b"ERROR", b"06": b"ERROR"}
 _LATE: Final = 90
 _LAG_S: Final = 5.0
+_HALF_S: Final = 0.5
 
 
 @fault("4.8/2", "4.8/3")
@@ -190,12 +191,12 @@ class RunningIsMoving(_SaysOtherwise):
 
 @fault("4.8/4", subtle=True)
 class RunningIsIdleInWaits(_SaysOtherwise):
-    """A program that has run for a second is said to be at rest until something moves."""
+    """A program that has run for half a second is said to be at rest until something moves."""
 
     def wrong(self, status: str, request: Request) -> str:
         """Look at how long it runs."""
         task = self.robot.task
-        late = task is not None and request.now_s - task.request.now_s > 1
+        late = task is not None and request.now_s - task.request.now_s > _HALF_S
         return IDLE if late and self.executing == "run_program" else status
 
 

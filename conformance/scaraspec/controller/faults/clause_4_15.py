@@ -152,7 +152,7 @@ class RunEndsUnderItsNeighbour(Brain):
         super().emit(session, frame)
 
 
-@fault("4.15/5")
+@fault("4.15/5", "4/15")
 class RunEndsAtOnce(Brain):
     """The final result of a run is sent as soon as it was accepted; the program goes on."""
 

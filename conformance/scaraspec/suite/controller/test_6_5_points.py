@@ -16,6 +16,7 @@ from scaraspec.suite.programs.writing import Values, curve, straight
 _VALUES: Final = (3, 2, 1, 0)  # the last one turns nothing but the gripper
 _LEAST_SEEN: Final = 8
 """Places seen on a way of which something can be told."""
+_ERROR_SEEN: Final = 3  # by which the same way may differ
 
 
 def _expect_at(moved: Arm, target: Values) -> None:
@@ -79,7 +80,14 @@ def test_straight_move(subject: Subject, line: Line) -> None:
             expected=f"{last}",
             observed=f"{place}",
         )
-        if len(seen) < _LEAST_SEEN:  # too fast to be seen on its way
+        if len(seen) < _LEAST_SEEN:  # too fast to be seen on its way, but that takes its time
+            third = moved.watched(straight(moved.slow_percent, [down])) or []
+            expect(
+                len(third) <= len(seen) + _ERROR_SEEN,
+                "a straight move over three points is over sooner than one over a third of the way",
+                expected=f"longer than {len(third)} glances",
+                observed=f"{len(seen)} glances",
+            )
             return
         turned = [values[3] - home[3] for values in seen]
         step = up[3] - home[3]

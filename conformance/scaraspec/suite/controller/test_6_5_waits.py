@@ -60,8 +60,8 @@ def test_wait(subject: Subject, line: Line) -> None:
 def test_waits(subject: Subject, line: Line) -> None:
     """Waits add up, those of no time too."""
     with bench(subject, line) as robot:
-        robot.start([*wait(0), *wait(1), *wait(0), *wait(1)])
-        _lasted(subject, robot, 2)
+        robot.start([*wait(0), *wait(1), *wait(0), *wait(2)])
+        _lasted(subject, robot, 3)
 
 
 @case("6.5/20", name="none", hazards=PROGRAMS)
