@@ -123,6 +123,18 @@ class FetchesInVain(_OtherListing):
             return super()._accept(value._replace(names=()) if forgotten else value, now_s)
 
 
+@fault("4.10/10", "T/9", subtle=True)
+class HidesDottedNames(_OtherListing):
+    """Names that begin with a dot are not told, as files that a system hides."""
+
+    class shape(Listing):  # noqa: N801 - it fills in the attribute
+        """Leaves them out."""
+
+        def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
+            shown = tuple(name for name in value.names if not name.startswith(b"."))
+            return super()._accept(value._replace(names=shown), now_s)
+
+
 @fault("4.10/10", subtle=True)
 class TakesTheFlagForText(AltersReplies):
     """Where no bar follows the flag of a list, the flag is told as part of the first name."""

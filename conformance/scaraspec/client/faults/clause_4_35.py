@@ -93,3 +93,17 @@ class LostLinkEndsAllWell(ClientCore):
             exchange.settle(None)
             events += self._follow(exchange, now_s)
         return events + super().lose(reason, now_s)
+
+
+@fault("T/9", subtle=True)
+class TakesLossForShutdown(ClientCore):
+    """A link that is lost before the shutdown was answered is taken for the shutdown itself."""
+
+    def lose(self, reason: str, now_s: float) -> list[Event]:
+        """Take it for that."""
+        events: list[Event] = []
+        for exchange in tuple(self._open):
+            if exchange.command.name == _OFF:
+                exchange.settle(None)
+                events += self._follow(exchange, now_s)
+        return events + super().lose(reason, now_s)

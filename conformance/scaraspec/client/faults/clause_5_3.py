@@ -214,6 +214,18 @@ class DropsZerosAtTheEnd(KeepsOtherwise):
         return content.rstrip(b"\0")
 
 
+class _Narrow(Receiver):
+    def _problem(self, chunk: Chunk) -> str:
+        return super()._problem(chunk._replace(position=chunk.position % 2**16))
+
+
+@fault("5.3/11", subtle=True)
+class PositionsOfSixteenBits(JudgesChunks):
+    """Of the position of a chunk that comes only 16 bits are read."""
+
+    receiver = _Narrow
+
+
 @fault("5.3/11")
 class LosesTheLastByte(KeepsOtherwise):
     """The last byte of a file is not stored."""

@@ -315,6 +315,17 @@ class SwapsAxes(AltersRequests):
 
 
 @fault("T/10", subtle=True)
+class TrimsNames(AltersRequests):
+    """Blanks at either end of a name are not sent: another program is deleted than was named."""
+
+    name = "delete_program"
+
+    def altered(self, data: bytes) -> bytes:
+        """Trim it."""
+        return data.strip()
+
+
+@fault("T/10", subtle=True)
 class ReusesItsBuffer(ClientCore):
     """A name that is shorter than the one before has the end of that one behind it."""
 

@@ -54,7 +54,7 @@ class ClientSetting:
         problems = []
         if state and not state["honest"]:
             problems.append(
-                f"the driver says of an operation that nobody has, {_MADE_UP}, that it was done"
+                f"the driver does not say of {_MADE_UP}, which nobody has, that it lacks it"
             )
         if subject.access.strays:
             problems.append(f"the driver says what answers no order: {subject.access.strays[0]}")

@@ -44,6 +44,16 @@ def test_done(subject: Subject, line: Line) -> None:
     line.close()
 
 
+@pytest.mark.parametrize("cut", [False, True], ids=["closed", "cut-off"])
+@client_case("T/9", name="shutdown-unanswered")
+def test_link_is_lost_before_the_answer(subject: Subject, line: Line, *, cut: bool) -> None:
+    """The link ends in place of an answer to the shutdown, which nobody has accepted then."""
+    call = subject.begin(_OFF)
+    line.request(_OFF, call)
+    line.reset() if cut else line.close()
+    subject.fails(call)
+
+
 @pytest.mark.parametrize("loss", ["closed", "closed-at-once", "reset", "pending"])
 @client_case("4.35/6", name="loss")
 def test_link_is_lost(subject: Subject, line: Line, loss: str) -> None:

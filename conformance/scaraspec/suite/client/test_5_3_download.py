@@ -28,6 +28,7 @@ from scaraspec.suite.strategies import NAME_CHARACTERS
 _WHOLE = content_of(650)
 _CHUNKS = tuple(chunks_of(_WHOLE))
 _SHORT_S = 0.1
+_LARGE_BYTES = 65_800
 
 
 def _sent(subject: Subject, line: Line, count: int) -> Download:
@@ -215,6 +216,21 @@ def test_whole_file(subject: Subject, line: Line, lengths: Sequence[int]) -> Non
 def test_content(subject: Subject, line: Line, content: bytes) -> None:
     """Whatever a file contains, it is on the disk then, byte for byte."""
     serve(subject, line, content)
+
+
+@client_case("5.3/11", name="large")
+def test_large_file(subject: Subject, line: Line) -> None:
+    """A file of more bytes than 16 bits count is on the disk then, unless it is refused at once."""
+    download = fetch(subject, line)
+    first, *rest = chunks_of(content_of(_LARGE_BYTES))
+    if not download.offer(first):
+        download.expect_failed()
+        message = f"a file of {_LARGE_BYTES} bytes is too large for the client"
+        subject.tolerate("5.3/11", "A-5-25", "limit", message)
+        return
+    for chunk in rest:
+        download.give(chunk, "5.3/11")
+    download.expect_done()
 
 
 @client_case("5.3/11", name="one-after-another")

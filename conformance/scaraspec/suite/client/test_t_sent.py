@@ -22,6 +22,7 @@ from scaraspec.suite.as_controller.orders import (
     VALUES,
     answer,
     ask,
+    expect_carries,
     of_each,
     order,
     refused,
@@ -242,6 +243,19 @@ def test_long_names(subject: Subject, line: Line) -> None:
             subject.settled(call)
 
     of_each(_NAMED, each)
+
+
+@client_case("T/10", name="outer-blanks")
+def test_outer_blanks(subject: Subject, line: Line) -> None:
+    """A name that begins or ends with a blank is sent with it, or refused by the client."""
+    for name in (b" pro1.rob", b"pro1.rob ", b"  pro1  "):
+        call = order(subject, "delete_program", name)
+        if sent_or_settled(subject, line, call) is None:
+            continue  # refused
+        request = line.request("delete_program", call)
+        expect_carries(subject, request, "delete_program", name)
+        answer(line, "delete_program", request)
+        subject.settled(call)
 
 
 @client_case("T/10", name="sequence")
