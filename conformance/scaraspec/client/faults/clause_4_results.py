@@ -13,6 +13,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Found, Frame, Framer
 
 _STATUS = 0x09
+_IMPATIENT_S = 0.25
 
 
 def _executes(frame: Frame) -> bool:
@@ -243,6 +244,25 @@ class AsksAgainWhenItTakesLong(OtherTwoStage):
     """What has not ended in three seconds is asked for again."""
 
     shape = _AsksAgain
+
+
+class _AsksUntilAccepted(TwoStage):
+    """It is asked for again every quarter of a second, until the first reply comes."""
+
+    def begin(self, now_s: float) -> list[Frame]:
+        frames = super().begin(now_s)
+        self.deadline_s = now_s + _IMPATIENT_S
+        return frames
+
+    def expire(self, now_s: float) -> list[Frame]:
+        return self.begin(now_s) if self.stage is Stage.ASKED else super().expire(now_s)
+
+
+@fault("4/16", subtle=True)
+class AsksAgainUntilAccepted(OtherTwoStage):
+    """What has not been accepted in a quarter of a second is asked for again."""
+
+    shape = _AsksUntilAccepted
 
 
 class _AsksTwice(TwoStage):

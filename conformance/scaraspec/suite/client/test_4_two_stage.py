@@ -38,6 +38,7 @@ _LATE_S: Final = 10.5
 _MOMENT_S: Final = 0.01
 _SHORT_S: Final = 0.03
 _QUEUED_S: Final = 1.0
+_LATE_REPLY_S: Final = 1.2  # a controller may take 5 s (3/31)
 _UNKNOWN: Final = ("21", "30", "99", "0A", "ZZ", "--")
 """Codes that table 8-1 does not have."""
 
@@ -218,6 +219,18 @@ def test_not_repeated(subject: Subject, line: Line) -> None:
         _not_sent(line, order)
         line.result(order.name, "05")
         failed(subject, call)
+
+
+@client_case("4/16", name="late-reply")
+def test_not_repeated_before_its_reply(subject: Subject, line: Line) -> None:
+    """No request is sent again because its first reply is late."""
+    for order in (RUN, MOVE):
+        call = ordered(subject, line, order)
+        line.wait(_LATE_REPLY_S)
+        _not_sent(line, order)
+        line.reply(order.name, data=b"1")
+        line.result(order.name)
+        finished(subject, call)
 
 
 @client_case("4/16", name="while-idle")
