@@ -33,6 +33,7 @@ REPLIES: Final = {
 }
 """The document's own example of the reply to every query, with the bars that it lost (A-0-1)."""
 
+_YES: Final = b"1"
 _MORE: Final = b"1"
 _AT_ONCE: Final = 16
 """A client on a simulated clock may ask again at the very instant of its answer, for ever."""
@@ -59,6 +60,12 @@ class Polls:
         """Another case begins."""
         self.answers = {**REPLIES, "set_time": b"1"}
         self._open: Counter[str] = Counter()
+        self._running: set[str] = set()
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the client has been let in, and waits for nothing that it asked for."""
+        return self.logged_in and not self._running and not any(self._open.values())
 
     def taken(self, seen: FrameSeen) -> None:
         """A case has taken a request, and will answer it: what follows it waits its turn."""
@@ -68,14 +75,18 @@ class Polls:
         """Something was sent to the client: polls are told the same from now on."""
         name, data = seen.name, seen.frame.data
         if seen.frame.tagged:
+            self._running.discard(name)
             self.answers["get_status"] = REPLIES["get_status"]
-        elif name == "login":
-            self.logged_in |= data == b"1"
-        elif name == "list_programs" and data.startswith(_MORE):
-            pass  # what it asks before the last part may be the next one (A-4.10-3)
+            return
+        if name == "list_programs" and data.startswith(_MORE):
+            return  # what it asks before the last part may be the next one (A-4.10-3)
+        self._open[name] = max(self._open[name] - 1, 0)
+        if name == "login":
+            self.logged_in |= data == _YES
         elif name in self.answers:
-            self._open[name] = max(self._open[name] - 1, 0)
             self.answers[name] = data
+        elif seen.command and seen.command.two_stage and data == _YES:
+            self._running.add(name)
 
     def next(self, heard: Iterable[FrameSeen], now_s: float) -> FrameSeen | None:
         """The first poll among requests that can be answered now."""

@@ -112,10 +112,12 @@ class Subject:
             Unmet: It does not.
             NotRun: It cannot.
         """
-        if self.access.attended and (kept := self._open_line()) and kept.polls.logged_in:
-            kept.heard.clear()
-            kept.polls.renew()
-            return kept
+        if self.access.attended:
+            if (kept := self._open_line()) and kept.polls.at_rest:
+                kept.heard.clear()
+                kept.polls.renew()
+                return kept
+            self.close_lines()  # a case was skipped in the midst of something
         line, call = self.dial(judged=judged)
         line.log_in(call)
         self.done(call)
