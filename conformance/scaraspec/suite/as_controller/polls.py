@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from scaraspec.judgement.happenings import FrameSeen
-from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 
 REPLIES: Final = {
@@ -69,7 +69,8 @@ class Polls:
 
     def taken(self, seen: FrameSeen) -> None:
         """A case has taken a request, and will answer it: what follows it waits its turn."""
-        self._open[seen.name] += 1
+        if seen.command and seen.command.asker is A2C:  # else it was the answer to a chunk
+            self._open[seen.name] += 1
 
     def sent(self, seen: FrameSeen) -> None:
         """Something was sent to the client: polls are told the same from now on."""
