@@ -101,7 +101,8 @@ def make_files(
         name: What they are called, without suffixes.
         session: What is known of them.
         draw: Whether to draw.
-        optimized: Whether the drawing is made small when it is complete.
+        optimized: Whether the drawing is made small when it is complete; it may grow for weeks
+            till then, so its footer is made only there.
 
     Returns:
         Their paths, and what writes them.
@@ -120,12 +121,13 @@ def make_files(
         from scaraspec_recorder.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
 
         drawn = folder.new(f"{path.stem}{DRAWN}")
-        return (path, drawn), (capture, RerunSink.to_file(drawn, session, optimized=optimized))
+        drawing = RerunSink.to_file(drawn, session, optimized=optimized, footer=not optimized)
     except BaseException:
         file.close()
         for made in filter(None, (path, drawn)):
             made.unlink()
         raise
+    return (path, drawn), (capture, drawing)
 
 
 class FileSet:

@@ -101,6 +101,7 @@ class RerunSink:
         session: Mapping[str, str] | None = None,
         *,
         optimized: bool = True,
+        footer: bool = True,
     ) -> "RerunSink":
         """Draw into a new file; one that is there is replaced.
 
@@ -108,12 +109,13 @@ class RerunSink:
             path: The file.
             session: What is known beforehand, such as the addresses.
             optimized: Whether to make it small and quick to open when it is complete.
+            footer: Whether to write a footer; optimizing makes one, and needs none.
 
         Raises:
             SinkFailed: From every method, where the file cannot be written.
         """
         with _failing(path):
-            stream = rerun_files.begin(APPLICATION, path, blueprint.layout())
+            stream = rerun_files.begin(APPLICATION, path, blueprint.layout(), footer=footer)
         sink = cls(stream, session)
         sink._path, sink._optimized = path, optimized
         return sink

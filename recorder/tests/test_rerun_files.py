@@ -12,6 +12,8 @@ import rerun_bindings
 from rerun.chunk import RrdReader
 
 from scaraspec_recorder import blueprint, rerun_files
+from scaraspec_recorder.leftovers import is_drawn
+from scaraspec_recorder.optimizing import optimize
 from scaraspec_recorder.rerun_files import _Layout
 
 ROUNDS = 4
@@ -48,6 +50,19 @@ def test_the_sdk_sends_a_layout_as_it_did(tmp_path: Path) -> None:
     layout.end()
     stream.disconnect()
     assert len(RrdReader(path).blueprints()) == 1, "rerun-sdk does not take `_Layout` for a layout"
+
+
+@pytest.mark.parametrize("footer", [True, False])
+def test_a_footer_is_left_to_the_optimizing(tmp_path: Path, *, footer: bool) -> None:
+    """The SDK keeps it in memory, for weeks perhaps; without one nothing else is missing."""
+    path = tmp_path / "drawing.rrd"
+    stream = rerun_files.begin("test", path, blueprint.layout(), footer=footer)
+    stream.log("value", rr.Scalars(1.0))
+    stream.disconnect()
+    assert is_drawn(path) is footer
+    assert optimize(path)
+    assert is_drawn(path)
+    assert len(RrdReader(path).blueprints()) == 1
 
 
 def test_the_sdk_has_what_frees_closed_streams() -> None:
