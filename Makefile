@@ -47,6 +47,7 @@ check: $(READY)
 bench: $(READY)
 	$(BIN)/python bench/frames.py
 	$(BIN)/python -m bench.forwarding
+	$(BIN)/python -m bench.suite
 	$(BIN)/python -m bench.soak --hours 0.2 --rotate 144s
 
 # Hours of traffic, at speed; a whole day, `make soak HOURS=24`, takes some hours.
