@@ -359,7 +359,7 @@ def _pytest(bracket: Bracket, role: Role, options: Options, *where: Path) -> Non
     """
     folder = CASES[role]
     _forget_cases(folder)
-    quiet = ("-p", "no:terminal", "-p", "no:cacheprovider", "-p", "no:junitxml", "-p", "no:logging")
+    quiet = [f"-pno:{name}" for name in _NOT_NEEDED]
     alone = ("-c", os.devnull, f"--rootdir={folder}", f"--confcutdir={folder}")
     drawn = (f"--hypothesis-seed={options.seed}",)
     heard = ("--capture=no",) if options.attended else ()  # an operator reads and types
@@ -382,6 +382,12 @@ def _forget_cases(folder: Path) -> None:
         if str(getattr(module, "__file__", None)).startswith(cases_here):
             del sys.modules[name]
 
+
+_NOT_NEEDED: Final = (
+    *("terminal", "cacheprovider", "junitxml", "logging"),
+    *("unraisableexception", "threadexception"),  # each run would collect garbage ten times
+)
+"""Plugins of pytest."""
 
 _FINISHED: Final = (
     pytest.ExitCode.OK,

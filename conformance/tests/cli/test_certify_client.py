@@ -41,7 +41,7 @@ BAD = {
     "dies": ("raise SystemExit('no licence')", "no licence"),
     "hangs": ("import time; time.sleep(60)", "does not say in 1 s"),
     "floods": ("import os\nwhile True: os.write(1, b'x' * 65536)", "what answers nothing"),
-    "babbles": ("while True: print('[]', flush=True)", "what answers nothing"),
+    "babbles": ("while True: print([0] * 9999, flush=True)", "what answers nothing"),
     "lies": (ANSWER.format("'ok': True"), "is over before it can be"),
     "lacks everything": (ANSWER.format("'unimplemented': True"), "lacks the operation disconnect"),
 }
