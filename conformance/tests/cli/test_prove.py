@@ -10,6 +10,7 @@ from scaraspec.cli.proofs import STANDS, alarm_of, dialects
 from scaraspec.judgement.requirements import REQUIREMENTS, by_clause
 from scaraspec.report.model import Role
 from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import collect
 
 
 @pytest.mark.parametrize(
@@ -57,3 +58,15 @@ def test_an_unknown_fault(processes: Any) -> None:
     done = processes.run("prove", "--fault", "gremlin")
     assert done.returncode == 2
     assert "gremlin" in done.stderr
+
+
+@pytest.mark.parametrize("role", list(STANDS))
+def test_the_published_matrix_is_that_of_these_faults(role: Role) -> None:
+    """Each is in it, and killed; there is no case that kills none."""
+    published = Path(__file__).parents[3] / "reports" / f"kill-matrix.{role.value}.json"
+    matrix = json.loads(published.read_text(encoding="utf-8"))
+    assert {fault["fault"] for fault in matrix["faults"]} == set(STANDS[role].faults())
+    assert all(fault["killers"] for fault in matrix["faults"])
+    assert matrix["idle"] == []
+    killers = {case for fault in matrix["faults"] for case in fault["killers"]}
+    assert {case.id for case in collect(Options(), role)} <= killers
