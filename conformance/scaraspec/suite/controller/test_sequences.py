@@ -12,8 +12,8 @@ from hypothesis import Phase, given, settings
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.model import Step
 from scaraspec.suite.as_client.sequences import (
-    Step,
     acts_within,
     attempt,
     endless,
