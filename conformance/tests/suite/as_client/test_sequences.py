@@ -43,7 +43,7 @@ def tried(
             "stopped-simulation-clears-outputs",
             "4.32/6",
             "4/15.sequences",
-            ("set output", "upload", "simulate_program", "stop", "move"),
+            ("set output", "simulate_program", "stop"),
         ),
         (
             "second-login-sets-the-clock-back",
@@ -65,9 +65,9 @@ def test_shrunk(fault: str, requirement: str, case: str, steps: tuple[str, ...])
     assert found.verdict is Verdict.FAIL
     assert found.requirements == (requirement,)
     told = found.message.partition(" behind: ")[2].split("; ")
-    done = [step for step in told if not step.startswith(("look", "list", "ask", "download"))]
-    assert len(done) == len(steps), found.message
-    assert all(step.startswith(name) for step, name in zip(done, steps, strict=True)), told
+    assert not told[0].startswith("…"), found.message
+    left = iter(told)
+    assert all(any(step.startswith(name) for step in left) for name in steps), told
 
 
 class ForgetsItsListLate(Brain):
