@@ -16,6 +16,9 @@ from scaraspec.report.model import Results, Role
 from scaraspec.seeding import Fault
 from scaraspec.suite.plan import Options
 
+_WRONG: Final = frozenset({("err_sep", "space"), ("prelogin", "all")})
+"""Readings that fail: a blank for the bar (A-0-2), everything served before a login (A-4-4)."""
+
 _ALARMING: Final = (Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.ERROR)
 
 
@@ -114,11 +117,15 @@ def alarm_of(dialect: Dialect, role: Role, options: Options) -> Alarm:
 def dialects() -> Iterator[Dialect]:
     """Every reading but the default by itself, then dialects in which every pair of them occurs.
 
-    Without a blank in place of the bar, which the register lists and calls wrong (A-0-2).
+    Without those which the register lists and calls wrong.
     """
-    several = [r for r in READINGS.values() if len(r.options) > 1 and r.key != "err_sep"]
-    for reading in several:
-        for option in reading.options[1:]:
-            yield Dialect({reading.key: option.name})
-    for names in AllPairs([[option.name for option in r.options] for r in several]):
-        yield Dialect(dict(zip((r.key for r in several), names, strict=True)))
+    several = {
+        key: names
+        for key, reading in READINGS.items()
+        if len(names := [o.name for o in reading.options if (key, o.name) not in _WRONG]) > 1
+    }
+    for key, (_, *others) in several.items():
+        for name in others:
+            yield Dialect({key: name})
+    for names in AllPairs(list(several.values())):
+        yield Dialect(dict(zip(several, names, strict=True)))

@@ -222,7 +222,9 @@ class Bracket:
         runtestprotocol(item, log=self._loud, nextitem=nextitem)
         outcome = self._outcome(case)
         frames = tuple(subject.observer.recent)
-        if not case.last:
+        if case.last:
+            subject.close_lines()
+        else:
             outcome = self._afterwards(case, outcome)
         duration_s = (subject.now_ns - begun_ns) / _NS
         return replace(outcome, duration_s=duration_s, frames=outcome.frames or frames)

@@ -254,6 +254,8 @@ class Run(Generic[P]):
                 continue
             if seen.claimed == "both" and len(seen.options) > 1:  # each has been seen by itself
                 continue
+            if key == "default_none" and self.setting.statement.dialect["on_unknown"] == "0":
+                continue  # of 0x0D and 0x13 the one that it does not know is answered so, too
             if READINGS[key].unit is None:
                 message = f"the statement of conformance claims {key} = {seen.claimed}"
                 yield Outcome(
