@@ -5,6 +5,7 @@ carries that out, blocking in `Client`, awaited in `AsyncClient`. To add a row, 
 """
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -107,7 +108,7 @@ def _ask(
     return Call(lambda core: core.command(name, value), tell)
 
 
-class Operations:
+class Operations(ABC):
     """What a client can do.
 
     Every method may raise:
@@ -124,9 +125,9 @@ class Operations:
     """
 
     @property
+    @abstractmethod
     def dialect(self) -> Dialect:
         """The readings that are spoken."""
-        raise NotImplementedError
 
     # 4.1 - 4.8: session and settings
 

@@ -6,6 +6,7 @@ judge. How fields make up a payload stands in `payloads`.
 """
 
 import re
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from datetime import datetime
 from enum import Enum
@@ -90,7 +91,7 @@ def show(data: bytes, limit: int = 60) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class Field(ABC):
     """A named field; subclasses say how it is read and written.
 
     Attributes:
@@ -101,17 +102,17 @@ class Field:
     unit: str = ""
     opaque: ClassVar[bool] = False
 
+    @abstractmethod
     def read(self, text: bytes, notes: Notes) -> Any:
         """Return the value, or None where there is none to be had; add complaints to `notes`."""
-        raise NotImplementedError
 
+    @abstractmethod
     def write(self, value: Any, dialect: Dialect) -> bytes:
         """Return the text of `value`.
 
         Raises:
             PayloadError: The value has no legal text.
         """
-        raise NotImplementedError
 
 
 _DECIMAL = re.compile(rb"-?[0-9]+(\.[0-9]+)?")

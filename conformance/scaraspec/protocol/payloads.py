@@ -5,6 +5,7 @@ complaint; encoding follows a dialect and refuses what the document forbids. Whi
 which payload stands in `commands`.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -35,13 +36,13 @@ class Decoded(NamedTuple):
     readings: tuple[tuple[str, str], ...] = ()
 
 
-class Payload:
+class Payload(ABC):
     """The data part of one kind of frame."""
 
     @property
+    @abstractmethod
     def form(self) -> str:
         """The payload as the document would draw it, for example ``x|y|z``."""
-        raise NotImplementedError
 
     @property
     def fields(self) -> tuple[Field, ...]:
@@ -65,13 +66,13 @@ class Payload:
             raise PayloadError(f"{len(data)} bytes of data do not fit one frame (255, L89)")
         return data
 
+    @abstractmethod
     def read(self, data: bytes, notes: Notes) -> Any:
         """Read the value and add to `notes`."""
-        raise NotImplementedError
 
+    @abstractmethod
     def write(self, value: Any, dialect: Dialect) -> bytes:
         """Write the value, without looking at the total length."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """What faults share: what goes out or comes in is altered on its way; other two-stage commands."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Any, ClassVar
 
@@ -9,15 +10,15 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 
 
-class AltersRequests(ClientCore):
+class AltersRequests(ClientCore, ABC):
     """The data of one request are not what they should be."""
 
     name: ClassVar[str]
     """The command in question."""
 
+    @abstractmethod
     def altered(self, data: bytes) -> bytes:
         """What is sent in place of the data."""
-        raise NotImplementedError
 
     def _send(self, frames: Iterable[Frame]) -> None:
         super()._send(map(self._altered, frames))
@@ -28,28 +29,28 @@ class AltersRequests(ClientCore):
         return frame._replace(data=self.altered(frame.data))
 
 
-class AltersFields(AltersRequests):
+class AltersFields(AltersRequests, ABC):
     """The fields of one request are not what they should be."""
 
+    @abstractmethod
     def fields(self, fields: list[bytes]) -> list[bytes]:
         """What is sent in their place."""
-        raise NotImplementedError
 
     def altered(self, data: bytes) -> bytes:
         """Join them."""
         return b"|".join(self.fields(data.split(b"|")))
 
 
-class SendsUnchecked(AltersFields):
+class SendsUnchecked(AltersFields, ABC):
     """A value that is not to be sent goes out all the same."""
 
     place: ClassVar[int] = 0
     """Which of the fields."""
     _unchecked: float | None = None
 
+    @abstractmethod
     def passes(self, value: float) -> bool:
         """Whether this one does."""
-        raise NotImplementedError
 
     def command(self, name: str, value: Any = None) -> Exchange:
         """Show the encoder a 1 in its place."""
@@ -68,15 +69,15 @@ class SendsUnchecked(AltersFields):
         return fields
 
 
-class AltersReplies(ClientCore):
+class AltersReplies(ClientCore, ABC):
     """The data of one reply are read otherwise than they came."""
 
     name: ClassVar[str]
     """The command in question."""
 
+    @abstractmethod
     def altered(self, data: bytes) -> bytes:
         """What is read in place of the data."""
-        raise NotImplementedError
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         if not frame.tagged and frame.opcode == BY_NAME[self.name].opcode:
@@ -84,12 +85,12 @@ class AltersReplies(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-class AltersResults(ClientCore):
+class AltersResults(ClientCore, ABC):
     """The data of final results are read otherwise than they came."""
 
+    @abstractmethod
     def altered(self, data: bytes) -> bytes:
         """What is read in place of the data."""
-        raise NotImplementedError
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         if frame.tagged:

@@ -1,5 +1,6 @@
 """Faults of 4.2: setting the password."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Any
 
@@ -44,14 +45,14 @@ class RepeatsTheNewPassword(AltersFields):
         return [*fields, fields[-1]]
 
 
-class _SendsAnyPair(ClientCore):
+class _SendsAnyPair(ClientCore, ABC):
     """A pair that must not be sent is sent."""
 
     _pair = b""
 
+    @abstractmethod
     def passes(self, pair: PasswordChange) -> bytes:
         """What is sent of it; nothing where it is refused."""
-        raise NotImplementedError
 
     def command(self, name: str, value: Any = None) -> Exchange:
         """Take it for another one."""

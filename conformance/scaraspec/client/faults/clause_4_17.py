@@ -1,5 +1,6 @@
 """Faults of clause 4.17: an emergency stop that is held back, or confused with what it stops."""
 
+from abc import ABC, abstractmethod
 from typing import Final
 
 from scaraspec.client.core import ClientCore, Event
@@ -104,12 +105,12 @@ class StopWaitsForWhatItStops(ClientCore):
         return events
 
 
-class _HoldsTheStop(ClientCore):
+class _HoldsTheStop(ClientCore, ABC):
     """The stop is not sent while certain other things are open."""
 
+    @abstractmethod
     def hinders(self, exchange: Exchange) -> bool:
         """Whether it waits for that."""
-        raise NotImplementedError
 
     def is_free(self, slot: str) -> bool:
         """Wait."""

@@ -1,5 +1,6 @@
 """Faults of clause 4.20: the gripper centre as it is set."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Any, Final
 
@@ -57,14 +58,14 @@ class GripperWithDecimalCommas(AltersRequests):
         return data.replace(b".", b",")
 
 
-class _WritesNumbers(ClientCore):
+class _WritesNumbers(ClientCore, ABC):
     """The numbers of the gripper centre are written in another way."""
 
     _ordered: Point | None = None
 
+    @abstractmethod
     def written(self, number: float) -> bytes:
         """Write one."""
-        raise NotImplementedError
 
     def command(self, name: str, value: Any = None) -> Exchange:
         """Remember what was ordered."""

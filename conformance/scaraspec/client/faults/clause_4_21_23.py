@@ -1,5 +1,6 @@
 """Faults of clauses 4.19 to 4.23: points and poses as they are set and told; what counts."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Final
 
@@ -76,12 +77,12 @@ class PositionOfZerosIsEmpty(AltersFields):
         return fields
 
 
-class _Miscounts(ClientCore):
+class _Miscounts(ClientCore, ABC):
     """The length byte of the initial position is another one."""
 
+    @abstractmethod
     def length(self, size_bytes: int) -> int:
         """Which."""
-        raise NotImplementedError
 
     def _send(self, frames: Iterable[Frame]) -> None:
         for frame in frames:

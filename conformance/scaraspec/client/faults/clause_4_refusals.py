@@ -1,5 +1,6 @@
 """Faults of clause 4: refusals that are not understood, and codes that are not told."""
 
+from abc import ABC, abstractmethod
 from dataclasses import replace
 
 from scaraspec.client.core import ClientCore, Event
@@ -14,12 +15,12 @@ from scaraspec.protocol.frames import Frame
 _STOP = 0x32  # refused without a code (L366)
 
 
-class _AltersRefusals(ClientCore):
+class _AltersRefusals(ClientCore, ABC):
     """What was refused is not always taken for that."""
 
+    @abstractmethod
     def overlooked(self, frame: Frame) -> bool:
         """Whether this refusal is taken for a yes."""
-        raise NotImplementedError
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         command = BY_OPCODE.get(frame.opcode)
@@ -101,12 +102,12 @@ class RefusalIsToldAsFailure(OtherTwoStage):
 # Codes
 
 
-class _AltersCodes(TwoStage):
+class _AltersCodes(TwoStage, ABC):
     """The code is told otherwise."""
 
+    @abstractmethod
     def text(self, code: str) -> str:
         """What is told in its place."""
-        raise NotImplementedError
 
     def fail(self, problem: ClientError) -> None:
         """Tell that."""

@@ -1,6 +1,7 @@
 """Faults of the text conventions in what a client sends: separators, marks, digits, numbers."""
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Any
 
@@ -158,7 +159,7 @@ class RestOfTheBuffer(AltersRequests):
 # Numbers
 
 
-class _Numbers(AltersRequests):
+class _Numbers(AltersRequests, ABC):
     """Numbers are written otherwise."""
 
     name = "set_gripper_center"
@@ -167,9 +168,9 @@ class _Numbers(AltersRequests):
         """Write them."""
         return b"|".join(self.written(float(text)).encode() for text in data.split(b"|"))
 
+    @abstractmethod
     def written(self, number: float) -> str:
         """Write one."""
-        raise NotImplementedError
 
 
 @fault("T/5", subtle=True)

@@ -1,5 +1,6 @@
 """What faults share: frames that are spoilt on their way out, and clients that hear no more."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import ClassVar
 
@@ -8,15 +9,15 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 
 
-class SpoilsFrames(ClientCore):
+class SpoilsFrames(ClientCore, ABC):
     """The frame of one request is not what it should be."""
 
     name: ClassVar[str]
     """The command in question."""
 
+    @abstractmethod
     def spoiled(self, frame: bytes) -> bytes:
         """What is sent in place of the frame."""
-        raise NotImplementedError
 
     def _send(self, frames: Iterable[Frame]) -> None:
         for frame in frames:

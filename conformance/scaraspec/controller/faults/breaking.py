@@ -3,6 +3,7 @@
 No fault stands here.
 """
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.controller.brain import Brain
@@ -39,12 +40,12 @@ class Mortal(Brain):
         return [Close(connection)] if self.dead else super().open(connection, now_s, link)
 
 
-class Skips(Mortal):
+class Skips(Mortal, ABC):
     """Does something about bytes that are no frame."""
 
+    @abstractmethod
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:
         """What it does."""
-        raise NotImplementedError
 
     def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
         for item in found:
@@ -79,12 +80,12 @@ class SendsLater(Brain):
             Brain.emit(self, session, frame)
 
 
-class AltersBytes(Brain):
+class AltersBytes(Brain, ABC):
     """Sends other bytes for a frame."""
 
+    @abstractmethod
     def altered(self, data: bytes) -> bytes:
         """What is sent in place of these bytes of a frame."""
-        raise NotImplementedError
 
     def transmit(self, session: Session, data: bytes) -> None:
         """Send something else."""

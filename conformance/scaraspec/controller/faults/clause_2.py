@@ -1,5 +1,6 @@
 """Faults of clause 2: connections, how their bytes are delivered, and who has logged in."""
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.controller.brain import Brain
@@ -55,16 +56,16 @@ class EveryNinetiethConnection(Brain):
         return super().open(connection, now_s, link)
 
 
-class _Leaky(Brain):
+class _Leaky(Brain, ABC):
     """Sixteen sessions can be open; some are never freed."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._leaked = 0
 
+    @abstractmethod
     def leaks(self, session: Session) -> bool:
         """Whether this one is not freed."""
-        raise NotImplementedError
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
         """Refuse where there is no room."""

@@ -1,5 +1,6 @@
 """Faults of clause 3: opcodes, what is answered, and in which order things happen."""
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.controller import motion
@@ -86,12 +87,12 @@ class OpcodeOfTheLastRequest(Brain):
 # Undefined opcodes
 
 
-class _Undefined(Mortal):
+class _Undefined(Mortal, ABC):
     """Does something on undefined opcodes."""
 
+    @abstractmethod
     def undefined(self, session: Session, frame: Frame, now_s: float) -> None:
         """What it does."""
-        raise NotImplementedError
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Do it for a client that has logged in."""
@@ -195,12 +196,12 @@ def _is(item: Found, *opcodes: int) -> bool:
     return isinstance(item, Frame) and item.opcode in opcodes
 
 
-class _Sorts(Brain):
+class _Sorts(Brain, ABC):
     """Serves what comes together in another order."""
 
+    @abstractmethod
     def rank(self, item: Found) -> int:
         """The lowest come first."""
-        raise NotImplementedError
 
     def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
         super()._take_in(session, sorted(found, key=self.rank), now_s)
@@ -261,12 +262,12 @@ class ChunksBeforeNames(_Sorts):
 # No answer
 
 
-class _FallsSilent(Brain):
+class _FallsSilent(Brain, ABC):
     """Some requests are never answered."""
 
+    @abstractmethod
     def silent(self, session: Session, frame: Frame) -> bool:
         """Whether this is one of them."""
-        raise NotImplementedError
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Serve it, or not."""
@@ -283,7 +284,7 @@ class NeverTellsTemperatures(_FallsSilent):
         return frame.opcode == 0x0F
 
 
-class _Counts(_FallsSilent):
+class _Counts(_FallsSilent, ABC):
     """Counts the requests of each connection."""
 
     def __init__(self, *args: Any) -> None:
@@ -295,9 +296,9 @@ class _Counts(_FallsSilent):
         self._counts[session] = self._counts.get(session, 0) + 1
         return self.wrong(self._counts[session])
 
+    @abstractmethod
     def wrong(self, number: int) -> bool:
         """Whether this one is lost."""
-        raise NotImplementedError
 
 
 @fault("3/31", subtle=True)

@@ -1,5 +1,6 @@
 """Faults of clause 3: how frames are made, and how their ends are found."""
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.controller.brain import Brain
@@ -70,12 +71,12 @@ class EndsLongFramesWithZero(AltersBytes):
 # Length
 
 
-class _OtherLength(AltersBytes):
+class _OtherLength(AltersBytes, ABC):
     """The length byte says something else."""
 
+    @abstractmethod
     def length(self, opcode: int, size_bytes: int) -> bytes:
         """What stands for this length."""
-        raise NotImplementedError
 
     def altered(self, data: bytes) -> bytes:
         """Put it in."""

@@ -1,5 +1,6 @@
 """Faults of clause 3: the final results of two-stage commands."""
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.controller.brain import Brain
@@ -159,14 +160,14 @@ class SimulationsHaveNoResult(Brain):
             super().conclude(request, outcome)
 
 
-class _Repeats(SendsLater):
+class _Repeats(SendsLater, ABC):
     """Some results come twice."""
 
     late_s = 0.0
 
+    @abstractmethod
     def repeats(self, frame: Frame) -> bool:
         """Whether this one does."""
-        raise NotImplementedError
 
     def _settle(self, now_s: float) -> None:
         self._now_s = now_s

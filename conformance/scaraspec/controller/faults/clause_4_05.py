@@ -1,5 +1,6 @@
 """Faults of clause 4.5: setting the clock."""
 
+from abc import ABC, abstractmethod
 from datetime import datetime, timedelta
 from typing import Any, Final
 
@@ -17,12 +18,12 @@ _END_OF_32_BITS: Final = datetime(2038, 1, 19, 3, 14, 7)  # noqa: DTZ001 - the d
 _DIGITS: Final = 14
 
 
-class _SetsOtherwise(Brain):
+class _SetsOtherwise(Brain, ABC):
     """The clock is set to another time than was sent."""
 
+    @abstractmethod
     def wrong(self, time: datetime) -> datetime:
         """What it is set to."""
-        raise NotImplementedError
 
     def set_time(self, request: Request) -> bool:
         """Set it to that."""
@@ -154,7 +155,7 @@ class YearsHaveTwoDigits(_SetsOtherwise):
         return time.replace(year=time.year - 100) if time.year >= 2070 else time
 
 
-class _RollsOtherwise(Brain):
+class _RollsOtherwise(Brain, ABC):
     """The clock runs from the time that was set, and goes over into another day than it should."""
 
     _set_to = _shown = datetime.min  # noqa: DTZ901 - the document names no zone
@@ -164,9 +165,9 @@ class _RollsOtherwise(Brain):
         self._set_to = request.value
         return super().set_time(request)
 
+    @abstractmethod
     def wrong(self, was: datetime, time: datetime) -> datetime:
         """What is shown at a time, where the clock was set to another one."""
-        raise NotImplementedError
 
     def get_time(self, request: Request) -> datetime:
         """Show that."""

@@ -1,5 +1,6 @@
 """Faults of clause 4.6: the clock as it is told, and how it runs."""
 
+from abc import ABC, abstractmethod
 from datetime import datetime, timedelta
 from typing import Any, Final
 
@@ -101,14 +102,14 @@ class ClockStandsStill(Brain):
         return super().set_time(request)
 
 
-class _RunsOtherwise(Brain):
+class _RunsOtherwise(Brain, ABC):
     """The clock runs at another rate than time."""
 
     _origin: tuple[datetime, float] | None = None
 
+    @abstractmethod
     def wrong_s(self, passed_s: float) -> float:
         """How much the clock gains in so much time."""
-        raise NotImplementedError
 
     def set_time(self, request: Request) -> bool:
         """Begin anew."""

@@ -1,5 +1,6 @@
 """Faults of clause 4.8: the status of the robot."""
 
+from abc import ABC, abstractmethod
 from typing import Any, Final
 
 from scaraspec.controller.brain import Brain
@@ -60,12 +61,12 @@ class StatusWithExplanation(AltersReplies):
         return data + b"|" + _WORDS.get(data, b"RUNNING")
 
 
-class _SaysOtherwise(Brain):
+class _SaysOtherwise(Brain, ABC):
     """The status is wrong while the robot is in one state."""
 
+    @abstractmethod
     def wrong(self, status: str, request: Request) -> str:
         """What is said in place of a status."""
-        raise NotImplementedError
 
     def get_status(self, request: Request) -> str:
         """Say that."""

@@ -1,5 +1,6 @@
 """Faults of clause 4.9: what is said of the program that runs."""
 
+from abc import ABC, abstractmethod
 from typing import Final
 
 from scaraspec.controller.brain import Brain
@@ -14,14 +15,14 @@ _MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
 _LAG_S: Final = 3.0
 
 
-class _AltersTelling(AltersReplies):
+class _AltersTelling(AltersReplies, ABC):
     """A program that runs is told otherwise."""
 
     opcode = _RUNNING
 
+    @abstractmethod
     def told(self, name: bytes, time: bytes) -> bytes:
         """What is sent of a program and its run time."""
-        raise NotImplementedError
 
     def altered(self, data: bytes) -> bytes:
         """Alter it where one runs."""
@@ -31,12 +32,12 @@ class _AltersTelling(AltersReplies):
         return self.told(name, time)
 
 
-class _TellsOtherwise(Brain):
+class _TellsOtherwise(Brain, ABC):
     """The name or the run time is another one."""
 
+    @abstractmethod
     def wrong(self, told: RunningProgram, request: Request) -> RunningProgram | None:
         """What is told in place of this."""
-        raise NotImplementedError
 
     def get_running_program(self, request: Request) -> RunningProgram | None:
         """Tell that."""

@@ -1,5 +1,6 @@
 """Faults of clause 4.10: the list of the programs."""
 
+from abc import ABC, abstractmethod
 from typing import Final
 
 from scaraspec.controller.behaviour.programs import list_parts
@@ -14,12 +15,12 @@ _PART_BYTES: Final = 253
 _MOST: Final = 20
 
 
-class _AltersNames(Brain):
+class _AltersNames(Brain, ABC):
     """Other names are listed than are stored."""
 
+    @abstractmethod
     def listed(self, names: list[bytes], request: Request) -> list[bytes]:
         """Which names are listed, of those that are stored."""
-        raise NotImplementedError
 
     def list_programs(self, request: Request) -> NameListPart:
         """List them."""

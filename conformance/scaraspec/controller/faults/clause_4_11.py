@@ -1,5 +1,6 @@
 """Faults of clause 4.11: deleting a program."""
 
+from abc import ABC, abstractmethod
 from fnmatch import fnmatchcase
 from typing import Final
 
@@ -128,7 +129,7 @@ class MissingIsDeleted(Brain):
         return request.value not in self.store or super().delete_program(request)
 
 
-class _FindsMore(Mends):
+class _FindsMore(Mends, ABC):
     """A name that is not stored stands for one that is."""
 
     command = "delete_program"
@@ -139,9 +140,9 @@ class _FindsMore(Mends):
             return data
         return next((name for name in self.store.names() if self.fits(data, name)), data)
 
+    @abstractmethod
     def fits(self, asked: bytes, name: bytes) -> bool:
         """Whether a name stands for another one."""
-        raise NotImplementedError
 
 
 @fault("4.11/4")

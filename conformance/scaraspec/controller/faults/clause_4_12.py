@@ -1,5 +1,6 @@
 """Faults of clause 4.12: the default program as it is told."""
 
+from abc import ABC, abstractmethod
 from typing import Final
 
 from scaraspec.controller.behaviour import SILENCE, Silence
@@ -11,12 +12,12 @@ from scaraspec.protocol.frames import Frame
 _OPCODES: Final = (0x0D, 0x13)
 
 
-class _Tells(Brain):
+class _Tells(Brain, ABC):
     """The default program is told otherwise."""
 
+    @abstractmethod
     def told(self, name: bytes, request: Request) -> bytes:
         """What is told of a default program; its name is empty where there is none."""
-        raise NotImplementedError
 
     def get_default_program(self, request: Request) -> bytes | Silence:
         """Tell that."""

@@ -1,5 +1,6 @@
 """Faults of clause 4.20: setting the gripper centre."""
 
+from abc import ABC, abstractmethod
 from typing import Any, Final
 
 from scaraspec.controller import arm, motion
@@ -17,12 +18,12 @@ _LATE_S: Final = 1.0
 _MANY: Final = 30
 
 
-class _SetsOtherwise(Brain):
+class _SetsOtherwise(Brain, ABC):
     """Another gripper centre is set than was sent."""
 
+    @abstractmethod
     def wrong(self, point: Point) -> Point:
         """What is set."""
-        raise NotImplementedError
 
     def set_gripper_center(self, request: Request) -> bool:
         """Set that."""
@@ -175,14 +176,14 @@ class FurtherNumbersAreOverlooked(Mends):
         return b"|".join(data.split(b"|")[:3])
 
 
-class _MendsNumbers(Mends):
+class _MendsNumbers(Mends, ABC):
     """Fields that are no numbers are taken for some."""
 
     command = _SET
 
+    @abstractmethod
     def number(self, text: bytes) -> bytes:
         """What a field is taken for."""
-        raise NotImplementedError
 
     def mended(self, data: bytes) -> bytes:
         """Mend each."""

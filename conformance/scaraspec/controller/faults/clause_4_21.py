@@ -1,5 +1,6 @@
 """Faults of clause 4.21: setting the initial tool position."""
 
+from abc import ABC, abstractmethod
 from typing import Any, Final
 
 from scaraspec.controller.brain import Brain
@@ -14,12 +15,12 @@ _SET: Final = "set_initial_tool_position"
 _FIELDS: Final = 6
 
 
-class _SetsOtherwise(Brain):
+class _SetsOtherwise(Brain, ABC):
     """Another position is set than was sent."""
 
+    @abstractmethod
     def wrong(self, pose: Pose) -> Pose:
         """What is set."""
-        raise NotImplementedError
 
     def set_initial_tool_position(self, request: Request) -> bool:
         """Set that."""

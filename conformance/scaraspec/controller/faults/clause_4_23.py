@@ -1,5 +1,6 @@
 """Faults of clause 4.23: the tool coordinates."""
 
+from abc import ABC, abstractmethod
 from typing import Final
 
 from scaraspec.controller.brain import Brain
@@ -15,12 +16,12 @@ _MANY: Final = 6
 _CREEPS_S: Final = 2.0
 
 
-class _TellsOtherwise(Brain):
+class _TellsOtherwise(Brain, ABC):
     """Other coordinates are told than the tool has."""
 
+    @abstractmethod
     def wrong(self, pose: Pose, request: Request) -> Pose:
         """What is told."""
-        raise NotImplementedError
 
     def get_tool_coordinates(self, request: Request) -> Pose:
         """Tell that."""

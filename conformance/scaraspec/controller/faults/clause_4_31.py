@@ -1,6 +1,7 @@
 """Faults of clauses 4.31 to 4.34: inputs and outputs."""
 
 import re
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 from scaraspec.controller.behaviour import SILENCE
@@ -195,12 +196,12 @@ class SettingsAreLostWhileRunning(Brain):
         return True if self.robot.task else super().set_digital_output(request)
 
 
-class _Parses(Brain):
+class _Parses(Brain, ABC):
     """Reads settings in a way of its own."""
 
+    @abstractmethod
     def parsed(self, data: bytes) -> PortValue | None:
         """The setting; None to read it as it should be."""
-        raise NotImplementedError
 
     def _value(self, command: Command, frame: Frame) -> Any:
         read = self.parsed(frame.data) if command.name == "set_digital_output" else None

@@ -1,5 +1,7 @@
 """Faults of clause 8: the codes of table 8-1."""
 
+from abc import ABC, abstractmethod
+
 from scaraspec.controller.behaviour.base import refused
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import fault
@@ -9,12 +11,12 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 
 
-class _OtherCodes(Brain):
+class _OtherCodes(Brain, ABC):
     """Codes of refusals and failures are written otherwise."""
 
+    @abstractmethod
     def code(self, code: bytes) -> bytes:
         """What stands for a code."""
-        raise NotImplementedError
 
     def emit(self, session: Session, frame: Frame) -> None:
         """Put it in."""

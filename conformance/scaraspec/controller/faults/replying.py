@@ -3,6 +3,7 @@
 No fault stands here.
 """
 
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 from scaraspec.controller.brain import Brain
@@ -11,14 +12,14 @@ from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 
 
-class AltersReplies(Brain):
+class AltersReplies(Brain, ABC):
     """The first replies to one command hold something else."""
 
     opcode: ClassVar[int]
 
+    @abstractmethod
     def altered(self, data: bytes) -> bytes:
         """What is sent in place of this data."""
-        raise NotImplementedError
 
     def emit(self, session: Session, frame: Frame) -> None:
         """Send something else."""
@@ -27,14 +28,14 @@ class AltersReplies(Brain):
         super().emit(session, frame)
 
 
-class AltersLengths(Brain):
+class AltersLengths(Brain, ABC):
     """The replies to one command have a length byte that does not count their data."""
 
     opcode: ClassVar[int]
 
+    @abstractmethod
     def length(self, size_bytes: int) -> int:
         """The length byte of so much data."""
-        raise NotImplementedError
 
     def transmit(self, session: Session, data: bytes) -> None:
         """Put another length in."""
@@ -43,14 +44,14 @@ class AltersLengths(Brain):
         super().transmit(session, data)
 
 
-class Mends(Brain):
+class Mends(Brain, ABC):
     """The requests of one command are read as if they were better than they are."""
 
     command: ClassVar[str]
 
+    @abstractmethod
     def mended(self, data: bytes) -> bytes:
         """What is read in place of this data."""
-        raise NotImplementedError
 
     def _value(self, command: Command, frame: Frame) -> Any:
         if command.name == self.command:
