@@ -83,7 +83,7 @@ def command(  # noqa: PLR0913 - one for each option
     A fault is killed where a case fails of a requirement that it violates; so --quick, with no
     other case than those, kills as many, minutes instead of hours. A case that kills no fault of
     those that were run is told. Exit status 0 where every fault is killed and the faultless
-    implementation conformant, 1 where not.
+    implementation conformant, 1 where not, 4 where there was no fault to find.
     """
     party = Role(role)
     options = Options(
@@ -93,6 +93,9 @@ def command(  # noqa: PLR0913 - one for each option
         _prove_dialects(party, options, jobs)
         return
     chosen = _chosen(party, names, options)[::every]
+    if not chosen:
+        click.echo("nothing proved: none of these faults violates what --only names", err=True)
+        raise SystemExit(ExitStatus.NOTHING_TESTED)
     sound = STANDS[party].prove(options)
     click.echo(f"without a fault: {sound.verdict.value}, {len(sound.cases)} cases")
     proofs = list(_shown(_proofs(party, chosen, options, jobs, quick=quick), len(chosen)))

@@ -53,6 +53,13 @@ def test_another_dialect_is_no_false_alarm(role: Role) -> None:
     assert not alarm.false, alarm.cases
 
 
+def test_no_fault_is_no_proof(processes: Any) -> None:
+    """A fault that violates nothing of what is asked for leaves nothing to prove."""
+    done = processes.run("prove", "--fault", "status-of-one-digit", "--only", "4.1")
+    assert done.returncode == 4
+    assert "nothing proved" in done.stderr
+
+
 def test_an_unknown_fault(processes: Any) -> None:
     """One sentence and exit status 2."""
     done = processes.run("prove", "--fault", "gremlin")
