@@ -89,12 +89,20 @@ class Setting(Protocol[P]):
         """The subject."""
 
     def begin(self, subject: P) -> Mapping[str, Any]:
-        """Get ready; what was found is given to `put_back`.
+        """Find out what has to be put back: what this gives is given to `put_back`.
 
         Raises:
             Unmet: The subject is not there.
             Undecided: It cannot be dealt with.
             OSError: What it is like cannot be written down.
+        """
+
+    def probe(self, subject: P) -> None:
+        """Find out how it is to be spoken to.
+
+        Raises:
+            Unmet: It is gone.
+            Undecided: It cannot be dealt with.
         """
 
     def put_back(self, subject: P, state: Mapping[str, Any]) -> list[str]:
@@ -176,6 +184,7 @@ class Run(Generic[P]):
         """
         try:
             self._state = self.setting.begin(self._subject)
+            self.setting.probe(self._subject)
         except (Unmet, Undecided) as error:
             self._subject.close_lines()
             self.bracket.give_up(f"the subject was not there to begin with: {error}")

@@ -2,11 +2,11 @@
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -15,6 +15,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from scaraspec.client import Client
 from scaraspec.protocol.commands import COMMANDS
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Results
@@ -175,22 +176,24 @@ def test_hostile_subjects(
     assert "Traceback" not in done.stderr
 
 
-def test_interrupted(processes: Any, tmp_path: Path) -> None:
-    """Ctrl-C: what was changed is put back, and the run is inconclusive at best."""
+@pytest.mark.parametrize("files", [1, 5])
+def test_interrupted(processes: Any, tmp_path: Path, files: int) -> None:
+    """Ctrl-C while a file of the suite is stored: it is taken away, and the run inconclusive."""
     host, port = processes.controller()
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
-    run = processes.start("certify", "controller", url, *ALL, "--out", str(out))
-    state = out / "state.json"
-    while not state.exists():
-        assert run.poll() is None, run.stdout.read()
-        time.sleep(0)
-    before = json.loads(state.read_text(encoding="utf-8") or "{}")
-    run.send_signal(2)
-    told, _ = run.communicate(timeout=60)
-    assert run.returncode in (1, 3), told
-    assert not state.exists(), told
-    names = processes.run("call", url, "list_programs", "--json")
-    assert json.loads(names.stdout)["result"] == before.get("programs", []), told
+    with Client(url, password="password") as robot:
+        seen = before = robot.list_programs()
+        run = processes.start("certify", "controller", url, *ALL, "--out", str(out))
+        for _ in range(files):  # the first ones are those with which it is found out how to speak
+            while (stored := robot.list_programs()) in (before, seen):
+                assert run.poll() is None, run.stdout.read()
+            seen = stored
+        assert json.loads((out / "state.json").read_text(encoding="utf-8"))
+        run.send_signal(signal.SIGINT)
+        told, _ = run.communicate(timeout=60)
+        assert run.returncode in (1, 3), told
+        assert not (out / "state.json").exists(), told
+        assert robot.list_programs() == before, told
 
 
 def test_the_plugin_by_itself(processes: Any, tmp_path: Path) -> None:

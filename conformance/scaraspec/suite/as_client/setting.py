@@ -51,7 +51,7 @@ class ControllerSetting:
         return Subject(self.access, self.statement, self.password, observer, allowed)
 
     def begin(self, subject: Subject) -> Mapping[str, Any]:
-        """Write down what it is like, and find out how it is to be spoken to.
+        """Write down what it is like.
 
         Raises:
             Unmet: It is not there.
@@ -61,12 +61,21 @@ class ControllerSetting:
         state = (restore.load(file) if file else None) or restore.save(subject)
         if file:
             restore.keep(file, state)
-        probe_all(subject)
         return state
+
+    def probe(self, subject: Subject) -> None:
+        """Find out how it is to be spoken to; this may change what was written down.
+
+        Raises:
+            Unmet: It is gone.
+        """
+        probe_all(subject)
 
     def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
         """Put everything back; what could not be is told, and stays written down."""
-        problems = restore.restore(subject, state) if state else []
+        if not state:  # nothing was written down, and nothing changed; an earlier run's file stays
+            return []
+        problems = restore.restore(subject, state)
         if self.state_file and not problems:
             self.state_file.unlink(missing_ok=True)
         return problems

@@ -49,6 +49,9 @@ class ClientSetting:
         subject.settle()
         return {"honest": self.access.attended or subject.lacks(_MADE_UP)}
 
+    def probe(self, subject: Subject) -> None:
+        """Nothing: what a client takes shows by itself."""
+
     def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
         """Tell what makes its driver doubtful."""
         problems = []
