@@ -58,4 +58,4 @@ class Doubt:
         """Whether what passes now on this connection may depend on bytes that a gap hid."""
         if time_ns <= self._closed_until_ns or connection in self._until_ns:
             return True
-        return any(time_ns <= until_ns for until_ns in self._until_ns.values())
+        return bool(self._until_ns) and time_ns <= max(self._until_ns.values())

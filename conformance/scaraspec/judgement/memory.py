@@ -4,8 +4,10 @@ Only exchanges that no gap could have touched are kept, and a gap empties it: wh
 can be relied on. It is bounded, and knows nothing of right or wrong.
 """
 
+from bisect import bisect_left, bisect_right, insort
 from collections import OrderedDict, deque
 from collections.abc import Iterator
+from itertools import islice
 from typing import Final
 
 from scaraspec.judgement.happenings import Exchange, FrameSeen, Happening
@@ -20,8 +22,8 @@ class Memory:
     """What the recording has shown since its last gap, over all connections."""
 
     def __init__(self) -> None:
-        self.recent: dict[str, deque[Exchange]] = {}
-        """The last answered exchanges of each command, the latest last."""
+        self.recent: dict[str, list[Exchange]] = {}
+        """The last answered exchanges of each command, the latest answer last."""
         self.asked: dict[str, FrameSeen] = {}
         """The last request of each command, answered or not."""
         self.accepted: deque[Exchange] = deque(maxlen=KEPT_EXCHANGES)
@@ -37,18 +39,21 @@ class Memory:
 
     def last(self, name: str, *, before_ns: int | None = None) -> Exchange | None:
         """The last answered exchange of a command, of those answered before a time."""
-        found = reversed(self.recent.get(name, ()))
-        return next((x for x in found if before_ns is None or answered_ns(x) < before_ns), None)
+        recent = self.recent.get(name, [])
+        if before_ns is None or not recent or answered_ns(recent[-1]) < before_ns:
+            return recent[-1] if recent else None
+        after = bisect_left(recent, before_ns, key=answered_ns)
+        return recent[after - 1] if after else None
 
     def between(self, name: str, begin_ns: int, end_ns: int) -> Iterator[Exchange]:
         """The exchanges of a command that lie between two times, oldest first."""
-        found = []
-        for x in reversed(self.recent.get(name, ())):
-            if answered_ns(x) <= begin_ns:  # and so were all before it
+        recent = self.recent.get(name, [])
+        first = bisect_right(recent, begin_ns, key=answered_ns)
+        for x in islice(recent, first, None):
+            if answered_ns(x) >= end_ns:  # and so are all behind it
                 break
-            if begin_ns < x.request.place.time_ns and answered_ns(x) < end_ns:
-                found.append(x)
-        yield from reversed(found)
+            if begin_ns < x.time_ns:
+                yield x
 
     def take(self, happening: Happening, *, busy: bool) -> None:
         """Remember what a happening says, once it has been judged.
@@ -63,8 +68,9 @@ class Memory:
         elif isinstance(happening, Exchange) and happening.reply and happening.certain:
             if happening.transfer or happening.transfer_before:  # they hold files
                 return
-            recent = self.recent.setdefault(happening.name, deque(maxlen=KEPT_EXCHANGES))
-            recent.append(happening)
+            recent = self.recent.setdefault(happening.name, [])
+            insort(recent, happening, key=answered_ns)
+            del recent[:-KEPT_EXCHANGES]
             self._learn(happening, busy=busy)
 
     def _ask(self, request: FrameSeen) -> None:

@@ -42,12 +42,12 @@ class Scene:
     @property
     def unsettled(self) -> bool:
         """Whether it is not sure that all of `executing` still execute."""
-        return any(x.stop_asked or not x.certain for x in self.executing)
+        return bool(self.executing) and any(x.stop_asked or not x.certain for x in self.executing)
 
     @property
     def busy(self) -> bool:
         """Whether a two-stage command executes that no stop has interrupted."""
-        return any(not x.interrupted_by for x in self.executing)
+        return bool(self.executing) and any(not x.interrupted_by for x in self.executing)
 
     def remember(self, happening: Happening) -> None:
         """Keep what was said, once it has been judged."""

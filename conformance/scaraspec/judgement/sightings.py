@@ -99,7 +99,8 @@ class DialectSeen:
 
     def add(self, happening: Happening) -> None:
         """Count what one happening shows."""
-        self.counts.update(sightings(happening))
+        for sighting in sightings(happening):
+            self.counts[sighting] += 1
 
     def of(self, peer: Direction) -> Mapping[str, tuple[str, ...]]:
         """The options seen of one peer, by key; the most frequent first."""

@@ -7,6 +7,7 @@ stands in `scaraspec.protocol.frames`, what it is for in `dialogue`.
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from typing import Final
 
 from scaraspec.judgement.happenings import FrameSeen, Undecodable
@@ -49,7 +50,8 @@ class Stream:
         Where the bytes end with a frame just then, they are in step again after a gap: a frame
         that was misread out of the middle of another one would have left bytes behind it.
         """
-        yield from self.flush()
+        if self._run:
+            yield from self.flush()
         if self._ends_with_frame and not self._framer.held_bytes:
             self._in_step = True
 
@@ -114,7 +116,7 @@ class Stream:
     def _time(self, offset_bytes: int) -> int:
         """When the byte at this offset passed."""
         time_ns = self._pieces[0][1]
-        for begin, piece_ns in self._pieces:
+        for begin, piece_ns in islice(self._pieces, 1, None):
             if begin > offset_bytes:
                 break
             time_ns = piece_ns

@@ -104,11 +104,10 @@ class Waiting:
                 older.give_up_ns = max(older.give_up_ns, time_ns + self.reply_ns)
         self._open.remove(answered)
 
-    def overdue(self, now_ns: int) -> Iterator[Exchange]:
+    def overdue(self, now_ns: int) -> list[Exchange]:
         """Give up what was waited for long enough while a later request was answered."""
-        for entry in [e for e in self._open if e.give_up_ns < now_ns]:
-            if entry.exchange.later_answered:
-                yield self._drop(entry, Ending.UNANSWERED)
+        late = [e for e in self._open if e.give_up_ns < now_ns and e.exchange.later_answered]
+        return [self._drop(entry, Ending.UNANSWERED) for entry in late]
 
     def doubt(self) -> None:
         """What is asked may not be what was received, nor the answer."""

@@ -126,8 +126,10 @@ def rule(
 
 def kind_of(happening: Happening) -> tuple[object, ...]:
     """What decides which rules look at a happening: equal kinds have equal rules."""
-    tagged = isinstance(happening, FrameSeen) and happening.frame.tagged
-    return (type(happening), name_of(happening), sender_of(happening), tagged)
+    if isinstance(happening, FrameSeen):
+        frame = happening.frame
+        return (FrameSeen, happening.name, frame.direction, frame.tagged)
+    return (type(happening), name_of(happening), sender_of(happening))
 
 
 def payload_of(seen: FrameSeen) -> Payload | None:

@@ -52,8 +52,9 @@ def has_codes(payload: Payload) -> bool:
 
 def _complaint(seen: FrameSeen, *wrongs: Wrong) -> str:
     """The first complaint of these kinds, empty where there is none."""
-    complaints = seen.parsed.decoded.complaints if seen.parsed else ()
-    return next((c.text for c in complaints if c.wrong in wrongs), "")
+    if not seen.parsed or not seen.parsed.decoded.complaints:
+        return ""
+    return next((c.text for c in seen.parsed.decoded.complaints if c.wrong in wrongs), "")
 
 
 def _without(seen: FrameSeen, *wrongs: Wrong) -> Judged:
