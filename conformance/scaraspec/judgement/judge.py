@@ -17,6 +17,7 @@ from scaraspec.judgement.happenings import Happening, Transfer
 from scaraspec.judgement.requirements import REQUIREMENTS, Strength
 from scaraspec.judgement.rules import RULES
 from scaraspec.judgement.rules.rule import (
+    PASSED,
     Check,
     Judged,
     is_certain,
@@ -108,22 +109,23 @@ class Judge:
         self.dialect_seen.add(happening)
         if isinstance(happening, Transfer):
             self.dialect_seen.counts.update(file_sightings(happening))
+        scene, tallies = self.scene, self.tallies
         for check, requirements in self._checks_for(happening):
-            judged = check(happening, self.scene)
+            judged = check(happening, scene)
             if judged is None:
                 continue
-            if judged.verdict is Verdict.PASS:
+            if judged is PASSED:
                 for requirement in requirements:
-                    self.tallies[requirement].passes += 1
+                    tallies[requirement].passes += 1
                 continue
             for requirement in requirements:
                 finding = _finding(requirement, judged, happening)
-                tally = self.tallies[requirement]
+                tally = tallies[requirement]
                 tally.others[finding.verdict] += 1
                 if tally.others[finding.verdict] <= _KEPT_FINDINGS:
                     tally.findings.append(finding)
                 yield finding
-        self.scene.remember(happening)
+        scene.remember(happening)
 
     @property
     def conclusion(self) -> Conclusion:

@@ -106,7 +106,7 @@ class Stream:
         ):
             room = max(_KEPT_UNDECODABLE_BYTES - len(run.data), 0)
             length_bytes = run.place.length_bytes + place.length_bytes
-            place = replace(run.place, length_bytes=length_bytes, time_ns=place.time_ns)
+            place = run.place._replace(length_bytes=length_bytes, time_ns=place.time_ns)
             self._run = replace(run, data=run.data + item.data[:room], place=place)
             return
         yield from self.flush()

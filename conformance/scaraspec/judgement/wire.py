@@ -6,6 +6,7 @@ elsewhere. Nothing in this file knows a frame.
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 from scaraspec.protocol.direction import Direction
 
@@ -52,8 +53,7 @@ class WireEvent:
     note: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """Where on the wire something is: the evidence for it."""
 
     connection: str
