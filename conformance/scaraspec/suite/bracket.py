@@ -11,13 +11,13 @@ from typing import Final
 
 import pytest
 from _pytest.runner import runtestprotocol
-from hypothesis import HealthCheck, Phase, settings
 from hypothesis.errors import Flaky
 
 from scaraspec.judgement.happenings import FrameSeen, Undecodable
 from scaraspec.judgement.verdicts import Cause, Verdict
 from scaraspec.report.model import Role
 from scaraspec.suite.case import Case, case_of, declare_mark, is_case
+from scaraspec.suite.drawing import Drawing
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.party import Party
 from scaraspec.suite.plan import Options, wanted, why_not
@@ -92,7 +92,7 @@ class Bracket:
         self.over: frozenset[str] = frozenset()
         self.before_last: Callable[[], None] = lambda: None
         self._dead = ""
-        self._profile = settings.get_current_profile_name()
+        self._drawing = Drawing(options.examples)
         self._at_last = False
         self._failed: set[str] = set()
         self._raised: BaseException | None = None
@@ -105,21 +105,11 @@ class Bracket:
 
     def pytest_sessionstart(self) -> None:
         """Settle how hypothesis draws, as long as the session lasts."""
-        self._profile = settings.get_current_profile_name()
-        settings.register_profile(
-            "scaraspec-suite",
-            max_examples=self.options.examples,
-            deadline=None,
-            database=None,
-            phases=(Phase.explicit, Phase.generate, Phase.shrink),
-            suppress_health_check=list(HealthCheck),
-            print_blob=False,
-        )
-        settings.load_profile("scaraspec-suite")
+        self._drawing.begin()
 
     def pytest_sessionfinish(self) -> None:
         """Let hypothesis draw as before."""
-        settings.load_profile(self._profile)
+        self._drawing.end()
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         """Keep what is wanted, those that end the subject last; a team's own tests stay."""
