@@ -25,6 +25,8 @@ class SocketLink:
     def __init__(self, connected: socket.socket) -> None:
         connected.settimeout(0.0)
         self._socket = connected
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(connected, selectors.EVENT_READ)
         self._cut = False  # sending showed that the peer has cut the connection
         self._ending: Ending | None = None
 
@@ -42,7 +44,7 @@ class SocketLink:
             try:
                 rest = rest[self._socket.send(rest) :]
             except BlockingIOError:
-                if not self._wait_for(selectors.EVENT_WRITE, SEND_TIMEOUT_S):
+                if not self._writable(SEND_TIMEOUT_S):
                     sentence = f"the peer has taken no bytes for {SEND_TIMEOUT_S:g} s"
                     raise LinkError(sentence) from None
             except OSError as error:
@@ -57,7 +59,8 @@ class SocketLink:
             try:
                 data = self._socket.recv(_READ_BYTES)
             except BlockingIOError:
-                if not self._wait_for(selectors.EVENT_READ, deadline_s - self.now_s):
+                left_s = deadline_s - self.now_s
+                if left_s <= 0 or not self._readable(left_s):
                     return None
             except OSError:
                 self._ending = Ending.RESET
@@ -77,6 +80,7 @@ class SocketLink:
 
     def close(self) -> None:
         """Close the socket."""
+        self._selector.close()
         self._socket.close()
 
     def reset(self) -> None:
@@ -85,13 +89,17 @@ class SocketLink:
             return
         with contextlib.suppress(OSError):  # a socket that the peer has cut may refuse options
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER_0)
-        self._socket.close()
+        self.close()
 
-    def _wait_for(self, readiness: int, timeout_s: float) -> bool:
-        """Wait until the socket can be read or written; False when the time is up."""
+    def _readable(self, timeout_s: float) -> bool:
+        """Wait until something has come; False when the time is up."""
+        return bool(self._selector.select(timeout_s))
+
+    def _writable(self, timeout_s: float) -> bool:
+        """Wait until the peer takes bytes again; False when the time is up."""
         with selectors.DefaultSelector() as selector:
-            selector.register(self._socket, readiness)
-            return bool(selector.select(max(0.0, timeout_s)))
+            selector.register(self._socket, selectors.EVENT_WRITE)
+            return bool(selector.select(timeout_s))
 
     def _check_open(self) -> None:
         if self._socket.fileno() < 0:

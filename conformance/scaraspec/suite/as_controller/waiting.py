@@ -29,8 +29,6 @@ class WatchedLink(SocketLink):
         super().__init__(connected)
         self._connected, self._other = connected, other
 
-    def _wait_for(self, readiness: int, timeout_s: float) -> bool:
-        if readiness == selectors.EVENT_WRITE:
-            return super()._wait_for(readiness, timeout_s)
+    def _readable(self, timeout_s: float) -> bool:
         ready = ready_of(time.monotonic() + timeout_s, self._other, self._connected)
         return self._connected in ready
