@@ -6,6 +6,7 @@ themselves stand beside what they spoil, in `controller.faults` and `client.faul
 """
 
 import importlib
+import inspect
 import pkgutil
 import re
 from collections.abc import Callable, Mapping
@@ -58,12 +59,16 @@ class Faults(Generic[T]):
 
         Raises:
             ValueError: Another fault bears its name.
+            TypeError: The class lacks something without which nothing can be made of it.
         """
 
         def enter(wrong: C) -> C:
             name = _HUMP.sub("-", wrong.__name__).lower()
             if name in self._entered:
                 raise ValueError(f"there is a fault {name} already")
+            if inspect.isabstract(wrong):
+                missing = ", ".join(sorted(wrong.__abstractmethods__))
+                raise TypeError(f"the fault {name} lacks {missing}")
             sentence = (wrong.__doc__ or "").strip().partition("\n")[0]
             made = self._finish(wrong)
             self._entered[name] = Fault(name, requirements, sentence, made, reading, subtle)

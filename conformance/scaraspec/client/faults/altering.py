@@ -10,22 +10,32 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 
 
-class AltersRequests(ClientCore, ABC):
-    """The data of one request are not what they should be."""
+class ReplacesRequests(ClientCore, ABC):
+    """One request is not what it should be."""
 
     name: ClassVar[str]
     """The command in question."""
 
     @abstractmethod
-    def altered(self, data: bytes) -> bytes:
-        """What is sent in place of the data."""
+    def replaced(self, frame: Frame) -> Frame:
+        """What is sent in place of the request."""
 
     def _send(self, frames: Iterable[Frame]) -> None:
         super()._send(map(self._altered, frames))
 
     def _altered(self, frame: Frame) -> Frame:
-        if frame.opcode != BY_NAME[self.name].opcode:
-            return frame
+        return self.replaced(frame) if frame.opcode == BY_NAME[self.name].opcode else frame
+
+
+class AltersRequests(ReplacesRequests, ABC):
+    """The data of one request are not what they should be."""
+
+    @abstractmethod
+    def altered(self, data: bytes) -> bytes:
+        """What is sent in place of the data."""
+
+    def replaced(self, frame: Frame) -> Frame:
+        """The request with those."""
         return frame._replace(data=self.altered(frame.data))
 
 

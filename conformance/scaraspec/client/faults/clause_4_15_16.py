@@ -3,7 +3,7 @@
 from typing import Final
 
 from scaraspec.client.faults import fault
-from scaraspec.client.faults.altering import AltersRequests
+from scaraspec.client.faults.altering import AltersRequests, ReplacesRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 
@@ -71,15 +71,14 @@ class RunsUpToTheFirstBlank(AltersRequests):
 
 
 @fault("4.16/1")
-class RunsInsteadOfSimulating(AltersRequests):
+class RunsInsteadOfSimulating(ReplacesRequests):
     """A simulation is asked for as a run, which moves the arm."""
 
     name = _SIMULATE
 
-    def _altered(self, frame: Frame) -> Frame:
-        if frame.opcode == BY_NAME[_SIMULATE].opcode:
-            return frame._replace(opcode=BY_NAME[_RUN].opcode)
-        return frame
+    def replaced(self, frame: Frame) -> Frame:
+        """Run it."""
+        return frame._replace(opcode=BY_NAME[_RUN].opcode)
 
 
 @fault("4.16/1")

@@ -3,7 +3,7 @@
 from typing import Final
 
 from scaraspec.client.faults import fault
-from scaraspec.client.faults.altering import AltersRequests
+from scaraspec.client.faults.altering import AltersRequests, ReplacesRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 
@@ -117,15 +117,14 @@ class ReleaseNamesAllJoints(AltersRequests):
 
 
 @fault("4.25/1")
-class ReleaseIsLockWithZero(AltersRequests):
+class ReleaseIsLockWithZero(ReplacesRequests):
     """The joints are released by a lock that carries a 0."""
 
     name = "release_joints"
 
-    def _altered(self, frame: Frame) -> Frame:
-        if frame.opcode == BY_NAME[self.name].opcode:
-            return frame._replace(opcode=BY_NAME["lock_joints"].opcode, data=b"0")
-        return frame
+    def replaced(self, frame: Frame) -> Frame:
+        """Lock with it."""
+        return frame._replace(opcode=BY_NAME["lock_joints"].opcode, data=b"0")
 
 
 @fault("4.26/1")
@@ -140,15 +139,14 @@ class LockSaysOne(AltersRequests):
 
 
 @fault("4.26/1", subtle=True)
-class SecondLockReleases(AltersRequests):
+class SecondLockReleases(ReplacesRequests):
     """The lock is a switch: every second one releases the joints."""
 
     name = "lock_joints"
     _locked = False
 
-    def _altered(self, frame: Frame) -> Frame:
-        if frame.opcode != BY_NAME[self.name].opcode:
-            return frame
+    def replaced(self, frame: Frame) -> Frame:
+        """Switch."""
         self._locked = not self._locked
         return frame if self._locked else frame._replace(opcode=BY_NAME["release_joints"].opcode)
 
