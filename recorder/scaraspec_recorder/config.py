@@ -37,6 +37,8 @@ DEFAULT_LISTEN: Final = {
 """Where the recorder listens if nothing is said, by mode."""
 
 _AROUND_NS: Final = 60 * SECOND_NS
+_HOURLY: Final = parse_rotate("1h")
+"""Where limits and incidents ask for several files: one that never ended could not be removed."""
 _MOST_ROBOTS: Final = 256
 
 
@@ -62,7 +64,7 @@ class Robot:
         out: The folder of the recording.
         mode: How clients come to it.
         redact: Whether to hide passwords in the raw layer too.
-        rotate: When a file ends; None for one file.
+        rotate: When a file ends; None for one file, or each hour where there are to be several.
         keep: What is kept; None for all.
         min_free_bytes: How much of the disk is to stay free.
         ring_ns: How much before and after a trigger is written; None to write everything.
@@ -116,7 +118,7 @@ class Robot:
             draw=draw,
             redact=self.redact,
             continuous=self.ring_ns is None or self.rotate is not None,
-            rotate=self.rotate or Rotate(),
+            rotate=self.rotate or _HOURLY,
             keep=self.keep or Keep(),
             min_free_bytes=self.min_free_bytes,
             triggers=self.triggers,

@@ -9,6 +9,7 @@ from scaraspec_recorder.archive import archive_sink
 from scaraspec_recorder.config import ConfigError, Robot, read_config, read_robot
 from scaraspec_recorder.leftovers import repairing_sink
 from scaraspec_recorder.quantities import SECOND_NS
+from scaraspec_recorder.rotation import parse_rotate
 from scaraspec_recorder.routes import Mode
 
 SAMPLE = Path(__file__).parents[2] / "fixtures" / "recorder" / "two-lines.toml"
@@ -55,11 +56,15 @@ def test_little_is_enough() -> None:
 def test_what_needs_several_files_makes_an_archive(
     table: dict[str, Any], *, continuous: bool
 ) -> None:
-    """A ring alone writes incidents alone; with rotation everything is written too."""
+    """A ring alone writes incidents alone; with rotation everything is written too, an hour a file.
+
+    One file that never ended could never be removed.
+    """
     make: Any = read_robot("r", {"url": URL, **table}, "--").sink({}, draw=False, needs_login=True)
     assert make.func is archive_sink
     archive = make.keywords["archive"]
     assert archive.continuous is continuous
+    assert archive.rotate == parse_rotate("1h")
     assert archive.before_ns == archive.after_ns == (5 if "ring" in table else 60) * SECOND_NS
 
 

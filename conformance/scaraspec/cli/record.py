@@ -76,7 +76,9 @@ _OF_ALL: Final = ("config", "live", "metrics", "print_rules")  # these say nothi
 @click.option("--config", metavar="FILE", help="Several robots, from TOML; no URL then.")
 @click.option("--out", metavar="DIR", help=f"Folder; nothing is overwritten [{DEFAULT_OUT}].")
 @click.option(
-    "--rotate", metavar="LIMITS", help="Next file after 1h, 512MB, 1h,512MB or connection."
+    "--rotate",
+    metavar="LIMITS",
+    help="Next file after 1h, 512MB, 1h,512MB or connection; of several [1h].",
 )
 @click.option("--keep", metavar="LIMITS", help="Remove what is beyond 30d, 20GB or 30d,20GB.")
 @click.option("--min-free", metavar="SIZE", help="Remove the oldest where less is free, as 2GB.")
