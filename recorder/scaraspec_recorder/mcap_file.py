@@ -131,29 +131,13 @@ class McapSink:
 
     def write(self, event: WireEvent) -> None:
         """Write a raw event."""
-        connection, direction = event.connection, event.direction.value
-        offset, note = event.offset_bytes, event.note
         self._now_ns = event.time_ns
         self._latencies.write(event)
         if not self._sequence:
             self._add("/robot_description", ros2.string(arm_model.urdf()))
         self._sequence += 1
         self._dirty = True
-        message: schemas.Message
-        if event.kind is Kind.BYTES:
-            topic = RAW_TOPICS[event.direction]
-            message = schemas.RawChunk(connection, direction, offset, event.data, note)
-            if isinstance(event, Passage):
-                message = message._replace(
-                    forwarded_ns=event.forwarded_ns or None, kernel_time=event.kernel_time
-                )
-        elif event.kind is Kind.GAP:
-            topic, length = GAP_TOPIC, event.length_bytes
-            message = schemas.Gap(connection, direction, offset, length, note)
-        else:
-            topic, kind = CONNECTION_TOPIC, event.kind.value
-            message = schemas.ConnectionEvent(connection, direction, offset, kind, note)
-        data = schemas.encode(message)
+        topic, data = _raw(event)
         self._writer.message(self._channels[topic], event.time_ns, data, self._sequence)
         for name, entries in self._accounts.add(event).items():
             self._writer.metadata(name, entries)
@@ -187,7 +171,8 @@ class McapSink:
     def _frame(self, seen: FrameSeen, _: int) -> None:
         place, frame = seen.place, seen.frame
         self._latencies.frame(seen)
-        message = schemas.Frame(
+        data = schemas.encode(
+            schemas.Frame,
             connection=place.connection,
             direction=place.direction.value,
             offset_bytes=place.offset_bytes,
@@ -199,11 +184,12 @@ class McapSink:
             text=wording.frame_text(seen),
             complaints=wording.complaints(seen),
         )
-        self._add("/frames", schemas.encode(message))
+        self._add("/frames", data)
 
     def _undecodable(self, item: Undecodable, _: int) -> None:
         place = item.place
-        message = schemas.Undecodable(
+        data = schemas.encode(
+            schemas.Undecodable,
             connection=place.connection,
             direction=place.direction.value,
             offset_bytes=place.offset_bytes,
@@ -211,7 +197,7 @@ class McapSink:
             why=item.why.value,
             data=mask_loose(item.data),
         )
-        self._add("/undecodable", schemas.encode(message))
+        self._add("/undecodable", data)
 
     def _exchange(self, exchange: Exchange, number: int) -> None:
         request, reply, result = exchange.request, exchange.reply, exchange.result
@@ -219,7 +205,8 @@ class McapSink:
         latency = self._latencies.exchange(exchange)
         said = exchange.outcome or exchange.answer
         code = said.code if isinstance(said, Acceptance | Outcome) else None
-        message = schemas.Exchange(
+        data = schemas.encode(
+            schemas.Exchange,
             number=number,
             connection=request.place.connection,
             command=exchange.name,
@@ -239,7 +226,7 @@ class McapSink:
             robot_ms=latency.robot_ns / 1e6 if latency else None,
             recorder_ms=latency.recorder_ns / 1e6 if latency else None,
         )
-        self._add("/exchanges", schemas.encode(message))
+        self._add("/exchanges", data)
         answer = exchange.answer
         if exchange.name == "get_joint_angles" and isinstance(answer, JointValues):
             self._arm(answer)
@@ -268,7 +255,8 @@ class McapSink:
         content = bytes(transfer.content)
         whole = transfer.state is State.DONE and transfer.whole_content
         connection = transfer.opening.request.place.connection if transfer.opening else ""
-        message = schemas.Transfer(
+        data = schemas.encode(
+            schemas.Transfer,
             connection=connection,
             upload=transfer.upload,
             name=show(transfer.name),
@@ -282,13 +270,14 @@ class McapSink:
             duration_s=(transfer.ended_ns - transfer.begun_ns) / 1e9,
             sha256=sha256(content).hexdigest() if whole else "",
         )
-        self._add("/transfers", schemas.encode(message))
+        self._add("/transfers", data)
         if whole:
             name = wording.attachment_name(transfer)
             self._writer.attachment(transfer.ended_ns, name, "application/octet-stream", content)
 
     def _finding(self, finding: Finding, _: int) -> None:
-        message = schemas.Finding(
+        data = schemas.encode(
+            schemas.Finding,
             requirement=finding.requirement,
             verdict=finding.verdict.value,
             cause=finding.cause.value,
@@ -298,7 +287,41 @@ class McapSink:
             reading="=".join(finding.reading or ()),
             places=tuple(wording.place_text(place) for place in finding.evidence),
         )
-        self._add("/findings", schemas.encode(message))
+        self._add("/findings", data)
+
+
+def _raw(event: WireEvent) -> tuple[str, bytes]:
+    """A raw event's topic and message."""
+    connection, direction = event.connection, event.direction.value
+    if event.kind is Kind.BYTES:
+        passage = event if isinstance(event, Passage) else None
+        return RAW_TOPICS[event.direction], schemas.encode(
+            schemas.RawChunk,
+            connection=connection,
+            direction=direction,
+            offset_bytes=event.offset_bytes,
+            data=event.data,
+            note=event.note,
+            forwarded_ns=(passage.forwarded_ns or None) if passage else None,
+            kernel_time=passage.kernel_time if passage else False,
+        )
+    if event.kind is Kind.GAP:
+        return GAP_TOPIC, schemas.encode(
+            schemas.Gap,
+            connection=connection,
+            direction=direction,
+            offset_bytes=event.offset_bytes,
+            length_bytes=event.length_bytes,
+            note=event.note,
+        )
+    return CONNECTION_TOPIC, schemas.encode(
+        schemas.ConnectionEvent,
+        connection=connection,
+        direction=direction,
+        offset_bytes=event.offset_bytes,
+        kind=event.kind.value,
+        note=event.note,
+    )
 
 
 def _declare(writer: ChunkWriter) -> dict[str, int]:

@@ -5,8 +5,9 @@ nothing else. A field's number is its position: fields are only appended, never 
 files can be read for ever.
 """
 
+from collections.abc import Callable
 from types import NoneType
-from typing import Any, Final, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Final, NamedTuple, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
 
 from google.protobuf import (  # type: ignore[import-untyped]  # the package ships no types
     descriptor_pb2,
@@ -144,6 +145,7 @@ Message = RawChunk | ConnectionEvent | Gap | Frame | Undecodable | Exchange | Tr
 MESSAGES: Final[tuple[type[Message], ...]] = get_args(Message)
 
 _M = TypeVar("_M", bound=Message)
+_Fields = ParamSpec("_Fields")
 _PROTO = descriptor_pb2.FieldDescriptorProto
 _TYPES: Final = {
     str: _PROTO.TYPE_STRING,
@@ -210,10 +212,14 @@ def descriptor_set(kind: type[Message]) -> bytes:
 _CLASSES: Final[dict[Any, Any]] = _make_classes()
 
 
-def encode(message: Message) -> bytes:
-    """The protobuf bytes of a message."""
-    fields = dict(zip(message._fields, message, strict=True))
-    data: bytes = _CLASSES[type(message)](**fields).SerializeToString()
+def encode(
+    kind: Callable[_Fields, Message], /, *none: _Fields.args, **fields: _Fields.kwargs
+) -> bytes:
+    """The protobuf bytes of the message of this kind that has these fields, each by its name.
+
+    The tuple itself is not made: it would only be taken apart again.
+    """
+    data: bytes = _CLASSES[kind](*none, **fields).SerializeToString()
     return data
 
 
