@@ -7,16 +7,10 @@ from collections.abc import Iterable
 from math import cos, radians, sin
 from typing import Any, Final
 
-from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.Log_pb2 import Log
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
-from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.descriptor_pb2 import (  # type: ignore[import-untyped]  # ships no types
     FileDescriptorSet,
-)
-from google.protobuf.timestamp_pb2 import (  # type: ignore[import-untyped]  # as above
-    Timestamp,
 )
 
 from scaraspec_recorder.arm_model import Placement
@@ -62,16 +56,17 @@ def transforms(time_ns: int, placements: Iterable[Placement]) -> bytes:
     return _bytes(FrameTransforms(transforms=[_transform(stamp, p) for p in placements]))
 
 
-def _transform(stamp: Any, placement: Placement) -> FrameTransform:
-    x, y, z = (value / 1000 for value in placement.shift_mm)
+def _transform(stamp: Any, placement: Placement) -> Any:
+    """A transform by its fields, which go into a message far quicker than another message does."""
+    x, y, z = placement.shift_mm
     half = radians(placement.turn_deg) / 2
-    return FrameTransform(
-        timestamp=stamp,
-        parent_frame_id=placement.parent,
-        child_frame_id=placement.link,
-        translation=Vector3(x=x, y=y, z=z),
-        rotation=Quaternion(x=0, y=0, z=sin(half), w=cos(half)),
-    )
+    return {
+        "timestamp": stamp,
+        "parent_frame_id": placement.parent,
+        "child_frame_id": placement.link,
+        "translation": {"x": x / 1000, "y": y / 1000, "z": z / 1000},
+        "rotation": {"x": 0, "y": 0, "z": sin(half), "w": cos(half)},
+    }
 
 
 def _bytes(message: Any) -> bytes:
@@ -80,4 +75,4 @@ def _bytes(message: Any) -> bytes:
 
 
 def _stamp(time_ns: int) -> Any:
-    return Timestamp(seconds=time_ns // _NS, nanos=time_ns % _NS)
+    return {"seconds": time_ns // _NS, "nanos": time_ns % _NS}
