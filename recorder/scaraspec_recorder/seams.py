@@ -24,8 +24,8 @@ _FILE_NAME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d-\d\d-\d\dZ_[^/\\]+\.mcap")
 @dataclass(slots=True)
 class _Link:
     opened: WireEvent | None = None  # where the recording came too late for it
-    ends: dict[Direction, WireEvent] = field(default_factory=dict)
-    """Where each direction has come to: an empty piece, or a gap of unknown length before all."""
+    ends: dict[Direction, int | WireEvent] = field(default_factory=dict)
+    """Where each direction has come to: an offset, or a gap of unknown length before all."""
 
 
 class Links:
@@ -45,11 +45,12 @@ class Links:
         elif event.kind in (Kind.CLOSED, Kind.RESET):
             self._links.pop(event.connection, None)
         else:
-            link = self._links.setdefault(event.connection, _Link())
+            link = self._links.get(event.connection)
+            if link is None:
+                link = self._links[event.connection] = _Link()
             end_bytes = event.offset_bytes + (len(event.data) or max(event.length_bytes, 0))
             if end_bytes:
-                end = WireEvent(0, event.connection, event.direction, Kind.BYTES, b"", end_bytes)
-                link.ends[event.direction] = end
+                link.ends[event.direction] = end_bytes
             elif event.kind is Kind.GAP:
                 link.ends[event.direction] = event
 
@@ -59,13 +60,16 @@ class Links:
         Behind each opening stands an empty piece of every direction in which something has passed:
         it shows a reader at once that there was a beginning, and not only at the next byte.
         """
-        for link in self._links.values():
+        for name, link in self._links.items():
             if opened := link.opened:
                 end = link.ends.get(opened.direction, opened)
-                note = _since(opened)
-                yield replace(opened, time_ns=time_ns, offset_bytes=end.offset_bytes, note=note)
-            for end in link.ends.values():
-                yield replace(end, time_ns=time_ns)
+                offset = end if isinstance(end, int) else end.offset_bytes
+                yield replace(opened, time_ns=time_ns, offset_bytes=offset, note=_since(opened))
+            for direction, end in link.ends.items():
+                if isinstance(end, int):
+                    yield WireEvent(time_ns, name, direction, Kind.BYTES, b"", end)
+                else:
+                    yield replace(end, time_ns=time_ns)
 
 
 def _since(opened: WireEvent) -> str:
