@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from scaraspec.judgement.happenings import Exchange
 from scaraspec.judgement.verdicts import Finding
-from scaraspec.judgement.wire import Kind, WireEvent
+from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.direction import A2C
 from scaraspec_recorder.accounts import STREAM, Accounts
 from scaraspec_recorder.deriver import Item
@@ -98,9 +98,8 @@ class Tally:
         self.exchanges = 0
         self.findings: Counter[str] = Counter()
         self._connections = 0
-        self._open: set[str] = set()
         self._accounts = Accounts()
-        self._recorded: Counter[object] = Counter()
+        self._recorded: Counter[str] = Counter()
         self._gaps = self._lost_bytes = 0
         self._streams: dict[str, Stream] = {}
         self._left_out = 0
@@ -109,17 +108,8 @@ class Tally:
         """Count an event."""
         self.begin_ns = self.begin_ns or event.time_ns
         self.end_ns = max(self.end_ns, event.time_ns)
-        if event.connection not in self._open:
-            self._open.add(event.connection)
-            self._connections += 1
-        if event.kind is Kind.BYTES:
-            self._recorded[event.direction] += len(event.data)
-        elif event.kind is Kind.GAP:
-            self._gaps += 1
-            self._lost_bytes += max(event.length_bytes, 0)
-        elif event.kind in (Kind.CLOSED, Kind.RESET):
-            self._open.discard(event.connection)
-        self._list(self._accounts.add(event))
+        if closed := self._accounts.add(event):
+            self._list(closed)
 
     def take(self, item: Item) -> None:
         """Count what an event brought about."""
@@ -148,7 +138,7 @@ class Tally:
             OSError: One of them is not there.
         """
         self._list(self._accounts.close())
-        a2c_bytes = self._recorded[A2C]
+        a2c_bytes = self._recorded[A2C.value]
         if not self.begin_ns:
             self.begin_ns = self.end_ns = paths[0].stat().st_mtime_ns
         return Entry(
@@ -171,7 +161,12 @@ class Tally:
         )
 
     def _list(self, accounts: Mapping[str, Mapping[str, str]]) -> None:
+        """List streams that have ended; what is counted of each is in its account."""
+        self._connections += len({name.rpartition("/")[0] for name in accounts})
         for name, account in accounts.items():
+            self._recorded[name.rpartition("/")[2]] += int(account["recorded_bytes"])
+            self._gaps += int(account["gaps"])
+            self._lost_bytes += int(account["lost_bytes"])
             if len(self._streams) < _MOST_STREAMS:
                 self._streams[name.removeprefix(f"{STREAM}/")] = {
                     key: text if key == _SHA256 else int(text) for key, text in account.items()
