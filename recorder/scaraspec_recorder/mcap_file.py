@@ -61,6 +61,9 @@ _OWN_TOPICS: Final[dict[str, type[schemas.Message]]] = {
 _FOXGLOVE_TOPICS: Final = {"/log": foxglove.LOG, "/tf": foxglove.TRANSFORMS}
 _ROS_TOPICS: Final = {"/joint_states": ros2.JOINT_STATE, "/robot_description": ros2.STRING}
 
+_JOINTS: Final = tuple(segment.joint for segment in arm_model.SEGMENTS)
+_UNKNOWN: Final = (math.nan,) * len(_JOINTS)
+
 
 class _Output:
     """The file, brought to the disk by every flush; one that fails while it is empty is removed."""
@@ -238,16 +241,15 @@ class McapSink:
         """The arm's pose: joint values, their mean rates since the last ones, and transforms."""
         time_ns = self._now_ns
         position = arm_model.to_si(joints)
-        rates: tuple[float, ...] = (math.nan,) * len(position)
+        rates = _UNKNOWN
         if self._joints and (elapsed_ns := time_ns - self._joints[0]) > 0:
             before = self._joints[1]
             rates = tuple(
                 (new - old) / elapsed_ns * 1e9 for new, old in zip(position, before, strict=True)
             )
         self._joints = (time_ns, position)
-        names = [segment.joint for segment in arm_model.SEGMENTS]
-        unknown = (math.nan,) * len(position)  # the protocol tells no effort
-        state = ros2.joint_state(time_ns, names, position, rates, unknown)
+        effort = _UNKNOWN  # the protocol tells none
+        state = ros2.joint_state(time_ns, _JOINTS, position, rates, effort)
         self._add("/joint_states", state)
         self._add("/tf", foxglove.transforms(time_ns, arm_model.place(joints)))
 

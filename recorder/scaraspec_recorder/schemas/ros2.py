@@ -5,6 +5,7 @@ Law: their definitions and their CDR bytes (little endian, XCDR1), nothing of wh
 
 import struct
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 ENCODING: Final = "cdr"
@@ -37,23 +38,24 @@ uint32 nanosec
 _LITTLE_ENDIAN: Final = b"\0\1\0\0"
 _NS: Final = 1_000_000_000
 _LAST_SECOND: Final = (1 << 31) - 1
+_STAMP: Final = struct.Struct("<iI")
 
 
 class _Cdr:
     """Bytes in the making: each number stands at a multiple of its own size."""
 
-    def __init__(self) -> None:
-        self._data = bytearray()
+    def __init__(self, begun: bytes = b"") -> None:
+        self.data = bytearray(begun)
 
     def put(self, form: str, *values: float) -> None:
         size = struct.calcsize(f"<{form}")
-        self._data += bytes(-len(self._data) % size)
-        self._data += struct.pack(f"<{len(values)}{form}", *values)
+        self.data += bytes(-len(self.data) % size)
+        self.data += struct.pack(f"<{len(values)}{form}", *values)
 
     def text(self, value: str) -> None:
         data = value.encode() + b"\0"
         self.put("I", len(data))
-        self._data += data
+        self.data += data
 
     def doubles(self, values: Sequence[float]) -> None:
         self.put("I", len(values))
@@ -61,7 +63,7 @@ class _Cdr:
             self.put("d", *values)
 
     def end(self) -> bytes:
-        return _LITTLE_ENDIAN + bytes(self._data)
+        return _LITTLE_ENDIAN + self.data
 
 
 def string(text: str) -> bytes:
@@ -73,19 +75,25 @@ def string(text: str) -> bytes:
 
 def joint_state(
     time_ns: int,
-    names: Sequence[str],
+    names: tuple[str, ...],
     position: Sequence[float],
     velocity: Sequence[float],
     effort: Sequence[float],
 ) -> bytes:
     """A sensor_msgs/JointState, in radians and metres and their rates per second."""
+    stamp = _STAMP.pack(min(time_ns // _NS, _LAST_SECOND), time_ns % _NS)
+    cdr = _Cdr(stamp + _named(names))
+    for values in (position, velocity, effort):
+        cdr.doubles(values)
+    return cdr.end()
+
+
+@lru_cache
+def _named(names: tuple[str, ...]) -> bytes:
+    """What stands between the stamp, of eight bytes, and the numbers: the same for each state."""
     cdr = _Cdr()
-    cdr.put("i", min(time_ns // _NS, _LAST_SECOND))
-    cdr.put("I", time_ns % _NS)
     cdr.text("")
     cdr.put("I", len(names))
     for name in names:
         cdr.text(name)
-    for values in (position, velocity, effort):
-        cdr.doubles(values)
-    return cdr.end()
+    return bytes(cdr.data)
