@@ -87,6 +87,8 @@ def frame_text(seen: FrameSeen) -> str:
 def complaints(seen: FrameSeen) -> tuple[str, ...]:
     """What is wrong with how a frame says it; of a secret one only the kind of wrong."""
     found = seen.parsed.decoded.complaints if seen.parsed else ()
+    if not found:
+        return ()
     secret = is_secret(seen.frame)
     return tuple(complaint.wrong.value if secret else complaint.text for complaint in found)
 
