@@ -3,7 +3,8 @@
 The frames of `traffic` pass through the real spool, scribe, deriver, judge and sinks into files
 that rotate each hour, in one process and with a clock of its own: an hour of the robot's takes as
 long as the writing does. Prints what a user who leaves it alone for weeks wants to know: whether
-memory stays flat, how large files are, and how much of a processor the writing takes.
+memory stays flat, how large files are, and how much of a processor the writing takes; and, where
+it is asked for a profile, what of the writing takes it.
 """
 
 import argparse
@@ -16,7 +17,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Final
 
-from bench import traffic
+from bench import sampling, traffic
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A
@@ -29,6 +30,25 @@ from scaraspec_recorder.spool import SpoolReader, SpoolWriter
 
 PER_SECOND: Final = 200
 POINTS: Final = 12
+
+PLACES: Final = {
+    "scaraspec.judgement": "judging",
+    "scaraspec.protocol": "protocol",
+    "scaraspec_recorder": "the rest of the recorder",
+    "scaraspec_recorder.schemas": "schemas",
+    "scaraspec_recorder.mcap_file": "mcap_file",
+    "scaraspec_recorder.chunk_writer": "chunk_writer",
+    **dict.fromkeys(
+        (f"scaraspec_recorder.rerun_{name}" for name in ("files", "rows", "view")), "rerun_*"
+    ),
+    **dict.fromkeys(
+        (f"scaraspec_recorder.{name}" for name in ("spool", "unspool", "scribe")),
+        "spool and scribe",
+    ),
+    "__main__": sampling.LEFT_OUT,
+    "bench": sampling.LEFT_OUT,
+}
+"""What a profile tells apart; making the traffic is no part of writing it."""
 
 _START_NS: Final = 1_795_215_600 * traffic.SECOND_NS
 _MIB: Final = 1 << 20
@@ -82,10 +102,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="soak", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--hours", type=float, default=1.25, help="of the robot's time [1.25]")
     parser.add_argument("--rotate", type=parse_rotate, default="1h", help="when a file ends [1h]")
+    parser.add_argument("--profile", action="store_true", help="say what the writing consists of")
     options = parser.parse_args()
     exchanges = max(int(options.hours * 3600 * PER_SECOND), POINTS)
     with tempfile.TemporaryDirectory(prefix="soak-") as name:
-        run(Path(name), exchanges, options.rotate)
+        if not options.profile:
+            run(Path(name), exchanges, options.rotate)
+            return
+        with sampling.sampled(PLACES) as samples:
+            run(Path(name), exchanges, options.rotate)
+        samples.tell("the writing, in seconds of its processor")
 
 
 def run(folder: Path, exchanges: int, rotate: Rotate) -> None:
