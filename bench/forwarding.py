@@ -2,7 +2,7 @@
 
 A peer and the C forwarder take turns in slices of a tenth of a second, so that whatever else the
 machine does meets both. Prints ratios with their spread over the rounds, and what was reached of
-the goals; nothing depends on it.
+the goals, or the profile that says why; nothing depends on it.
 """
 
 import argparse
@@ -16,18 +16,15 @@ import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final
 
-from bench import peers
+from bench import ladder, peers
 from bench.peers import Peer
-from bench.stage import Stage, Sustained, Turn
+from bench.stage import DIRECT, Stage, Sustained, Turn, spread
 
-DIRECT: Final = "direct"
 BULK_TIMES: Final = 3
 BULK_PIECES: Final = 16_384
 PIECE_BYTES: Final = 259  # as in exchange.h
-
-_T = TypeVar("_T")
 
 Turns = dict[str, list[Turn]]
 """By peer, one a round."""
@@ -55,52 +52,42 @@ def measure(options: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory(prefix="forwarding-") as name:
         folder = Path(name)
         peers.compile_programs(folder)
-        others = [peers.uvloop_forwarder(), peers.recorder(), peers.recorder(kernel_time=True)]
-        if socat := peers.socat():
-            others.append(socat)
-        else:
-            print("socat is not installed and stays out")
-        if options.mitmproxy:
-            others.append(peers.mitmproxy(folder / "mitmproxy"))
         target = peers.free_port()
         stage = Stage(folder, target, rest)
         with peers.running([str(folder / "answer"), str(target)], target, folder / "answer.log"):
-            one = take_turns(stage, others, 1, options.rounds, options.turn)
-            tell("one connection", one)
-            many = take_turns(stage, others, options.connections, options.rounds, options.turn)
-            tell(f"{options.connections} connections", many)
-            tell_bulk(take_bulk(stage, others, options.rounds))
-            long = stage.sustain(options.connections, options.seconds)
-    judge(one, many, long)
+            if options.profile:
+                ladder.tell(stage, options.rounds, options.turn)
+            else:
+                compare(stage, options)
+
+
+def compare(stage: Stage, options: argparse.Namespace) -> None:
+    """Measure the recorder beside its peers, and print what was reached of the goals."""
+    others = [peers.uvloop_forwarder(), peers.recorder(), peers.recorder(kernel_time=True)]
+    if socat := peers.socat():
+        others.append(socat)
+    else:
+        print("socat is not installed and stays out")
+    if options.mitmproxy:
+        others.append(peers.mitmproxy(stage.folder / "mitmproxy"))
+    one = take_turns(stage, others, 1, options.rounds, options.turn)
+    tell("one connection", one)
+    many = take_turns(stage, others, options.connections, options.rounds, options.turn)
+    tell(f"{options.connections} connections", many)
+    tell_bulk(take_bulk(stage, others, options.rounds))
+    judge(one, many, stage.sustain(options.connections, options.seconds))
 
 
 def take_turns(
     stage: Stage, others: Sequence[Peer], connections: int, rounds: int, seconds: float
 ) -> Turns:
     """Measure round trips of all, through so many connections."""
-    return _beside_c(stage, others, rounds, partial(stage.turn, connections, seconds))
+    return stage.beside_c(others, rounds, partial(stage.turn, connections, seconds))
 
 
 def take_bulk(stage: Stage, others: Sequence[Peer], rounds: int) -> dict[str, list[float]]:
     """Measure a bulk stream through all."""
-    return _beside_c(stage, others, rounds, partial(stage.bulk, BULK_TIMES, BULK_PIECES))
-
-
-def _beside_c(
-    stage: Stage, others: Sequence[Peer], rounds: int, measure: Callable[[int, int], _T]
-) -> dict[str, list[_T]]:
-    """Measure all, once a round and each round in another order; the C forwarder against itself."""
-    limiting = peers.c_forwarder(stage.folder)
-    everyone = (limiting, *others)
-    taken: dict[str, list[_T]] = {DIRECT: [], **{peer.name: [] for peer in everyone}}
-    for number in range(rounds):
-        with stage.playing(limiting) as (limit, _):
-            taken[DIRECT].append(measure(stage.target, limit))
-            first = number % len(everyone)
-            for peer in (*everyone[first:], *everyone[:first]):
-                with stage.playing(peer) as (port, _):
-                    taken[peer.name].append(measure(port, limit))
-    return taken
+    return stage.beside_c(others, rounds, partial(stage.bulk, BULK_TIMES, BULK_PIECES))
 
 
 def tell(what: str, turns: Turns) -> None:
@@ -109,7 +96,7 @@ def tell(what: str, turns: Turns) -> None:
     print(f"{what}, {rounds} rounds: times the C forwarder's, median (from least to most)")
     print(f"  {'':18}{'p50':24}{'p99':24}{'exchanges/s':24}p50 in µs")
     for name, rows in turns.items():
-        cells = (_spread([getattr(row, key) for row in rows]) for key in ("p50", "p99", "rate"))
+        cells = (spread([getattr(row, key) for row in rows]) for key in ("p50", "p99", "rate"))
         p50_us = statistics.median(row.p50_us for row in rows)
         print(f"  {name:18}" + "".join(f"{cell:24}" for cell in cells) + f"{p50_us:6.1f}")
 
@@ -119,7 +106,7 @@ def tell_bulk(taken: dict[str, list[float]]) -> None:
     size_mb = BULK_TIMES * BULK_PIECES * PIECE_BYTES / 1e6
     print(f"a bulk stream, {size_mb:.0f} MB a round: bytes/s, times the C forwarder's")
     for name, ratios in taken.items():
-        print(f"  {name:18}{_spread(ratios)}")
+        print(f"  {name:18}{spread(ratios)}")
 
 
 def judge(one: Turns, many: Turns, long: Sustained) -> None:
@@ -146,12 +133,7 @@ def _goal(
 ) -> None:
     good = at_least <= statistics.median(reached) <= at_most
     wanted = f"at least {at_least:g}" if at_least else f"at most {at_most:g}"
-    print(f"  {'reached' if good else 'MISSED':8} {what:32} {wanted:14} {_spread(reached)}")
-
-
-def _spread(values: Sequence[float]) -> str:
-    middle = f"{statistics.median(values):.2f}"
-    return middle if len(values) == 1 else f"{middle} ({min(values):.2f} to {max(values):.2f})"
+    print(f"  {'reached' if good else 'MISSED':8} {what:32} {wanted:14} {spread(reached)}")
 
 
 def _quotients(turns: Turns, one: str, other: str) -> list[float]:
@@ -179,6 +161,9 @@ def _options() -> argparse.Namespace:
     )
     parser.add_argument("--seconds", type=seconds, default=10.0, help="the long turn's length [10]")
     parser.add_argument("--mitmproxy", action="store_true", help="install it, and measure it too")
+    parser.add_argument(
+        "--profile", action="store_true", help="say instead what a round trip consists of"
+    )
     return parser.parse_args()
 
 

@@ -69,6 +69,22 @@ def uvloop_forwarder() -> Peer:
     return Peer("uvloop forwarder", lambda port, target, _: [*start, str(port), str(target)])
 
 
+def epoll_forwarder() -> Peer:
+    """Return ours in Python without an event loop, which only forwards."""
+    start = (sys.executable, str(_HERE / "epoll_forward.py"))
+    return Peer("epoll in Python", lambda port, target, _: [*start, str(port), str(target)])
+
+
+def tap(*, taken: bool) -> Peer:
+    """Return the recorder's tap by itself: its records are dropped, or taken and not written."""
+
+    def command(port: int, target: int, folder: Path) -> list[str]:
+        spool = [str(folder)] if taken else []
+        return [sys.executable, str(_HERE / "tap_forward.py"), str(port), str(target), *spool]
+
+    return Peer(f"tap, records {'taken' if taken else 'dropped'}", command)
+
+
 def recorder(*, kernel_time: bool = False) -> Peer:
     """Return the recorder as it is used, which records and decodes in processes beside the tap."""
     name, options = "scaraspec record", ("--timestamps", "user")
@@ -147,8 +163,11 @@ def running(command: list[str], port: int, log: Path) -> Iterator[subprocess.Pop
             process.kill()
 
 
-def set_apart(parent: int, link_module: str, processors: set[int]) -> None:
+def set_apart(parent: int, link_module: str, processors: set[int]) -> int:
     """Move a process and its children onto these processors, but for the one that forwards.
+
+    Returns:
+        The one that forwards.
 
     Raises:
         RuntimeError: None of them has loaded the module that tells it.
@@ -167,6 +186,7 @@ def set_apart(parent: int, link_module: str, processors: set[int]) -> None:
     for number in family() - linking:
         for task in Path(f"/proc/{number}/task").iterdir():
             os.sched_setaffinity(int(task.name), processors)
+    return int(min(linking))
 
 
 def wait_until(ready: Callable[[], bool], otherwise: Callable[[], str]) -> None:

@@ -1,20 +1,21 @@
 """Stage: how one turn of a forwarder is measured.
 
 Lives here: the load, what it saw, and what a recording holds of it. Who is measured, how often and
-what is made of it stands in `forwarding`.
+what is made of it stands in `forwarding` and `ladder`.
 """
 
 import json
 import re
 import shutil
+import statistics
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 from bench import peers
 from bench.peers import Peer
@@ -23,7 +24,20 @@ from mcap.reader import make_reader
 
 from scaraspec_recorder.claims import spool_folder
 
+DIRECT: Final = "direct"
+"""The name of no forwarder at all."""
+
 _EXCHANGES: Final = "/exchanges"
+
+_T = TypeVar("_T")
+
+
+class Playing(NamedTuple):
+    """A peer that runs: where it listens and writes, and which process forwards, if any."""
+
+    port: int
+    folder: Path
+    pid: int | None
 
 
 class Load(NamedTuple):
@@ -36,12 +50,13 @@ class Load(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A peer's turn as ratios to the C forwarder's, and its median round trip."""
+    """A peer's turn as ratios to the C forwarder's, its median round trip, and all it passed on."""
 
     p50: float
     p99: float
     rate: float
     p50_us: float
+    exchanges: int
 
 
 class Sustained(NamedTuple):
@@ -70,16 +85,40 @@ class Stage:
     rest: set[int]
 
     @contextmanager
-    def playing(self, peer: Peer) -> Iterator[tuple[int, Path]]:
-        """Run a peer; give the port it listens on and the folder it writes into."""
+    def playing(self, peer: Peer) -> Iterator[Playing]:
+        """Run a peer."""
         folder = Path(tempfile.mkdtemp(dir=self.folder))
         port = peers.free_port()
         with peers.running(
             peer.command(port, self.target, folder), port, folder / "log"
         ) as process:
+            pid = process.pid
             if peer.link_module:
-                peers.set_apart(process.pid, peer.link_module, self.rest)
-            yield port, folder
+                pid = peers.set_apart(pid, peer.link_module, self.rest)
+            yield Playing(port, folder, pid)
+
+    def beside_c(
+        self, others: Sequence[Peer], rounds: int, measure: Callable[[Playing, int], _T]
+    ) -> dict[str, list[_T]]:
+        """Measure all, once a round and each round in another order; the C one against itself.
+
+        Args:
+            others: Who is measured besides.
+            rounds: How often.
+            measure: Is given who is measured, and the port of the C forwarder.
+        """
+        limiting = peers.c_forwarder(self.folder)
+        everyone = (limiting, *others)
+        taken: dict[str, list[_T]] = {DIRECT: [], **{peer.name: [] for peer in everyone}}
+        for number in range(rounds):
+            with self.playing(limiting) as limit:
+                nobody = Playing(self.target, self.folder, None)
+                taken[DIRECT].append(measure(nobody, limit.port))
+                first = number % len(everyone)
+                for peer in (*everyone[first:], *everyone[:first]):
+                    with self.playing(peer) as playing:
+                        taken[peer.name].append(measure(playing, limit.port))
+        return taken
 
     def load(self, connections: int, seconds: float, *ports: int) -> list[Load]:
         """Ask through all ports, slice by slice in turn, each for so many seconds in all.
@@ -91,31 +130,33 @@ class Stage:
         printed = subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout  # noqa: S603 - our own program, and numbers
         return [Load(**port) for port in json.loads(printed)]
 
-    def bulk(self, times: int, pieces: int, port: int, limit: int) -> float:
+    def bulk(self, times: int, pieces: int, playing: Playing, limit: int) -> float:
         """Send a bulk stream so many times through each; give the ratio of bytes a second.
 
         Raises:
             subprocess.CalledProcessError: The stream did not arrive.
         """
-        command = (str(self.folder / "bulk"), str(times), str(pieces), str(port), str(limit))
+        ports = (str(playing.port), str(limit))
+        command = (str(self.folder / "bulk"), str(times), str(pieces), *ports)
         printed = subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout  # noqa: S603 - our own program, and numbers
         peer, bare = json.loads(printed)
         return float(peer / bare)
 
-    def turn(self, connections: int, seconds: float, port: int, limit: int) -> Turn:
-        """Compare what listens on `port` with what listens on `limit`."""
-        peer, bare = self.load(connections, seconds, port, limit)
+    def turn(self, connections: int, seconds: float, playing: Playing, limit: int) -> Turn:
+        """Compare a peer with what listens on `limit`."""
+        peer, bare = self.load(connections, seconds, playing.port, limit)
         return Turn(
             peer.p50_ns / bare.p50_ns,
             peer.p99_ns / bare.p99_ns,
             peer.rate / bare.rate,
             peer.p50_ns / 1000,
+            peer.exchanges,
         )
 
     def sustain(self, connections: int, seconds: float) -> Sustained:
         """Ask the recorder and the uvloop forwarder for long, slice by slice in turn."""
-        with self.playing(peers.uvloop_forwarder()) as (bare, _):
-            with self.playing(peers.recorder()) as (port, folder):
+        with self.playing(peers.uvloop_forwarder()) as (bare, _, _):
+            with self.playing(peers.recorder()) as (port, folder, _):
                 here, limit = self.load(connections, seconds, port, bare)
                 ended_s = time.monotonic()
             drained_s = time.monotonic() - ended_s
@@ -129,6 +170,12 @@ class Stage:
             2 * seconds,
             drained_s,
         )
+
+
+def spread(values: Sequence[float], places: int = 2) -> str:
+    """The median, and from the least to the most, with so many decimal places."""
+    middle, least, most = (f"{of(values):.{places}f}" for of in (statistics.median, min, max))
+    return middle if len(values) == 1 else f"{middle} ({least} to {most})"
 
 
 def _decoded(capture: Path) -> int:
