@@ -45,8 +45,8 @@ class Samples:
 
         @cache
         def place(module: str, function: str) -> str | None:
-            name = f"{module}.{function}."
-            found = [start for start in places if name.startswith(f"{start}.")]
+            name = f"{module}.{function}"
+            found = [start for start in places if name.startswith(start)]
             return places[max(found, key=len)] if found else None
 
         self._place = place

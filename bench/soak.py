@@ -38,13 +38,10 @@ PLACES: Final = {
     "scaraspec_recorder.schemas": "schemas",
     "scaraspec_recorder.mcap_file": "mcap_file",
     "scaraspec_recorder.chunk_writer": "chunk_writer",
-    **dict.fromkeys(
-        (f"scaraspec_recorder.rerun_{name}" for name in ("files", "rows", "view")), "rerun_*"
-    ),
-    **dict.fromkeys(
-        (f"scaraspec_recorder.{name}" for name in ("spool", "unspool", "scribe")),
-        "spool and scribe",
-    ),
+    "scaraspec_recorder.rerun_": "rerun_*",
+    "scaraspec_recorder.spool": "spool and scribe",
+    "scaraspec_recorder.unspool": "spool and scribe",
+    "scaraspec_recorder.scribe": "spool and scribe",
     "__main__": sampling.LEFT_OUT,
     "bench": sampling.LEFT_OUT,
 }
