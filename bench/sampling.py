@@ -1,7 +1,7 @@
 """Sampling: where the time of this process goes, by place.
 
 Lives here: the sampler, and the table that it prints. Which places are told apart is the caller's
-affair. A function that is called often looks no slower than it is, as it would to a tracer.
+affair. Unlike a tracer it makes nothing slower that is called often.
 """
 
 import signal
@@ -52,7 +52,7 @@ class Samples:
         self._place = place
 
     def take(self, _signal: int, frame: FrameType | None) -> None:
-        """Count the time since the last sample: a long call into C is one sample, not one each."""
+        """Count all the time since the last sample: a long call into C lets only one through."""
         passed_s = self._clock() - self._told_s
         found: dict[str, None] = {}
         while frame:

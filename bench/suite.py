@@ -2,22 +2,28 @@
 
 In memory the limit is what the virtual controller answers to the same number of requests that
 nobody judges, in the same turn. What hypothesis draws is counted in a run of its own, for counting
-makes it slow.
+makes it slow. A profile says where the time of both goes.
 """
 
+import argparse
+import io
+import re
 import shlex
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from datetime import datetime
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from bench import peers
+from bench import peers, sampling
 from hypothesis.internal import observability
 
+from scaraspec.cli import certify_controller
 from scaraspec.cli.proofs import STANDS
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
@@ -33,17 +39,56 @@ ROUNDS: Final = 3
 SCARASPEC: Final = (sys.executable, "-m", "scaraspec")
 OPTIONS: Final = Options(allowed=ALL, undefined=True)
 EVERYTHING: Final = ("--allow", "state,motion,destructive", "--undefined-opcodes")
+TRANSFER_S: Final = 1
+FAST: Final = 4
+"""How many of its seconds pass in one of ours where a simulator is fast."""
+
+ROOMS: Final = {
+    "scaraspec.judgement": "judgement",
+    "scaraspec.controller": "controller",
+    "scaraspec.client": "client",
+    "scaraspec.suite": "suite",
+    "scaraspec.report": "report",
+    "scaraspec.links": "links",
+    "scaraspec.protocol": "protocol",
+    "hypothesis": "hypothesis",
+    "_pytest": "pytest",
+    "pluggy": "pytest",
+}
+"""What a profile of the suite in memory tells apart."""
+
+_AS_CLIENT: Final = "scaraspec.suite.as_client"
+WAITS: Final = {
+    "scaraspec.suite.wire.Wire.wait": "time is let pass",
+    f"{_AS_CLIENT}.subject.Subject.pause": "time is let pass",
+    f"{_AS_CLIENT}.access.UrlAccess.pause": "time is let pass",
+    f"{_AS_CLIENT}.line.Line.result": "a final result is awaited",
+    f"{_AS_CLIENT}.line.Line.reply": "an answer is awaited",
+    f"{_AS_CLIENT}.line.Line.fence": "an answer is awaited",
+    "scaraspec.suite.observer": "what passed is judged and kept",
+}
+"""What a profile of the suite over TCP tells apart."""
+
+_SOON: Final = ("--transfer-timeout", f"{TRANSFER_S}")
 
 _say = partial(print, flush=True)
 
 
 def main() -> None:
-    """Certify what is ours, in each way that there is."""
-    for role in STANDS:
-        in_memory(role)
+    """Certify what is ours, in each way that there is; or say where the time goes."""
+    parser = argparse.ArgumentParser(prog="suite", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--profile", action="store_true", help="say where the time goes instead")
+    profiled = parser.parse_args().profile
     with TemporaryDirectory(prefix="bench-") as name:
-        over_tcp(Path(name))
-        by_driver(Path(name))
+        folder = Path(name)
+        if profiled:
+            profile_in_memory()
+            profile_over_tcp(folder)
+            return
+        for role in STANDS:
+            in_memory(role)
+        over_tcp(folder)
+        by_driver(folder)
 
 
 def in_memory(role: Role) -> None:
@@ -55,35 +100,84 @@ def in_memory(role: Role) -> None:
         lasted_s = time.process_time() - begun_s
         requests = _requests(results)
         cases = len(results.cases)
+        tried = cases + drawn
         _say(
-            f"{role.value} in memory: {cases} cases, {drawn} drawn examples, {requests} requests "
-            f"in {lasted_s:.1f} s of one processor: {(cases + drawn) / lasted_s:.0f} cases and "
-            f"examples a second, {requests / lasted_s:.0f} requests a second, "
+            f"{role.value} in memory: {cases} cases, {drawn} drawn examples, {requests} requests, "
+            f"{requests / tried:.1f} each, in {lasted_s:.1f} s of one processor: "
+            f"{tried / lasted_s:.0f} cases and examples a second, "
+            f"{requests / lasted_s:.0f} requests a second, "
             f"{lasted_s / _unjudged_s(requests):.1f} times as long as unjudged"
         )
 
 
 def over_tcp(folder: Path) -> None:
-    """Print how long the virtual controller's certification takes over TCP."""
-    port = peers.free_port()
-    url = f"{peers.HOST}:{port}"
-    serve = (*SCARASPEC, "controller", "--listen", url, "--reading", "xfer_timeout=1")
-    with peers.running(list(serve), port, folder / "log"):
-        _certify("controller", f"tcp://{url}", *EVERYTHING, "--out", str(folder / "controller"))
+    """Print how long the virtual controller's certification takes over TCP, and a fast one's."""
+    with _virtual_controller(folder) as url:
+        _certify("controller", url, *EVERYTHING, "--out", str(folder / "controller"))
+    statement = folder / "fast.toml"
+    statement.write_text(
+        f'[subject]\nname = "virtual, {FAST} times as fast"\ntime_scale = {FAST}\n'
+    )
+    with _virtual_controller(folder, FAST) as url:
+        asked = (url, *EVERYTHING, "--ics", str(statement), "--out", str(folder / "fast"))
+        _say(f"a controller whose seconds are {FAST} times as short:")
+        _certify("controller", *asked)
 
 
 def by_driver(folder: Path) -> None:
     """Print how long the reference client's certification takes."""
-    driver = shlex.join((*SCARASPEC, "client-driver", "--transfer-timeout", "1"))
+    driver = shlex.join((*SCARASPEC, "client-driver", *_SOON))
     _certify("client", "--driver", driver, "--out", str(folder / "client"))
 
 
+def profile_in_memory() -> None:
+    """Print which room the processor's time goes to."""
+    for role in STANDS:
+        with sampling.sampled(ROOMS) as samples:
+            STANDS[role].prove(OPTIONS)
+        samples.tell(f"{role.value} in memory, in seconds of the processor")
+
+
+def profile_over_tcp(folder: Path) -> None:
+    """Print what the suite waits for while it certifies the virtual controller over TCP."""
+    begun_s, status = time.process_time(), None
+    with (
+        _virtual_controller(folder) as url,
+        redirect_stdout(io.StringIO()),
+        sampling.sampled(WAITS, "wall") as samples,
+    ):
+        asked = [url, *EVERYTHING, *_SOON, "--out", str(folder / "profiled")]
+        try:
+            certify_controller.command.main(asked, standalone_mode=False)
+        except SystemExit as ended:
+            status = ended.code
+    busy_s = time.process_time() - begun_s
+    samples.tell(f"certify controller over TCP, recorded, exit status {status}")
+    _say(f"  {busy_s:.1f} s of the processor for the process of the suite")
+
+
+@contextmanager
+def _virtual_controller(folder: Path, time_scale: int = 1) -> Iterator[str]:
+    """Serve one whose time passes so fast; give its URL."""
+    port = peers.free_port()
+    where = f"{peers.HOST}:{port}"
+    patient = ("--reading", f"xfer_timeout={TRANSFER_S * time_scale}")
+    pace = ("--time-scale", f"{time_scale}", *patient)
+    serve = [*SCARASPEC, "controller", "--listen", where, *pace]
+    with peers.running(serve, port, folder / f"{port}.log"):
+        yield f"tcp://{where}"
+
+
 def _certify(*arguments: str) -> None:
-    command = [*SCARASPEC, "certify", *arguments, "--transfer-timeout", "1"]
+    command = [*SCARASPEC, "certify", *arguments, *_SOON]
     begun_s = time.perf_counter()
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     lasted_s = time.perf_counter() - begun_s
-    _say(f"certify {arguments[0]}, recorded: {lasted_s:.1f} s, exit status {done.returncode}")
+    told = re.search(r"\d+ of \d+ requirements in scope judged", done.stdout)
+    _say(
+        f"certify {arguments[0]}, recorded: {lasted_s:.1f} s, exit status {done.returncode}, "
+        f"{told.group() if told else done.stderr}"
+    )
 
 
 def _requests(results: Results) -> int:
