@@ -2,7 +2,8 @@
 
 By itself it tries constants of the modules that it takes for the user's own as well. Those are all
 of ours in a source tree and none in an installation, and of a tree those that happen to be loaded:
-neither may decide what a case tries.
+neither may decide what a case tries. There is no setting for that: it is taken from where it stands
+now, and a hypothesis that has moved it draws as it pleases.
 """
 
 from typing import Final
@@ -10,10 +11,8 @@ from typing import Final
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis.internal.conjecture import providers
-from hypothesis.internal.constants_ast import Constants
 
 _PROFILE: Final = "scaraspec-suite"
-_NOBODY: Final = Constants()
 
 
 class Drawing:
@@ -41,11 +40,18 @@ class Drawing:
             print_blob=False,
         )
         settings.load_profile(_PROFILE)
-        self._patch.setattr(providers, "_get_local_constants", lambda: _NOBODY, raising=False)
-        providers.CONSTANTS_CACHE.cache.clear()
+        none = getattr(providers, "Constants", tuple)
+        self._patch.setattr(providers, "_get_local_constants", none, raising=False)
+        _forget()
 
     def end(self) -> None:
         """Draw as before."""
         settings.load_profile(self._before)
         self._patch.undo()
-        providers.CONSTANTS_CACHE.cache.clear()
+        _forget()
+
+
+def _forget() -> None:
+    """Let constants that were found be found again."""
+    if found := getattr(providers, "CONSTANTS_CACHE", None):
+        found.cache.clear()
