@@ -8,7 +8,7 @@ READY := .venv/ready
 # The tests start many processes, and each would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-kill test-net test-net-full test-browser check bench soak pictures prove format lock wheel clean
+.PHONY: demo test test-lowest test-kill test-net test-net-full test-browser check bench soak pictures prove format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -16,6 +16,15 @@ demo: $(READY)
 
 test: check
 	$(BIN)/pytest -n auto --dist worksteal
+
+# The same tests with the oldest versions that pyproject.toml allows, in an environment of their own.
+test-lowest: LOWEST := .venv/lowest/bin/python
+test-lowest: $(READY)
+	$(BIN)/pip install --quiet uv
+	$(BIN)/uv venv --quiet --clear .venv/lowest
+	$(BIN)/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct \
+	  --editable '.[all]' 'pytest-xdist>=3.6'
+	$(LOWEST) -m pytest -n auto --dist worksteal
 
 # Kills the recorder's processes at so many random moments under traffic; takes a quarter of an hour.
 test-kill: export SCARASPEC_KILLS ?= 200

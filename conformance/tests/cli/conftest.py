@@ -1,12 +1,14 @@
 """Processes as a user starts them, and an independent witness of what passes between sockets."""
 
+import os
 import re
+import signal
 import socket
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, closing
+from contextlib import AbstractContextManager, closing, suppress
 
 import pytest
 
@@ -71,6 +73,7 @@ class Processes:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            start_new_session=True,
         )
         self._running.append(process)
         return process
@@ -81,9 +84,10 @@ class Processes:
         return address_in(process)
 
     def end(self) -> None:
-        """Kill what is left."""
+        """Kill what is left and all that it has started: a stopped child would hold its output."""
         for process in self._running:
-            process.kill()
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
 
 
