@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta
 from typing import Final, NamedTuple
 
-from scaraspec.protocol.commands import PasswordChange, Point, Pose, RunningProgram
+from scaraspec.protocol.commands import Point, Pose, RunningProgram
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_client.clock import Reading, expect_ran, read, set_to
@@ -28,6 +28,7 @@ from scaraspec.suite.as_client.motion import (
     stop,
     target,
 )
+from scaraspec.suite.as_client.passwords import change, expect_changed
 from scaraspec.suite.as_client.ports import (
     expect_outputs,
     outputs,
@@ -51,7 +52,6 @@ from scaraspec.suite.as_client.tasks import (
 from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
 from scaraspec.suite.programs.listed import program_names
 from scaraspec.suite.programs.writing import endless_program, program_file, wait
-from scaraspec.suite.wire import Answer
 
 VALUES: Final = 4
 """How many values each number of a step may have."""
@@ -170,7 +170,7 @@ class Model:
                     if self._before[port - 1] != self._outputs[port - 1]:
                         set_output(line, port, on=self._before[port - 1])
             if self._password != self._subject.password:
-                self._change(line, self._password, self._subject.password)
+                change(line, self._password, self._subject.password)
         finally:
             self._subject.close_lines()
 
@@ -220,21 +220,11 @@ class Model:
         line.close()
         return "log in wrongly elsewhere"
 
-    def _change(self, line: Line, old: bytes, new: bytes) -> Answer:
-        return line.ask("set_password", PasswordChange(old, new))
-
     def _set_password(self, step: Step, line: Line) -> str | None:
         if not self._subject.access.needs_login:
             return None
         new = (self._subject.password, *OTHER_PASSWORDS)[step.value % (1 + len(OTHER_PASSWORDS))]
-        answer = self._change(line, self._password, new)
-        expect(
-            answer.accepted,
-            "a new password was refused although the old one was right",
-            expected="1",
-            observed=f"{answer}",
-            requirement="4.2/2",
-        )
+        expect_changed(line, self._password, new)
         self._password = new
         self._all_anew("4.2/4", "the new password does not open the next login")
         return f"set the password {show(new)}"
@@ -242,7 +232,7 @@ class Model:
     def _mistake_password(self, _: Step, line: Line) -> str | None:
         if not self._subject.access.needs_login:
             return None
-        answer = self._change(line, b"no-" + self._password, OTHER_PASSWORDS[0])
+        answer = change(line, b"no-" + self._password, OTHER_PASSWORDS[0])
         expect(
             answer.accepted is False,
             "the password was changed although the old one was wrong",

@@ -4,30 +4,15 @@ from scaraspec.protocol.commands import PasswordChange
 from scaraspec.suite.as_client.keeping import password_kept
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
+from scaraspec.suite.as_client.passwords import change, expect_changed
 from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect
-from scaraspec.suite.wire import Answer
 
 _LONG, _SHORT = OTHER_PASSWORDS
 _EMPTY_FIELDS = ("empty in old", "empty in new")
 _TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
 """Malformed pairs that are tried: few, as each may count for an attempt with a wrong password."""
-
-
-def _change(line: Line, old: bytes, new: bytes) -> Answer:
-    return line.ask("set_password", PasswordChange(old, new))
-
-
-def _expect_changed(line: Line, old: bytes, new: bytes) -> None:
-    answer = _change(line, old, new)
-    expect(
-        answer.accepted,
-        "a new password was refused although the old one was right",
-        expected="1",
-        observed=f"{answer}",
-        requirement="4.2/2",
-    )
 
 
 def _expect_login(
@@ -54,7 +39,7 @@ def test_changed(subject: Subject) -> None:
         for old, new in ((first, _LONG), (_LONG, _SHORT), (_SHORT, first)):
             line = subject.open(login=False)
             subject.log_in(line, old)
-            _expect_changed(line, old, new)
+            expect_changed(line, old, new)
             line.close()
             _expect_login(subject, new, "the new password does not open the next login", "4.2/4")
             if old == first:  # one wrong attempt is enough (A-4.1-2)
@@ -70,7 +55,7 @@ def test_wrong_old_password(subject: Subject, line: Line) -> None:
         for wrong in (right.swapcase() if right.swapcase() != right else right + b"x", right[:-1]):
             if not wrong:
                 continue
-            answer = _change(line, wrong, _SHORT)
+            answer = change(line, wrong, _SHORT)
             expect(
                 answer.accepted is False,
                 "a new password with a wrong old one was not answered 0",

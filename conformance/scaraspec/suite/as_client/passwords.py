@@ -1,0 +1,27 @@
+"""Passwords: what opens the subject, changed by whoever knows it."""
+
+from scaraspec.protocol.commands import PasswordChange
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.expect import expect
+from scaraspec.suite.wire import Answer
+
+
+def change(line: Line, old: bytes, new: bytes) -> Answer:
+    """Ask for another password; the answer."""
+    return line.ask("set_password", PasswordChange(old, new))
+
+
+def expect_changed(line: Line, old: bytes, new: bytes) -> None:
+    """Set another password, with the right old one.
+
+    Raises:
+        Unmet: It is refused.
+    """
+    answer = change(line, old, new)
+    expect(
+        answer.accepted,
+        "a new password was refused although the old one was right",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.2/2",
+    )
