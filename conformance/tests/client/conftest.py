@@ -97,16 +97,16 @@ class ScriptedLink:
         return None
 
     def half_close(self) -> None:
-        """No client does this."""
-        raise NotImplementedError
+        """Fail: no client does this."""
+        raise AssertionError("a client has half-closed or reset its link")
 
     def close(self) -> None:
         """End it."""
         self.closed = True
 
     def reset(self) -> None:
-        """No client does this."""
-        raise NotImplementedError
+        """Fail: no client does this."""
+        raise AssertionError("a client has half-closed or reset its link")
 
 
 @pytest.fixture(scope="session")
