@@ -294,36 +294,23 @@ class McapSink:
 
 def _raw(event: WireEvent) -> tuple[str, bytes]:
     """A raw event's topic and message."""
-    connection, direction = event.connection, event.direction.value
+    where: dict[str, Any] = {
+        "connection": event.connection,
+        "direction": event.direction.value,
+        "offset_bytes": event.offset_bytes,
+        "note": event.note,
+    }
     if event.kind is Kind.BYTES:
-        passage = event if isinstance(event, Passage) else None
-        return RAW_TOPICS[event.direction], schemas.encode(
-            schemas.RawChunk,
-            connection=connection,
-            direction=direction,
-            offset_bytes=event.offset_bytes,
-            data=event.data,
-            note=event.note,
-            forwarded_ns=(passage.forwarded_ns or None) if passage else None,
-            kernel_time=passage.kernel_time if passage else False,
-        )
+        if isinstance(event, Passage):
+            where["forwarded_ns"] = event.forwarded_ns or None
+            where["kernel_time"] = event.kernel_time
+        topic = RAW_TOPICS[event.direction]
+        return topic, schemas.encode(schemas.RawChunk, data=event.data, **where)
     if event.kind is Kind.GAP:
-        return GAP_TOPIC, schemas.encode(
-            schemas.Gap,
-            connection=connection,
-            direction=direction,
-            offset_bytes=event.offset_bytes,
-            length_bytes=event.length_bytes,
-            note=event.note,
-        )
-    return CONNECTION_TOPIC, schemas.encode(
-        schemas.ConnectionEvent,
-        connection=connection,
-        direction=direction,
-        offset_bytes=event.offset_bytes,
-        kind=event.kind.value,
-        note=event.note,
-    )
+        data = schemas.encode(schemas.Gap, length_bytes=event.length_bytes, **where)
+        return GAP_TOPIC, data
+    data = schemas.encode(schemas.ConnectionEvent, kind=event.kind.value, **where)
+    return CONNECTION_TOPIC, data
 
 
 def _declare(writer: ChunkWriter) -> dict[str, int]:
