@@ -33,7 +33,7 @@ def _of_exchange(x: Exchange) -> Iterator[Sighting]:
         return
     if x.name == "get_default_program":
         yield Sighting(A2C, "op_get_default", f"0x{x.request.frame.opcode:02X}")
-        if x.reply:
+        if x.reply and x.reply.frame.data != b"0":  # so may an undefined opcode be answered (A-3-9)
             yield Sighting(C2A, "op_get_default", f"0x{x.reply.frame.opcode:02X}")
     elif x.name == "get_motor_temperatures" and x.reply:
         yield Sighting(C2A, "op_temp_reply", f"0x{x.reply.frame.opcode:02X}")

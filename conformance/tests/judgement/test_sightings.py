@@ -105,3 +105,9 @@ def test_both_opcodes_are_no_mixture(judged: Judged) -> None:
     seen = judged("login\n> 0D\n< 0D a\n> 13\n< 13 a").judge.dialect_seen
     assert set(seen.of(C2A)["op_get_default"]) == {"0x0D", "0x13"}
     assert not seen.mixed(C2A)
+
+
+def test_an_answer_as_to_an_undefined_opcode_shows_no_reading(judged: Judged) -> None:
+    """A bare 0 is what an unknown opcode may get (A-3-9)."""
+    seen = judged("login\n> 0D\n< 0D 0").judge.dialect_seen
+    assert "op_get_default" not in seen.of(C2A)

@@ -157,6 +157,13 @@ def test_silence_while_busy_is_claimed_rightly_though_a_reset_is_refused() -> No
     assert not wrong(cases)
 
 
+def test_an_opcode_that_may_be_unknown_proves_no_claim() -> None:
+    """Without a default program the other opcode is answered 0, as an undefined one is (A-3-9)."""
+    silent = DEFAULT.replace(on_unknown="0", op_get_default="0x13", default_none="silence")
+    cases = tried(Brain, "2/7", dialect=silent, claimed=frozenset(silent.differences()))
+    assert not wrong(cases)
+
+
 def test_a_network_that_applies_after_a_restart_is_read_back_then() -> None:
     """The claim is believed, and verified with the hook."""
     hooks = {"restart": RestartHook()}

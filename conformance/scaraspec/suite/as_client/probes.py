@@ -61,9 +61,11 @@ def _op_get_default(subject: Subject) -> str | None:
                     replies[f"0x{opcode:02X}"] = seen.frame.data
         line.close()
     zeros = [option for option, data in replies.items() if data == b"0"]
-    if len(zeros) > 1:  # no default program, or an opcode that is not known (A-3-9)
-        return None
-    served = [option for option in replies if option not in zeros] or zeros
+    served = [option for option in replies if option not in zeros]
+    if not served:  # no default program, or an opcode that is not known (A-3-9)
+        if len(zeros) > 1 or subject.dialect["on_unknown"] == "0":
+            return None
+        served = zeros
     return "both" if len(served) > 1 else next(iter(served), None)
 
 
