@@ -83,19 +83,20 @@ def command(  # noqa: PLR0913 - one for each option
     A fault is killed where a case fails of a requirement that it violates; so --quick, with no
     other case than those, kills as many, minutes instead of hours. A case that kills no fault of
     those that were run is told. Exit status 0 where every fault is killed and the faultless
-    implementation conformant, 1 where not, 4 where there was no fault to find.
+    implementation conformant, 1 where not, 4 where there was no fault or no case to run.
     """
     party = Role(role)
     options = Options(
         only=_requirements(only), allowed=ALL, undefined=True, examples=examples, exhaustive=True
     )
     if other_dialects:
+        if not collect(options, party):
+            raise _nothing_proved("no case tries what --only names")
         _prove_dialects(party, options, jobs)
         return
     chosen = _chosen(party, names, options)[::every]
     if not chosen:
-        click.echo("nothing proved: none of these faults violates what --only names", err=True)
-        raise SystemExit(ExitStatus.NOTHING_TESTED)
+        raise _nothing_proved("none of these faults violates what --only names")
     sound = STANDS[party].prove(options)
     click.echo(f"without a fault: {sound.verdict.value}, {len(sound.cases)} cases")
     proofs = list(_shown(_proofs(party, chosen, options, jobs, quick=quick), len(chosen)))
@@ -125,6 +126,11 @@ def command(  # noqa: PLR0913 - one for each option
         )
     if survived or sound.verdict is not Conclusion.CONFORMANT:
         raise SystemExit(ExitStatus.NONCONFORMANT)
+
+
+def _nothing_proved(why: str) -> SystemExit:
+    click.echo(f"nothing proved: {why}", err=True)
+    return SystemExit(ExitStatus.NOTHING_TESTED)
 
 
 def _requirements(only: str | None) -> frozenset[str] | None:

@@ -60,6 +60,13 @@ def test_no_fault_is_no_proof(processes: Any) -> None:
     assert "nothing proved" in done.stderr
 
 
+def test_no_case_is_no_proof(processes: Any) -> None:
+    """Where nothing is tried, no dialect has been shown to be failed by nothing."""
+    done = processes.run("prove", "--dialects", "--role", "client", "--only", "4.2/2")
+    assert done.returncode == 4
+    assert "nothing proved" in done.stderr
+
+
 def test_an_unknown_fault(processes: Any) -> None:
     """One sentence and exit status 2."""
     done = processes.run("prove", "--fault", "gremlin")
