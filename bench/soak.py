@@ -24,7 +24,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec_recorder.archive import Archive, archive_sink
 from scaraspec_recorder.records import stream_number
 from scaraspec_recorder.rotation import Rotate, parse_rotate
-from scaraspec_recorder.scribe import Scribe
+from scaraspec_recorder.scribe import Scribe, collect_rarely
 from scaraspec_recorder.sinks import TICK_NS
 from scaraspec_recorder.spool import SpoolReader, SpoolWriter
 
@@ -116,6 +116,7 @@ def run(folder: Path, exchanges: int, rotate: Rotate) -> None:
     hours = exchanges / PER_SECOND / 3600
     _say(f"{exchanges} exchanges, {hours:g} h at {PER_SECOND}/s")
     soak = Soak(folder, rotate)
+    collect_rarely()
     written, points, busy_s = 0, 0, 0.0
     for now_ns, frames in groupby(traffic.poll(_START_NS, exchanges, PER_SECOND), _tick):
         passed = tuple(frames)

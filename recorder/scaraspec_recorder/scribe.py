@@ -299,8 +299,7 @@ def run(spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.s
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         scribe = Scribe(SpoolReader(spool), out_dir, sinks)
-        gc.freeze()  # what was imported lives on: no collection need look at it
-        gc.set_threshold(_COLLECT_AFTER)
+        collect_rarely()
         complete = False
         while True:
             complete = complete or ended(0)  # asked first: what the tap wrote before is then there
@@ -315,6 +314,12 @@ def run(spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.s
         if note_trouble(spool, time.time_ns(), reason):  # else it was said before
             _log.error("the recording is interrupted: %s", error)
         sys.exit(SAID)
+
+
+def collect_rarely() -> None:
+    """Have this process look for cycles as seldom as a scribe does."""
+    gc.freeze()  # what was imported lives on: no collection need look at it
+    gc.set_threshold(_COLLECT_AFTER)
 
 
 def _words(trouble: Trouble) -> str:
