@@ -16,7 +16,7 @@ from scaraspec.client.driver import Driver
 from scaraspec.client.faults import Fault
 from scaraspec.links.simulated import SimulatedLink, SimulatedLoop
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.protocol.readings import Dialect
+from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.as_controller.access import LOOPBACK
 from scaraspec.suite.as_controller.call import Call
@@ -129,13 +129,13 @@ def prove_client(
     Args:
         options: What to try.
         fault: What is wrong with it; None for nothing.
-        dialect: The readings that it follows, which it claims too.
+        dialect: The readings that it follows, each of which it claims then.
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
     statement = Statement(
         name=fault.name if fault else "reference client",
         dialect=spoken,
-        claimed=frozenset(spoken.differences()),
+        claimed=frozenset(READINGS if dialect else spoken.differences()),
     )
     with closing(MemoryClient(fault.wrong if fault else AsyncClient, spoken)) as access:
         return Run(ClientSetting(access, statement, options, link="memory")).results()

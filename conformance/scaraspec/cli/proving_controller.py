@@ -16,7 +16,7 @@ from scaraspec.controller.plant import Plant
 from scaraspec.controller.session import Action, Close
 from scaraspec.controller.store import Store
 from scaraspec.links.memory import MemoryNetwork
-from scaraspec.protocol.readings import Dialect
+from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
@@ -119,14 +119,14 @@ def prove_controller(
     Args:
         options: What to try.
         fault: What is wrong with it; None for nothing.
-        dialect: The readings that it follows, which it claims too.
+        dialect: The readings that it follows, each of which it claims then.
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
     robot = Robot(fault.wrong if fault else Brain, spoken)
     statement = Statement(
         name=fault.name if fault else "virtual controller",
         dialect=spoken,
-        claimed=frozenset(spoken.differences()),
+        claimed=frozenset(READINGS if dialect else spoken.differences()),
         hooks=_hooks(robot),
     )
     access = MemoryAccess(robot.network)

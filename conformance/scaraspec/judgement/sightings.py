@@ -70,7 +70,8 @@ def _of_prelogin(x: Exchange) -> Iterator[Sighting]:
 
 
 def _of_two_stage(x: Exchange) -> Iterator[Sighting]:
-    if x.during and x.accepted is False and x.answer.code:
+    refused = x.accepted is False and x.name != "reset"  # whose refusal is drawn (A-4-2)
+    if x.during and refused and x.answer.code:
         yield Sighting(C2A, "busy_reply", "state")
     elif x.during and x.ending is Ending.UNANSWERED:
         yield Sighting(C2A, "busy_reply", "silence")
@@ -82,12 +83,11 @@ def _of_two_stage(x: Exchange) -> Iterator[Sighting]:
             yield Sighting(C2A, "estop_interrupted", "none")
 
 
-_BOTH: Final = frozenset({"op_get_default", "prelogin", "estop_interrupted", "busy_reply"})
+_BOTH: Final = frozenset({"op_get_default", "prelogin", "estop_interrupted"})
 """Points at which one peer may show several options without mixing readings.
 
-A controller may serve both opcodes, treat commands differently before a login (A-4-4), stop two
-commands in different ways (jog, A-4.17-4), and be silent while it is busy to all but a reset, whose
-refusal is drawn (A-4-2).
+A controller may serve both opcodes, treat commands differently before a login (A-4-4), and stop two
+commands in different ways (jog, A-4.17-4).
 """
 
 

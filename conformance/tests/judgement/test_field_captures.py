@@ -26,7 +26,6 @@ DIALECTS = {
         A2C: LITTLE | {"jog_byte": ("ascii",)},
         C2A: LITTLE
         | {
-            "busy_reply": ("state",),
             "err_bare0": ("0|code",),
             "estop_interrupted": ("first",),
             "list_prefix_sep": ("0|a",),
@@ -44,7 +43,6 @@ DIALECTS = {
             "endian": ("big",),
             "chunk_trunc": ("truncated",),
             "op_get_default": ("0x13",),
-            "busy_reply": ("state",),
             "err_bare0": ("0|code",),
             "estop_interrupted": ("after",),
             "list_cont": ("request",),
@@ -55,7 +53,6 @@ DIALECTS = {
     "plant-c-serial-bridge-bytewise": {
         A2C: LITTLE,
         C2A: {
-            "busy_reply": ("state",),
             "list_prefix_sep": ("0|a",),
             "op_get_default": ("0x13",),
             "op_temp_reply": ("0x0F",),

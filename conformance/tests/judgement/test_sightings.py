@@ -33,7 +33,7 @@ SEEN = [
     (C2A, "default_none", "empty", "login\n> get_default_program\n< get_default_program"),
     (C2A, "err_bare0", "0", MOVE + "< set_tool_coordinates 0"),
     (C2A, "err_bare0", "0|code", MOVE + "< set_tool_coordinates 0|12"),
-    (C2A, "busy_reply", "state", RUN + "> reset\n< reset 0|01"),
+    (C2A, "busy_reply", "state", RUN + "> simulate_program a\n< simulate_program 0|01"),
     (C2A, "busy_reply", "silence", RUN + "> reset\n" + LATER),
     (C2A, "estop_interrupted", "first", STOPPED + "<90 jog 11\n<90 emergency_stop 11"),
     (C2A, "estop_interrupted", "after", STOPPED + "<90 emergency_stop 11\n<90 jog 11"),
@@ -105,6 +105,12 @@ def test_both_opcodes_are_no_mixture(judged: Judged) -> None:
     seen = judged("login\n> 0D\n< 0D a\n> 13\n< 13 a").judge.dialect_seen
     assert set(seen.of(C2A)["op_get_default"]) == {"0x0D", "0x13"}
     assert not seen.mixed(C2A)
+
+
+def test_the_refusal_of_a_reset_shows_no_reading(judged: Judged) -> None:
+    """It is drawn, whatever else the busy robot is silent to (A-4-2)."""
+    seen = judged(RUN + "> reset\n< reset 0|01").judge.dialect_seen
+    assert "busy_reply" not in seen.of(C2A)
 
 
 def test_an_answer_as_to_an_undefined_opcode_shows_no_reading(judged: Judged) -> None:

@@ -15,7 +15,7 @@ from scaraspec.protocol.commands import Network
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame, Skipped, Why
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Case
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
@@ -26,9 +26,11 @@ from scaraspec.suite.statement import Statement
 GOOD = (Verdict.PASS, Verdict.TOLERATED)
 
 
-def tried(brain: type[Brain], *only: str, **claims: Any) -> Mapping[str, Case]:
-    """What comes of the cases of these requirements."""
-    robot = Robot(brain, claims.get("dialect", DEFAULT))
+def tried(
+    brain: type[Brain], *only: str, spoken: Dialect | None = None, **claims: Any
+) -> Mapping[str, Case]:
+    """What comes of the cases of these requirements; where not said, what is spoken is claimed."""
+    robot = Robot(brain, spoken or claims.get("dialect", DEFAULT))
     options = Options(only=frozenset(only), allowed=ALL, examples=5)
     access = MemoryAccess(robot.network)
     results = Run(ControllerSetting(access, Statement(**claims), PASSWORD, options)).results()
@@ -150,11 +152,27 @@ def test_a_wrong_end_byte_may_be_overlooked_and_is_warned_of() -> None:
     assert cases["3/20.end"].verdict is Verdict.TOLERATED
 
 
+@pytest.mark.parametrize(
+    ("served", "claimed", "right"),
+    [("both", "both", True), ("both", "0x0D", True), ("both", "0x13", False)]
+    + [("0x13", claimed, claimed == "0x13") for claimed in ("both", "0x0D", "0x13")],
+)
+def test_a_claim_of_opcodes_is_wrong_where_others_are_found(
+    served: str, claimed: str, *, right: bool
+) -> None:
+    """A robot that is silent shows none until a program is the default one (A-4.12-2)."""
+    spoken = DEFAULT.replace(op_get_default=served, default_none="silence")
+    claims = {"dialect": spoken.replace(op_get_default=claimed), "claimed": {"op_get_default"}}
+    assert not tried(Brain, "2/7", spoken=spoken, **claims)
+    cases = tried(Brain, "4.12/5", spoken=spoken, **claims)
+    assert ("claim.op_get_default" not in cases) is right
+
+
 def test_silence_while_busy_is_claimed_rightly_though_a_reset_is_refused() -> None:
     """The refusal of a reset is drawn (L397), the others are not: the claim is of those."""
     silent = DEFAULT.replace(busy_reply="silence")
-    cases = tried(Brain, "4.18/2", "4.28/4", dialect=silent, claimed=frozenset({"busy_reply"}))
-    assert not wrong(cases)
+    for only in ("3/31", "4.18/2", "4.28/4"):
+        assert not wrong(tried(Brain, only, dialect=silent, claimed=frozenset({"busy_reply"})))
 
 
 def test_an_opcode_that_may_be_unknown_proves_no_claim() -> None:

@@ -68,6 +68,8 @@ def test_told(subject: Subject, line: Line) -> None:
                 observed=f"{reply.frame}",
                 requirement="4.12/3",
             )
+        served = {f"0x{reply.frame.opcode:02X}" for reply in replies}
+        subject.follows("op_get_default", "both" if len(served) > 1 else served.pop())
 
 
 @case("4.12/4", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
