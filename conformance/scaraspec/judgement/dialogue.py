@@ -21,7 +21,7 @@ from scaraspec.judgement.happenings import (
 )
 from scaraspec.judgement.scene import Scene
 from scaraspec.judgement.stream import Stream
-from scaraspec.judgement.tracking import NAMES, TransferTracker
+from scaraspec.judgement.tracking import NAMES, TransferTracker, refuses_an_answer
 from scaraspec.judgement.waiting import Waiting
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.commands import BY_OPCODE
@@ -162,6 +162,8 @@ class Dialogue:
         asker = command.asker if command else A2C
         if item.frame.tagged:
             yield from self._result(item)
+        elif refuses_an_answer(item.frame):
+            pass  # nothing is awaited, nor was this
         elif direction is asker:
             yield from self._request(item)
         else:

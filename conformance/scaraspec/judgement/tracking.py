@@ -9,6 +9,9 @@ from typing import Final
 
 from scaraspec.judgement.happenings import Exchange, FrameSeen, Transfer
 from scaraspec.judgement.scene import Scene
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import Dialect
 from scaraspec.protocol.transfer import HEAD_BYTES, Chunk, State, read_as
 
@@ -24,6 +27,12 @@ REFUSED_NAME: Final = "its name was refused"
 REFUSED_CHUNK: Final = "a chunk was refused"
 SILENCE: Final = "silence"
 _DOUBT: Final = "bytes of the capture are missing, or a fault was injected"
+
+
+def refuses_an_answer(frame: Frame) -> bool:
+    """Whether a controller says with it that it awaits no answer to a chunk (A-5-16)."""
+    is_0x56 = frame.opcode == BY_NAME["download_chunk"].opcode and not frame.tagged
+    return is_0x56 and frame.direction is C2A and frame.data == b"0"
 
 
 @dataclass(eq=False, slots=True)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.judgement.tracking import refuses_an_answer
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk, chunks_of
 from scaraspec.suite.as_client.line import Line
@@ -225,10 +226,13 @@ def nothing_more(line: Line, message: str, requirement: str) -> None:
 
 
 def transfer_frames(line: Line) -> list[FrameSeen]:
-    """Take the frames of clause 5 that came and were not waited for."""
+    """Take the frames of clause 5 that came and were not waited for.
+
+    That an answer to no chunk is answered 0 counts for nothing (A-5-16).
+    """
     line.apart()
     came = line.fence() if line.ending is None else line.heard  # it may end the link (A-5-26)
-    return [seen for seen in came if seen.frame.opcode in _TRANSFER]
+    return [s for s in came if s.frame.opcode in _TRANSFER and not refuses_an_answer(s.frame)]
 
 
 def delete(line: Line, name: bytes) -> None:

@@ -1,0 +1,47 @@
+"""Controllers that transfer files in ways of their own, which the register lists or leaves open.
+
+No case of the suite may fail of them, nor may the judge that watches it.
+"""
+
+from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.controller.behaviour import SILENCE
+from scaraspec.controller.behaviour.base import Silence
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.session import Request
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.transfer import Sender
+from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import Run
+from scaraspec.suite.statement import Statement
+
+
+def alarms(brain: type[Brain], *only: str) -> list[str]:
+    """What is said against a controller by the cases of these requirements."""
+    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    options = Options(only=frozenset(only), allowed=ALL, examples=2)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    assert results.counts[Verdict.PASS] + results.counts[Verdict.TOLERATED]
+    bad = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
+    return [f"{case.id}: {case.message}" for case in results.cases if case.verdict in bad]
+
+
+class RefusesAnswers(Brain):
+    """An answer to a chunk that it has not sent, or has given up, is answered 0."""
+
+    def download_chunk(self, request: Request) -> Silence:
+        """Refuse it."""
+        transfer = request.session.transfer
+        if transfer is None or not isinstance(transfer.end, Sender):
+            self.emit(request.session, Frame(C2A, request.frame.opcode, b"0"))
+            return SILENCE
+        return super().download_chunk(request)
+
+
+def test_an_answer_to_no_chunk_may_be_refused() -> None:
+    """The 0 is no chunk (A-5-16), neither for the cases nor for the judge."""
+    assert not alarms(RefusesAnswers, "5.3/10")
