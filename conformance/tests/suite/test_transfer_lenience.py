@@ -7,12 +7,12 @@ from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import Silence
 from scaraspec.controller.brain import Brain
-from scaraspec.controller.session import Request
+from scaraspec.controller.session import Request, Session
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.protocol.transfer import Sender
+from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.plan import ALL, Options
@@ -40,6 +40,27 @@ class RefusesAnswers(Brain):
             self.emit(request.session, Frame(C2A, request.frame.opcode, b"0"))
             return SILENCE
         return super().download_chunk(request)
+
+
+class EndsTheLink(Brain):
+    """A chunk out of bounds ends the link; so does a download of which a chunk was refused."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        end = session.transfer.end if session.transfer else None
+        chunk = FILE_DATA.decode(frame.data).value if frame.opcode == 0x52 else None
+        if isinstance(end, Receiver) and isinstance(chunk, Chunk) and not chunk.legal:
+            self._end(session, now_s)
+            return
+        super().handle(session, frame, now_s)
+        if isinstance(end, Sender) and end.state is State.FAILED:
+            self._end(session, now_s)
+
+
+def test_a_failed_transfer_may_end_its_link() -> None:
+    """On a new connection all goes on (A-5-26)."""
+    only = ("5.2/6", "5.3/9", "5.4/6", "5.4/8")
+    assert not alarms(EndsTheLink, *only)
 
 
 def test_an_answer_to_no_chunk_may_be_refused() -> None:

@@ -231,7 +231,12 @@ def transfer_frames(line: Line) -> list[FrameSeen]:
     That an answer to no chunk is answered 0 counts for nothing (A-5-16).
     """
     line.apart()
-    came = line.fence() if line.ending is None else line.heard  # it may end the link (A-5-26)
+    try:
+        came = line.fence() if line.ending is None else line.heard
+    except NoAnswer:
+        if line.ending is None:  # it may end the link (A-5-26)
+            raise
+        came = line.heard
     return [s for s in came if s.frame.opcode in _TRANSFER and not refuses_an_answer(s.frame)]
 
 

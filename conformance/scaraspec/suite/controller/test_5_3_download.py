@@ -290,6 +290,9 @@ def _after_refusal(subject: Subject, line: Line, name: bytes, refuse_at: int) ->
     if repeated:
         subject.tolerate("5.3/9", "A-5-14", "repeats", "a chunk that was refused is sent again")
         return
+    if line.ending is not None:
+        subject.tolerate("5.3/9", "A-5-26", "closed", "a chunk that was refused ends the link")
+        return
     line.answer_chunk(accepted=True)
     nothing_more(line, "a download went on after one of its chunks was refused", "5.3/9")
 
