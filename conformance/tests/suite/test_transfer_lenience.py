@@ -3,6 +3,8 @@
 No case of the suite may fail of them, nor may the judge that watches it.
 """
 
+from typing import Any
+
 from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import Silence
@@ -61,6 +63,38 @@ def test_a_failed_transfer_may_end_its_link() -> None:
     """On a new connection all goes on (A-5-26)."""
     only = ("5.2/6", "5.3/9", "5.4/6", "5.4/8")
     assert not alarms(EndsTheLink, *only)
+
+
+class WritesSlowly(Brain):
+    """A chunk is answered when it is written, which takes six seconds."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._written: list[tuple[float, Session]] = []
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        """Answer it later."""
+        taken = super().upload_chunk(request)
+        if taken is not True:
+            return taken
+        self._written.append((request.now_s + 6.0, request.session))
+        return SILENCE
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        while self._written and self._written[0][0] <= now_s:
+            self.emit(self._written.pop(0)[1], Frame(C2A, 0x52, b"1"))
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When a chunk is written, too."""
+        times_s = [super().next_event_s, *(at_s for at_s, _ in self._written)]
+        return min((at_s for at_s in times_s if at_s is not None), default=None)
+
+
+def test_an_answer_to_a_chunk_may_take_its_time() -> None:
+    """It is waited for as long as the document says (L763)."""
+    assert not alarms(WritesSlowly, "5.2/6", "5.1/8")
 
 
 def test_an_answer_to_no_chunk_may_be_refused() -> None:

@@ -18,7 +18,7 @@ from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect
 from scaraspec.suite.wire import Answer
 
 CHUNK_S: Final = 30.0
-"""How long a chunk may take to come (A-5-23, L787)."""
+"""How long a chunk may take to come, or to be answered (A-5-23, L763, L787)."""
 
 _TRANSFER: Final = range(0x50, 0x57)
 _MOST_BYTES: Final = 2**20
@@ -64,7 +64,7 @@ def send(line: Line, chunk: Chunk, requirement: str = "5.2/6") -> None:
     Raises:
         Unmet: It is not.
     """
-    answer = line.ask("upload_chunk", chunk)
+    answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
     expect(
         answer.accepted,
         f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes was refused",
@@ -192,7 +192,7 @@ def course_of(line: Line, name: bytes) -> list[Answer]:
             line.apart()
             break
         try:
-            frames.append(line.reply("download_chunk"))
+            frames.append(line.reply("download_chunk", within_s=CHUNK_S))
         except NoAnswer:
             break
     return frames

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.as_client.files import begin, offer
+from scaraspec.suite.as_client.files import CHUNK_S, begin, offer
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Unmet
@@ -88,7 +88,7 @@ def takes_several(subject: Subject) -> bool:
     try:
         for line in lines:
             begin(line, subject.new_name())
-        taken = [offer(line, Chunk(1, 0, 1, b"!")) for line in lines]
+        taken = [offer(line, Chunk(1, 0, 1, b"!"), within_s=CHUNK_S) for line in lines]
     except Unmet:
         taken = [False]
     for line in lines:

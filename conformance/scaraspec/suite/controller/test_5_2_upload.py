@@ -11,6 +11,7 @@ from scaraspec.suite.as_client.files import (
     download,
     expect_round_trip,
     expect_stored,
+    next_chunk,
     nothing_more,
     offer,
     send,
@@ -286,7 +287,7 @@ def test_chunk_during_a_download(subject: Subject, line: Line) -> None:
     name = subject.new_name()
     upload(line, name, content_of(450))
     line.ask("download_name", data=name)
-    line.reply("download_chunk")
+    next_chunk(line)
     taken = offer(line, Chunk(3, 0, 3, b"new"))
     expect(not taken, "a chunk was taken during a download", expected="0", observed="1")
 

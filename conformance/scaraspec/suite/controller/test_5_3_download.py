@@ -7,6 +7,7 @@ its content.
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_client.files import (
+    CHUNK_S,
     again,
     begin,
     course_of,
@@ -228,7 +229,7 @@ def test_silence_of_the_client(subject: Subject, line: Line) -> None:
         message = "something was sent while the answer to a chunk was awaited"
         expect(not early, message, observed=f"{early}", requirement="5.3/6")
         silence.in_time(limits.early_s)
-        if not _goes_on(on, subject.reply_s):
+        if not _goes_on(on, CHUNK_S):
             message = f"an answer to a chunk after {limits.survived_s:g} s was not taken any more"
             raise Unmet(message, expected="the next chunk", observed="none")
 

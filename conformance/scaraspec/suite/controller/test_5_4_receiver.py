@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import Chunk, chunks_of
 from scaraspec.suite.as_client.files import (
+    CHUNK_S,
     again,
     begin,
     course_of,
@@ -129,9 +130,8 @@ def test_end_behind_short_chunks(subject: Subject, line: Line, lengths: list[int
     begin(line, name)
     position = 0
     for length in lengths:
-        answer = line.ask(
-            "upload_chunk", Chunk(400, position, length, content[position : position + length])
-        )
+        chunk = Chunk(400, position, length, content[position : position + length])
+        answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
         message = "the end of a file was found too early"
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
         position += length
@@ -174,9 +174,9 @@ def _patient(subject: Subject, limits: Limits) -> Track:
     name, start = _sent(subject, 0)
 
     def survived(line: Line, silence: Silence, chunk: Chunk) -> None:
-        taken = offer(line, chunk)
+        taken = offer(line, chunk, within_s=CHUNK_S)
         if not taken:
-            silence.in_time(limits.early_s + (subject.reply_s if taken is None else 0))
+            silence.in_time(limits.early_s + (CHUNK_S if taken is None else 0))
             _serving(subject, line, "a time-out")
             message = f"an upload did not survive {limits.survived_s:g} s of silence"
             raise Unmet(message, expected="1", observed="0 or silence", requirement="5.4/5")
@@ -403,7 +403,7 @@ def test_commands_during_an_upload(subject: Subject, line: Line) -> None:
     begin(line, name)
     for chunk in _CHUNKS:
         _others(subject, line)
-        answer = line.ask("upload_chunk", chunk)
+        answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
         message = "a chunk was refused after other commands"
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
     expect_stored(line, name, _CONTENT, "5.4/8")
@@ -449,7 +449,7 @@ def _second(subject: Subject, line: Line, opcode: str) -> None:
     replaced = line.ask(opcode, old if download_it else second).accepted
     if not replaced:
         for chunk in _CHUNKS[1:]:
-            answer = line.ask("upload_chunk", chunk)
+            answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
             message = "an upload did not survive that a second transfer was refused"
             expect(answer.accepted, message, expected="1", observed=f"{answer}")
         expect_stored(line, first, _CONTENT, "5.4/8")
