@@ -9,7 +9,9 @@ from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import Silence
 from scaraspec.controller.brain import Brain
+from scaraspec.controller.plant import Plant
 from scaraspec.controller.session import Request, Session
+from scaraspec.controller.store import Store
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
@@ -63,6 +65,19 @@ def test_a_failed_transfer_may_end_its_link() -> None:
     """On a new connection all goes on (A-5-26)."""
     only = ("5.2/6", "5.3/9", "5.4/6", "5.4/8")
     assert not alarms(EndsTheLink, *only)
+
+
+class IsSmall(Brain):
+    """It has room for eight files, and for 40,000 bytes in all."""
+
+    def __init__(self, plant: Plant, store: Store, *others: Any) -> None:
+        super().__init__(plant, store, *others)
+        self.store = Store(max_bytes=40_000, max_files=8)
+
+
+def test_room_may_be_little() -> None:
+    """How many files there may be, and how large, is nowhere said (A-5-21, A-5-25)."""
+    assert not alarms(IsSmall, "5.2/10", "5.2/16", "5.4/2")
 
 
 class WritesSlowly(Brain):

@@ -270,21 +270,26 @@ class LosesTheEndOfHalfAChunk(AltersContent):
 
 
 class _Bounded(Receiver):
-    """Refuses some sizes."""
+    """Refuses some chunks."""
 
     def _problem(self, chunk: Chunk) -> str:
         return "it is too large" if self.refuses(chunk) else super()._problem(chunk)
 
     def refuses(self, chunk: Chunk) -> bool:
-        """Whether there is no room for such a file."""
-        return chunk.file_size >= 2**16
+        """Whether there is no room for such a chunk."""
+        raise NotImplementedError
+
+
+class _SixteenBits(_Bounded):
+    def refuses(self, chunk: Chunk) -> bool:
+        return chunk.position + chunk.length > chunk.file_size & 0xFFFF
 
 
 @fault("5.2/16", subtle=True)
 class SixtyFourKibibytesAreTooMany(JudgesChunks):
-    """A file of 65,536 bytes or more is refused: its size does not fit 16 bits."""
+    """Of a file of 65,536 bytes or more the end is refused: its size does not fit 16 bits."""
 
-    receiver: ClassVar[type[Receiver]] = _Bounded
+    receiver: ClassVar[type[Receiver]] = _SixteenBits
 
 
 class _CountingChunks(_Bounded):

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
 from scaraspec.suite.as_client.files import (
+    CHUNK_S,
     again,
     begin,
     delete,
@@ -209,7 +210,7 @@ def _out_of_bounds(subject: Subject, line: Line, head: Chunk, taken_before: int 
 @example(length=_MOST, before=0)
 def test_length_over_the_buffer(subject: Subject, length: int, before: int) -> None:
     """A chunk with a length over 200 is not taken, be it the first or a later one."""
-    head = Chunk(100_000, 200 * before, length, bytes(BUFFER_BYTES))
+    head = Chunk(1000, 200 * before, length, bytes(BUFFER_BYTES))
     _out_of_bounds(subject, subject.open(), head, before)
 
 
@@ -460,8 +461,26 @@ def test_any_size(subject: Subject, line: Line, size: int) -> None:
 
 
 def _large(subject: Subject, line: Line, size: int) -> None:
-    expect_round_trip(subject, line, content_of(size), "5.2/16")
+    """Send a large file and fetch it; if there is no room for it, the first chunk says so."""
+    name, content = subject.new_name(), content_of(size)
+    begin(line, name)
+    first, *others = chunks_of(content)
+    if not line.ask("upload_chunk", first, within_s=CHUNK_S).accepted:
+        _expect_too_large(subject, again(subject, line), size)
+        return
+    for chunk in others:
+        send(line, chunk, "5.2/16")
+    expect_stored(line, name, content, "5.2/16")
     nothing_more(line, "something followed on a large file", "5.2/16")
+
+
+def _expect_too_large(subject: Subject, line: Line, size: int) -> None:
+    """Where there is no room for a file, there is none for a larger one (A-5-25)."""
+    begin(line, subject.new_name())
+    larger = offer(line, Chunk(2 * size, 0, BUFFER_BYTES, bytes(BUFFER_BYTES)))
+    message = f"a file of {size} bytes is refused, and one of {2 * size} bytes is not"
+    expect(not larger, message, expected="1", observed="0", requirement="5.2/16")
+    subject.tolerate("5.2/16", "A-5-25", "no room", f"there is no room for {size} bytes")
 
 
 @case("5.2/16", name="51200")
