@@ -3,10 +3,12 @@
 No case of the suite may fail of them, nor may the judge that watches it.
 """
 
+import math
 from typing import Any
 
 from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller.brain import Brain
+from scaraspec.controller.interpreter import Run
 from scaraspec.controller.plant import OUTPUTS, Plant
 from scaraspec.controller.session import Request
 from scaraspec.judgement.verdicts import Verdict
@@ -15,7 +17,7 @@ from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run
+from scaraspec.suite.run import Run as SuiteRun
 from scaraspec.suite.statement import Statement
 
 
@@ -23,7 +25,7 @@ def alarms(brain: type[Brain], *only: str) -> list[str]:
     """What is said against a controller by the cases of these requirements."""
     access = MemoryAccess(Robot(brain, DEFAULT).network)
     options = Options(only=frozenset(only), allowed=ALL, examples=2)
-    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    results = SuiteRun(ControllerSetting(access, Statement(), PASSWORD, options)).results()
     assert results.counts[Verdict.PASS] + results.counts[Verdict.TOLERATED]
     bad = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
     return [f"{case.id}: {case.message}" for case in results.cases if case.verdict in bad]
@@ -49,3 +51,23 @@ class SwitchesOffAtAStop(Brain):
 def test_a_stop_may_switch_outputs_off() -> None:
     """No program has to leave outputs as they were before a stop."""
     assert not alarms(SwitchesOffAtAStop, "6.5/9", "6.5/21")
+
+
+class _Ticks(Run):
+    """Begins a node at full quarters of a second only."""
+
+    def _step(self, now_s: float) -> None:
+        super()._step(now_s)
+        if self.next_event_s < math.inf:
+            self.next_event_s = math.ceil(max(self.next_event_s, now_s + 0.001) * 4) / 4
+
+
+class Slow(Brain):
+    """A node takes a quarter of a second at least."""
+
+    interpreter = _Ticks
+
+
+def test_nodes_may_take_their_time() -> None:
+    """Each wait may be late by half a second (6.5/20); how long other nodes take is open."""
+    assert not alarms(Slow, "6.5/20", "6.5/22", "6.5/23")
