@@ -21,11 +21,24 @@ from scaraspec.suite.run import Run as SuiteRun
 from scaraspec.suite.statement import Statement
 
 
+class AnalogHook:
+    """Drives the analog inputs of a robot."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+
+    def run(self, **values: object) -> None:
+        """Do it."""
+        self._robot.handle("analog {port} {value}".format(**values))
+
+
 def alarms(brain: type[Brain], *only: str) -> list[str]:
     """What is said against a controller by the cases of these requirements."""
-    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    robot = Robot(brain, DEFAULT)
     options = Options(only=frozenset(only), allowed=ALL, examples=2)
-    results = SuiteRun(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    statement = Statement(hooks={"set_analog": AnalogHook(robot)})
+    setting = ControllerSetting(MemoryAccess(robot.network), statement, PASSWORD, options)
+    results = SuiteRun(setting).results()
     assert results.counts[Verdict.PASS] + results.counts[Verdict.TOLERATED]
     bad = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
     return [f"{case.id}: {case.message}" for case in results.cases if case.verdict in bad]
@@ -71,3 +84,22 @@ class Slow(Brain):
 def test_nodes_may_take_their_time() -> None:
     """Each wait may be late by half a second (6.5/20); how long other nodes take is open."""
     assert not alarms(Slow, "6.5/20", "6.5/22", "6.5/23")
+
+
+class Converts(Brain):
+    """It has two analog inputs, of ten bits for ten volts, whose last bit is never still."""
+
+    noise = 0
+
+    def get_analog_input(self, request: Request) -> float | None:
+        """Convert it."""
+        value = super().get_analog_input(request)
+        if value is None or request.value not in (1, 8):
+            return None
+        self.noise ^= 1
+        return min(int(value * 102.3) + self.noise, 1023)
+
+
+def test_analog_inputs_may_be_few_coarse_and_noisy() -> None:
+    """In which unit they show what drives them is open (A-4.33-1), and how many there are."""
+    assert not alarms(Converts, "4.33/2", "6.5/9")
