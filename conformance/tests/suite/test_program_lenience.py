@@ -7,6 +7,8 @@ import math
 from typing import Any
 
 from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.controller.arm import UPPER, Pose, UnreachableError, inverse
+from scaraspec.controller.behaviour.base import refused
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.interpreter import Run
 from scaraspec.controller.plant import OUTPUTS, Plant
@@ -103,3 +105,25 @@ class Converts(Brain):
 def test_analog_inputs_may_be_few_coarse_and_noisy() -> None:
     """In which unit they show what drives them is open (A-4.33-1), and how many there are."""
     assert not alarms(Converts, "4.33/2", "6.5/9")
+
+
+class SetsItsConfiguration(Brain):
+    """A run sets the positions of its file for good (A-6.3-3), which must be ones that can be."""
+
+    def run_program(self, request: Request) -> Acceptance:
+        """Set them."""
+        program = self._program(request.value)
+        if program is None or self.robot.task is not None:
+            return super().run_program(request)
+        try:
+            inverse(Pose(*program.tool_position[:4]), near=UPPER)
+        except UnreachableError as error:
+            return refused(error.code)
+        position, center = tuple(program.tool_position), tuple(program.tool_center)
+        self.save(initial_tool_position=position, gripper_center=center)
+        return super().run_program(request)
+
+
+def test_a_run_may_set_what_its_file_configures() -> None:
+    """No program asks for what cannot be, and no reset relies on what was set before one."""
+    assert not alarms(SetsItsConfiguration, "4.15/5", "4.18/3", "4.8/4")

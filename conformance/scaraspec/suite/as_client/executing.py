@@ -10,7 +10,7 @@ from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
-from scaraspec.suite.programs.layout import find_layout
+from scaraspec.suite.programs.layout import configured, find_layout
 from scaraspec.suite.programs.writing import wait_program
 from scaraspec.suite.wire import Answer
 
@@ -28,9 +28,9 @@ def store_wait_program(subject: Subject, line: Line, seconds: int, name: bytes =
     Raises:
         Unmet: The subject runs no programs, or takes no file.
     """
-    layout = find_layout(subject, line)
+    layout, base = find_layout(subject, line), configured(subject, line)
     name = name or subject.new_name()
-    upload(line, name, wait_program(subject.dialect, seconds, layout=layout))
+    upload(line, name, wait_program(subject.dialect, seconds, layout=layout, base=base))
     return name
 
 

@@ -50,6 +50,7 @@ from scaraspec.suite.as_client.tasks import (
     offered,
 )
 from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
+from scaraspec.suite.programs.layout import configured
 from scaraspec.suite.programs.listed import program_names
 from scaraspec.suite.programs.writing import endless_program, program_file, wait
 
@@ -313,15 +314,16 @@ class Model:
 
     # ------------------------------------------------------------------ files
 
-    def _content(self, value: int) -> bytes:
+    def _content(self, line: Line, value: int) -> bytes:
         """Programs that do nothing, of several sizes, and one that does not end."""
         dialect, layout = self._subject.dialect, layout_in_use(self._subject)
+        base = configured(self._subject, line)
         if value >= _ENDLESS:
-            return endless_program(dialect, layout=layout)
-        return program_file(dialect, wait(0) * (1 + 2 * value), layout=layout)
+            return endless_program(dialect, layout=layout, base=base)
+        return program_file(dialect, wait(0) * (1 + 2 * value), layout=layout, base=base)
 
     def _upload(self, step: Step, line: Line) -> str | None:
-        name, content = self._names[step.which % len(self._names)], self._content(step.value)
+        name, content = self._names[step.which % len(self._names)], self._content(line, step.value)
         answer, there = line.ask("upload_name", data=name), name in self._files
         expect(
             answer.accepted is not there,

@@ -33,7 +33,7 @@ from scaraspec.suite.as_client.motion import (
 )
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
-from scaraspec.suite.programs.layout import find_layout, known_layout
+from scaraspec.suite.programs.layout import configured, find_layout, known_layout
 from scaraspec.suite.programs.writing import layout_of, wait_program
 from scaraspec.suite.wire import Answer
 
@@ -127,15 +127,20 @@ def stored(subject: Subject, line: Line, seconds: int = LASTS_S) -> bytes:
     """Upload a program that waits for so many seconds, by our clock; its name."""
     name = subject.new_name()
     scaled = math.ceil(seconds * subject.statement.time_scale)
-    upload(line, name, wait_program(subject.dialect, scaled, layout=layout_in_use(subject)))
+    _upload_wait(subject, line, name, scaled)
     return name
 
 
 def stored_as(subject: Subject, line: Line, name: bytes) -> bytes:
     """Upload a program that ends at once under a name of one's own."""
     subject.created.append(name)
-    upload(line, name, wait_program(subject.dialect, 0, layout=layout_in_use(subject)))
+    _upload_wait(subject, line, name, 0)
     return name
+
+
+def _upload_wait(subject: Subject, line: Line, name: bytes, seconds: int) -> None:
+    layout, base = layout_in_use(subject), configured(subject, line)
+    upload(line, name, wait_program(subject.dialect, seconds, layout=layout, base=base))
 
 
 class Started(NamedTuple):

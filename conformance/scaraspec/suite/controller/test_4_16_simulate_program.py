@@ -20,6 +20,7 @@ from scaraspec.suite.as_client.tasks import (
 )
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
+from scaraspec.suite.programs.layout import configured
 from scaraspec.suite.programs.writing import program_file, set_output, wait
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
@@ -75,7 +76,8 @@ def test_simulation_touches_nothing(subject: Subject, line: Line) -> None:
         port = settable(line)[-1]
         nodes = [set_output(port, on=not before[port - 1]), *wait(1)]
         name = subject.new_name()
-        upload(line, name, program_file(subject.dialect, nodes, layout=layout_in_use(subject)))
+        layout, base = layout_in_use(subject), configured(subject, line)
+        upload(line, name, program_file(subject.dialect, nodes, layout=layout, base=base))
         joints = joints_of(line)
         accepted(SIMULATE, line.ask(SIMULATE, name))
         status = line.ask("get_status")

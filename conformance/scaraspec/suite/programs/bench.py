@@ -7,7 +7,6 @@ should do is known to the cases and to `program_model`.
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
@@ -19,15 +18,14 @@ from scaraspec.suite.as_client.motion import go_on_if_it_listens, listens, quiet
 from scaraspec.suite.as_client.ports import Bits, expect_outputs, outputs, outputs_kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
-from scaraspec.suite.programs.layout import find_layout
+from scaraspec.suite.programs.layout import configured, find_layout
 from scaraspec.suite.programs.model import Block, State, nodes_of, variables_of
-from scaraspec.suite.programs.writing import EMPTY, program_file
+from scaraspec.suite.programs.writing import program_file
 from scaraspec.suite.wire import Answer
 
 PROGRAMS: Final = (Hazard.STATE, Hazard.MOTION)
 """What a case with programs may do: it stores them and runs them."""
 
-_KNOWN: Final = "configuration of programs"
 _POLL_S: Final = 0.05
 _NS: Final = 1e9
 
@@ -202,7 +200,7 @@ def bench(subject: Subject, line: Line) -> Iterator[Bench]:
         Unmet: The subject runs no programs.
         Undecided: It cannot now.
     """
-    layout, base = find_layout(subject, line), _configured(subject, line)
+    layout, base = find_layout(subject, line), configured(subject, line)
     with outputs_kept(line) as before:
         made = Bench(subject, line, layout, base, before)
         try:
@@ -210,13 +208,3 @@ def bench(subject: Subject, line: Line) -> Iterator[Bench]:
         finally:
             with suppress(Unmet, Undecided):  # what cannot be stopped the bracket finds
                 made.stop()
-
-
-def _configured(subject: Subject, line: Line) -> Program:
-    """A program whose configuration says what holds already (A-6.3-3: a run may make it hold)."""
-    if _KNOWN not in subject.known:
-        tool = line.ask("get_initial_tool_position").value or EMPTY.tool_position
-        center = line.ask("get_gripper_center").value or EMPTY.tool_center
-        subject.known[_KNOWN] = replace(EMPTY, tool_position=tuple(tool), tool_center=tuple(center))
-    base: Program = subject.known[_KNOWN]
-    return base

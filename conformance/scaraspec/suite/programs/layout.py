@@ -5,21 +5,23 @@ layout meets nothing but zeros and the number 3, which as a type of node is a wa
 it makes of them, it does not move (A-6.1-2). What programs do is not judged here.
 """
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
-from scaraspec.protocol.programs import LAYOUTS, Layout
+from scaraspec.protocol.programs import LAYOUTS, Layout, Program
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import release_latch
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
-from scaraspec.suite.programs.writing import wait_program
+from scaraspec.suite.programs.writing import EMPTY, wait_program
 
 CODE_20: Final = "8/5"
 """What the judge may find of a file that is damaged, or that is right in another layout only."""
 
 _KNOWN: Final = "program layout"
+_CONFIGURED: Final = "configuration of programs"
 _WAIT_S: Final = 3
 _DAMAGED: Final = ("05", "20")  # A-4.15-2: what a file is refused with that is no program
 
@@ -55,6 +57,21 @@ def known_layout(subject: Subject) -> Layout | None:
     """The layout that was found, if one was."""
     layout: Layout | None = subject.known.get(_KNOWN)
     return layout
+
+
+def configured(subject: Subject, line: Line) -> Program:
+    """A program whose configuration says what holds already (A-6.3-3).
+
+    A run may make it hold, or refuse what cannot be; it is asked for once in a run.
+    """
+    if _CONFIGURED not in subject.known:
+        tool, center = EMPTY.tool_position, EMPTY.tool_center
+        with suppress(NoAnswer):
+            tool = tuple(line.ask("get_initial_tool_position").value or tool)
+            center = tuple(line.ask("get_gripper_center").value or center)
+        subject.known[_CONFIGURED] = replace(EMPTY, tool_position=tool, tool_center=center)
+    base: Program = subject.known[_CONFIGURED]
+    return base
 
 
 def twin_of(layout: Layout) -> Layout | None:
@@ -101,7 +118,8 @@ def candidates(subject: Subject) -> list[Layout]:
 def _try(subject: Subject, line: Line, layout: Layout) -> float | None:
     """For how long a waiting program of this layout runs; None where it does not end well."""
     name = subject.new_name()
-    upload(line, name, wait_program(subject.dialect, _WAIT_S, layout=layout))
+    base = configured(subject, line)
+    upload(line, name, wait_program(subject.dialect, _WAIT_S, layout=layout, base=base))
     subject.moved = True
     asked_ns = subject.now_ns
     answer = line.ask("run_program", name)

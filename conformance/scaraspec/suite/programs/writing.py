@@ -87,15 +87,19 @@ def program_file(
     return build(made, layout or layout_of(dialect))
 
 
-def wait_program(dialect: Dialect, seconds: int, *, layout: Layout | None = None) -> bytes:
+def wait_program(
+    dialect: Dialect, seconds: int, *, layout: Layout | None = None, base: Program = EMPTY
+) -> bytes:
     """A program that waits for so many seconds and ends."""
-    return program_file(dialect, wait(seconds), layout=layout)
+    return program_file(dialect, wait(seconds), layout=layout, base=base)
 
 
-def endless_program(dialect: Dialect, *, layout: Layout | None = None) -> bytes:
+def endless_program(
+    dialect: Dialect, *, layout: Layout | None = None, base: Program = EMPTY
+) -> bytes:
     """A program that loops until it is stopped; for a quarter of an hour where loops count."""
     body = wait(_LOOP_WAIT_S) * _LOOP_BODY
-    return program_file(dialect, loop(dialect, body), layout=layout)
+    return program_file(dialect, loop(dialect, body), layout=layout, base=base)
 
 
 def outputs_program(
