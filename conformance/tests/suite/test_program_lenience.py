@@ -13,6 +13,7 @@ from scaraspec.controller.brain import Brain
 from scaraspec.controller.interpreter import Run
 from scaraspec.controller.plant import OUTPUTS, Plant
 from scaraspec.controller.session import Request
+from scaraspec.controller.store import Store
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
@@ -127,3 +128,16 @@ class SetsItsConfiguration(Brain):
 def test_a_run_may_set_what_its_file_configures() -> None:
     """No program asks for what cannot be, and no reset relies on what was set before one."""
     assert not alarms(SetsItsConfiguration, "4.15/5", "4.18/3", "4.8/4")
+
+
+class HasRoomForFew(Brain):
+    """It has room for eight programs."""
+
+    def __init__(self, plant: Plant, store: Store, *others: Any) -> None:
+        super().__init__(plant, store, *others)
+        self.store = Store(max_files=8)
+
+
+def test_there_may_be_room_for_few_programs() -> None:
+    """No case fails because it stores more of them than there is room for (A-5-21)."""
+    assert not alarms(HasRoomForFew, "4.10/4", "6.5/28")

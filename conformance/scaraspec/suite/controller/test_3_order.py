@@ -15,7 +15,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_client.delivery import takes_one_at_a_time
-from scaraspec.suite.as_client.files import expect_stored
+from scaraspec.suite.as_client.files import CHUNK_S, expect_stored
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import quieten, returning, stop
 from scaraspec.suite.as_client.queries import Query, known_to, replies_to, some_queries
@@ -147,7 +147,7 @@ def test_upload_in_one_segment(subject: Subject, line: Line) -> None:
     requests += [("upload_chunk", chunk) for chunk in chunks_of(content)]
     _send_together(line, requests)
     said = [line.reply("upload_name").accepted]
-    said += [line.reply("upload_chunk").accepted for _ in range(_CHUNKS)]
+    said += [line.reply("upload_chunk", within_s=CHUNK_S).accepted for _ in range(_CHUNKS)]
     expect_equal(said, [True] * (1 + _CHUNKS), "an upload in one segment was refused")
     expect_stored(line, name, content, requirement="3/30")
 

@@ -144,8 +144,8 @@ def _timer(subject: Subject, robot: Bench, clock_s: float, at_s: float) -> str:
     """What is wrong with a timer that ends so long after the clock has shown a time."""
     robot.start([wait_until(round((clock_s + _AHEAD_S) * _US))])
     due_s = at_s + robot.ours_s(_AHEAD_S)
-    left_s = due_s - subject.now_ns / _NS + robot.ours_s(_SLACK_S) + _LINK_S
-    result = robot.ended(within_s=max(left_s, 0.0))
+    left_s = max(due_s - subject.now_ns / _NS, 0.0)  # it may have come before the program was there
+    result = robot.ended(within_s=left_s + robot.ours_s(_SLACK_S) + _LINK_S)
     if result is None:
         return "a timer is not over when its instant has come"
     if not result.done:

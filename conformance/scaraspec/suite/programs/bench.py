@@ -45,6 +45,7 @@ class Bench:
     ) -> None:
         self.before = before
         self.started_s = self.replied_s = 0.0
+        self._stored = b""
         self.layout = layout
         self._subject, self._line, self._base = subject, line, base
 
@@ -57,10 +58,12 @@ class Bench:
         )
 
     def store(self, content: bytes) -> bytes:
-        """Upload a file; its name."""
-        name = self._subject.new_name()
-        upload(self._line, name, content)
-        return name
+        """Upload a file in place of the one before; its name."""
+        if self._stored:  # there may be room for few (A-5-21)
+            self._line.ask("delete_program", self._stored)
+        self._stored = self._subject.new_name()
+        upload(self._line, self._stored, content)
+        return self._stored
 
     def ask(self, name: bytes, command: str = "run_program") -> Answer:
         """Ask for the run of a stored program, or for its simulation."""
