@@ -80,6 +80,21 @@ def test_room_may_be_little() -> None:
     assert not alarms(IsSmall, "5.2/10", "5.2/16", "5.4/2")
 
 
+class TakesPlainNames(Brain):
+    """A name has letters, digits and one dot."""
+
+    def upload_name(self, request: Request) -> bool:
+        """Refuse others."""
+        stem, _, extension = request.value.partition(b".")
+        plain: bool = stem.isalnum() and extension.isalpha()
+        return plain and super().upload_name(request)
+
+
+def test_names_may_be_plain() -> None:
+    """Which characters a name may have is open (A-5-20)."""
+    assert not alarms(TakesPlainNames, "5.2/2", "5.2/11")
+
+
 class WritesSlowly(Brain):
     """A chunk is answered when it is written, which takes six seconds."""
 

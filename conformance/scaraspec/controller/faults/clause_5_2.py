@@ -23,12 +23,13 @@ _NAMING = (UPLOAD_NAME, DOWNLOAD_NAME, DELETE)
 
 
 @fault("5.2/2")
-class RefusesDashes(Brain):
-    """A name with a dash in its stem is refused."""
+class RefusesCapitals(Brain):
+    """A name with a capital letter in it is refused."""
 
     def upload_name(self, request: Request) -> bool:
         """Look for one."""
-        return b"-" not in request.value and super().upload_name(request)
+        name: bytes = request.value
+        return name == name.lower() and super().upload_name(request)
 
 
 @fault("5.2/2", subtle=True)

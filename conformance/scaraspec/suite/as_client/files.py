@@ -4,6 +4,7 @@ What is checked on the way names its own requirement, whatever the case is about
 transfers that go wrong send their own chunks, with `offer`.
 """
 
+import re
 from collections.abc import Iterator
 from typing import Final
 
@@ -20,6 +21,7 @@ from scaraspec.suite.wire import Answer
 CHUNK_S: Final = 30.0
 """How long a chunk may take to come, or to be answered (A-5-23, L763, L787)."""
 
+_PLAIN: Final = re.compile(rb"[A-Za-z0-9]+\.[A-Za-z]+")
 _TRANSFER: Final = range(0x50, 0x57)
 _MOST_BYTES: Final = 2**20
 _MOST_CHUNKS: Final = 2000  # of a file of at most so many bytes
@@ -33,8 +35,11 @@ def begin(line: Line, name: bytes) -> None:
 
     Raises:
         Unmet: It is refused.
+        NotRun: It is, and may be: it has other characters than letters and digits (A-5-20).
     """
     answer = line.ask("upload_name", data=name)
+    if answer.accepted is False and not _PLAIN.fullmatch(name):
+        raise NotRun("the subject takes no names but of letters and digits")
     expect(
         answer.accepted,
         "a new file name was refused",

@@ -41,8 +41,12 @@ def _refused(line: Line, name: bytes, message: str) -> None:
 @given(stem=st.text(f"{NAME_CHARACTERS}.", max_size=18).filter(lambda stem: ".." not in f"{stem}."))
 @example(stem="-._")
 @example(stem=".x.y")
+@example(stem="AZaz09")
 def test_new_name(subject: Subject, line: Line, stem: str) -> None:
-    """A name of letters, digits, dots, dashes and underscores that is not taken is answered 1."""
+    """A name of letters, digits, dots, dashes and underscores that is not taken is answered 1.
+
+    One that has more than letters and digits may be refused (A-5-20).
+    """
     name = subject.new_name(stem)
     upload(line, name, b"!")
     delete(line, name)
