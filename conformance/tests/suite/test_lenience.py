@@ -112,6 +112,15 @@ class OverlooksEnds(Brain):
         super()._take_in(session, found, now_s)
 
 
+class HasRulesForPasswords(Brain):
+    """A password has six to sixteen letters and digits."""
+
+    def set_password(self, request: Request) -> bool:
+        """Hold it against them."""
+        new = request.value.new
+        return 6 <= len(new) <= 16 and new.isalnum() and super().set_password(request)
+
+
 class SimulatesAtOnce(Brain):
     """A simulation takes no time."""
 
@@ -211,6 +220,13 @@ def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
 def test_what_is_open_is_not_failed(brain: type[Brain], only: tuple[str, ...]) -> None:
     """Every case of these requirements passes or is tolerated."""
     assert not wrong(tried(brain, *only))
+
+
+def test_odd_passwords_may_be_refused() -> None:
+    """How long a password may be, and of what, is open (A-4.1-3)."""
+    cases = tried(HasRulesForPasswords, "4.2/3", "4.2/4", "4.2/6")
+    assert not wrong(cases)
+    assert cases["4.2/4"].verdict is Verdict.TOLERATED
 
 
 @pytest.mark.parametrize("brain", [SimulatesAtOnce, ServesNothingMeanwhile])

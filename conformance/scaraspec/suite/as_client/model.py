@@ -38,7 +38,12 @@ from scaraspec.suite.as_client.ports import (
 )
 from scaraspec.suite.as_client.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.as_client.queries import known_to
-from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, SILENCE_S, Subject
+from scaraspec.suite.as_client.subject import (
+    OTHER_PASSWORDS,
+    PLAIN_PASSWORD,
+    SILENCE_S,
+    Subject,
+)
 from scaraspec.suite.as_client.tasks import (
     MOVE,
     RUN,
@@ -225,7 +230,8 @@ class Model:
         if not self._subject.access.needs_login:
             return None
         new = (self._subject.password, *OTHER_PASSWORDS)[step.value % (1 + len(OTHER_PASSWORDS))]
-        expect_changed(line, self._password, new)
+        if not expect_changed(line, self._password, new):
+            return f"set the password {show(new)}, refused"
         self._password = new
         self._all_anew("4.2/4", "the new password does not open the next login")
         return f"set the password {show(new)}"
@@ -233,7 +239,7 @@ class Model:
     def _mistake_password(self, _: Step, line: Line) -> str | None:
         if not self._subject.access.needs_login:
             return None
-        answer = change(line, b"no-" + self._password, OTHER_PASSWORDS[0])
+        answer = change(line, b"no-" + self._password, PLAIN_PASSWORD)
         expect(
             answer.accepted is False,
             "the password was changed although the old one was wrong",

@@ -40,8 +40,14 @@ LATCHED: Final = "latched"
 STEM: Final = "zs"
 """How the names of all files begin that the suite makes."""
 
-OTHER_PASSWORDS: Final = (b"zs-other-password", b"zs")
-"""What cases set the password to, for a while: an interrupted one is put right with these."""
+PLAIN_PASSWORD: Final = b"zspasswords"
+"""What cases set the password to, for a while: a word, as those of the document are (L128)."""
+
+ODD_PASSWORDS: Final = (b"zs-other-password", b"zs")
+"""Others, which may break rules that a subject has for passwords (A-4.1-3)."""
+
+OTHER_PASSWORDS: Final = (PLAIN_PASSWORD, *ODD_PASSWORDS)
+"""All of them: an interrupted case is put right with these."""
 
 
 class Subject:

@@ -17,7 +17,7 @@ from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of
 from scaraspec.suite.as_client.ports import outputs, outputs_kept
-from scaraspec.suite.as_client.subject import MOMENT_S, OTHER_PASSWORDS, Subject
+from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
 from scaraspec.suite.as_client.tasks import stored
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
@@ -219,7 +219,7 @@ def test_loss(subject: Subject) -> None:
     network = line.ask("get_network").value
     line.close()
     stranger = _Stranger(subject)
-    other = PasswordChange(subject.password, OTHER_PASSWORDS[0])
+    other = PasswordChange(subject.password, PLAIN_PASSWORD)
     stranger.ask(("delete_program", name), ("set_network", network), ("set_password", other))
     line = subject.open(login=False)
     opens = line.ask("login", subject.password).accepted
