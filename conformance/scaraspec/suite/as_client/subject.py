@@ -135,8 +135,10 @@ class Subject:
             if login and self.access.needs_login:
                 try:
                     self.log_in(line)
-                except NoAnswer:
-                    if line.ending is None or not patience:
+                except Unmet as error:
+                    refused = isinstance(error, NoAnswer) and line.ending is not None
+                    line.close()  # who is not served takes nobody's place
+                    if not refused or not patience:
                         raise
                 else:
                     return line

@@ -4,6 +4,7 @@ The document says nothing of them. What counts is that the subject goes on to se
 connection or on a new one, and that it does nothing that nobody asked for.
 """
 
+from contextlib import suppress
 from itertools import product
 from typing import Final
 
@@ -31,7 +32,7 @@ from scaraspec.suite.as_client.carriers import (
 )
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import NoAnswer, NotRun, expect
+from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect
 
 _LONG_BYTES: Final = 5000
 _HANGING: Final = 4
@@ -327,7 +328,11 @@ def test_half_close_in_a_frame(subject: Subject) -> None:
 def test_silent_half_frames(subject: Subject) -> None:
     """Several connections stop in the middle of a frame and are silent; later ones are served."""
     subject.several()
-    lines = [subject.open(judged=False) for _ in range(_HANGING)]
+    lines = [subject.open(judged=False)]
+    with suppress(Unmet):  # it may not serve so many (A-2-2)
+        while len(lines) <= _HANGING:
+            lines.append(subject.open(judged=False))
+    lines.pop().close()  # one more is to be served
     for line, part in zip(lines, _PARTS, strict=False):
         line.send_bytes(part)
     _serves(subject)
