@@ -18,7 +18,10 @@ from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case
 from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.model import VALUES, Model, Step
+from scaraspec.suite.as_client.queries import QUERIES
 from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.observer import Observer
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
@@ -68,6 +71,29 @@ def test_shrunk(fault: str, requirement: str, case: str, steps: tuple[str, ...])
     assert not told[0].startswith("…"), found.message
     left = iter(told)
     assert all(any(step.startswith(name) for step in left) for name in steps), told
+
+
+class IsFull(Brain):
+    """There are so many programs that their list has parts."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        for number in range(20):
+            self.store.write(b"some-old-program-%02d.rob" % number, b"")
+
+
+@pytest.mark.parametrize("list_cont", ["push", "request"])
+def test_a_list_that_was_asked_for_is_taken_to_its_end(list_cont: str) -> None:
+    """No part of it is taken for one of the next list (A-4.10-3)."""
+    dialect = DEFAULT.replace(list_cont=list_cont)
+    access, statement = MemoryAccess(Robot(IsFull, dialect).network), Statement(dialect=dialect)
+    setting = ControllerSetting(access, statement, PASSWORD, Options(allowed=ALL))
+    subject = setting.subject(Observer(setting.role, statement))
+    number = [query.name for query in QUERIES].index("list_programs")
+    ask = Step("query", *divmod(number, VALUES), 0)
+    model = Model(subject, [], [b"new.rob"])
+    for step in (ask, Step("upload", 0, 0, 0), ask, Step("list_programs", 0, 0, 0)):
+        model.take(step)
 
 
 class ForgetsItsListLate(Brain):
