@@ -56,7 +56,7 @@ from scaraspec.suite.as_client.tasks import (
 )
 from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
 from scaraspec.suite.programs.layout import configured
-from scaraspec.suite.programs.listed import program_names
+from scaraspec.suite.programs.listed import program_names, store_program
 from scaraspec.suite.programs.writing import endless_program, program_file, wait
 
 VALUES: Final = 4
@@ -170,7 +170,8 @@ class Model:
             if self._subject.moved:
                 quieten(self._subject, line)
             for name in self._files:
-                line.ask("delete_program", data=name)
+                if not line.ask("delete_program", data=name).accepted and name == self._default:
+                    self._let_go(name, line)
             if "set_output" in self._acts:
                 for port in self._ports:
                     if self._before[port - 1] != self._outputs[port - 1]:
@@ -179,6 +180,11 @@ class Model:
                 change(line, self._password, self._subject.password)
         finally:
             self._subject.close_lines()
+
+    def _let_go(self, name: bytes, line: Line) -> None:
+        """Delete a program that had to stay as long as it was the default one (A-4.11-1)."""
+        line.ask("set_default_program", store_program(self._subject, line))
+        line.ask("delete_program", data=name)
 
     def _tell(self, error: Unmet, act: str) -> None:
         behind = "; ".join(self.told[-_TOLD:]) or "nothing"
@@ -273,15 +279,15 @@ class Model:
         query = queries[(step.which * VALUES + step.value) % len(queries)]
         if self._deaf:
             return None
+        if query.name == "list_programs":  # the whole of it: the rest would be the next one's
+            program_names(self._subject, line)
+            return query.name
         data = line.ask(*query).frame.data
         if query.name in _CONSTANT:
             expect_equal(
                 show(data),
                 show(self._constant.setdefault(query.name, data)),
                 f"{query.name} is answered otherwise than before",
-        if query.name == "list_programs":  # the whole of it: the rest would be the next one's
-            program_names(self._subject, line)
-            return query.name
                 requirement="4.7/4" if query.name == "get_version" else "4.3/2",
             )
         return query.name

@@ -150,10 +150,16 @@ def _read_programs(subject: Subject, line: Line) -> list[str]:
 
 
 def _remove_programs(subject: Subject, line: Line, wanted: list[str]) -> None:
-    """Delete what the suite has left; files of others are not touched."""
+    """Delete what the suite has left, unless the default program has to stay (A-4.11-1).
+
+    Files of others are not touched.
+    """
     for name in _read_programs(subject, line):
-        if name not in wanted and name.startswith(STEM):
-            _set(line, "delete_program", name.encode("latin-1"))
+        if name in wanted or not name.startswith(STEM):
+            continue
+        answer = line.ask("delete_program", name.encode("latin-1"))
+        stays = not answer.accepted and name == _read_default(subject, line)
+        expect(answer.accepted or stays, f"{name} cannot be deleted", observed=f"{answer}")
 
 
 def _read_clock(subject: Subject, line: Line) -> int | None:
