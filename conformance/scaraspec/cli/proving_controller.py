@@ -127,13 +127,14 @@ def prove_controller(
         name=fault.name if fault else "virtual controller",
         dialect=spoken,
         claimed=frozenset(READINGS if dialect else spoken.differences()),
-        hooks=_hooks(robot),
+        hooks=hooks_of(robot),
     )
     access = MemoryAccess(robot.network)
     return Run(ControllerSetting(access, statement, PASSWORD, options, link="memory")).results()
 
 
-def _hooks(robot: Robot) -> dict[str, _RobotHook]:
+def hooks_of(robot: Robot) -> dict[str, _RobotHook]:
+    """The hooks that handle it."""
     lines = {
         name: _RobotHook(lambda values, line=line: robot.handle(line.format(**values)))  # type: ignore[misc] # mypy knows no defaults of a lambda
         for name, line in _LINES.items()

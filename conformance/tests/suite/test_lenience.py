@@ -5,11 +5,11 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.cli.proving_controller import PASSWORD, Robot, hooks_of
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.robot import DONE
-from scaraspec.controller.session import Request, Session
+from scaraspec.controller.session import Action, Carrier, Close, Request, Session
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Network
 from scaraspec.protocol.direction import A2C
@@ -121,6 +121,45 @@ class HasRulesForPasswords(Brain):
         return 6 <= len(new) <= 16 and new.isalnum() and super().set_password(request)
 
 
+class ServesTwo(Brain):
+    """More clients than two are refused (A-2-2)."""
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Refuse them."""
+        most = 2
+        full = len(self.sessions) == most
+        return [Close(connection)] if full else super().open(connection, now_s, link)
+
+
+class KeepsItsDefault(Brain):
+    """The default program is not deleted (A-4.11-1)."""
+
+    def delete_program(self, request: Request) -> bool:
+        """Keep it."""
+        kept = request.value == self.store.settings.default_program
+        return not kept and super().delete_program(request)
+
+
+class FailsLate(Brain):
+    """A motor fails, and the final result takes a while (A-3-15)."""
+
+    _due_s: float | None = None
+
+    def _settle(self, now_s: float) -> None:
+        if self.robot.task is None or self.plant.fault_code is None:
+            super()._settle(now_s)
+            return
+        self._due_s = now_s + 1 if self._due_s is None else self._due_s
+        if now_s >= self._due_s:
+            self._due_s = None
+            super()._settle(now_s)
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When the result is due."""
+        return super().next_event_s if self._due_s is None else self._due_s
+
+
 class SimulatesAtOnce(Brain):
     """A simulation takes no time."""
 
@@ -220,6 +259,27 @@ def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
 def test_what_is_open_is_not_failed(brain: type[Brain], only: tuple[str, ...]) -> None:
     """Every case of these requirements passes or is tolerated."""
     assert not wrong(tried(brain, *only))
+
+
+def test_a_few_clients_are_enough() -> None:
+    """How many clients are served at once is open (A-2-2)."""
+    assert not wrong(tried(ServesTwo, "3/29", "3/32"))
+
+
+def test_a_default_program_that_stays_is_nobodys_fault() -> None:
+    """What the suite has made the default program need not go any more (A-4.11-1)."""
+    assert not wrong(tried(KeepsItsDefault, "4.13/3"))
+
+
+def test_a_fault_may_show_before_the_result() -> None:
+    """A status that tells of a fault does not say that nothing executes (A-4.8-2)."""
+    robot = Robot(FailsLate, DEFAULT)
+    options = Options(only=frozenset({"4/3"}), allowed=ALL, examples=1)
+    statement = Statement(hooks=hooks_of(robot))
+    setting = ControllerSetting(MemoryAccess(robot.network), statement, PASSWORD, options)
+    cases = {case.id: case for case in Run(setting).results().cases}
+    assert cases["4/3.fault"].verdict is Verdict.PASS
+    assert not wrong(cases)
 
 
 def test_odd_passwords_may_be_refused() -> None:

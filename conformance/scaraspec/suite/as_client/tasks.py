@@ -19,6 +19,7 @@ from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import (
     BUSY,
+    IDLE,
     SLOWEST_PERCENT,
     begin_step_somewhere,
     knows_whether_it_listens,
@@ -385,7 +386,9 @@ _BEGIN: Final[Mapping[str, _Begin]] = {
 
 
 def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = None) -> Answer:
-    """Wait for a final result as long as the subject is busy, and a moment longer.
+    """Wait for a final result until the subject is idle, and a moment longer.
+
+    At fault it may still be busy: the status tells of one of the two (A-4.8-2).
 
     Raises:
         NoAnswer: It does not come.
@@ -396,7 +399,7 @@ def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = 
             return line.result(name, within_s=min(_SLICE_S, left_s))
         except NoAnswer as error:
             left_s -= _SLICE_S
-            if status_of(subject, line) not in (*BUSY, None) or left_s <= 0:
+            if status_of(subject, line) == IDLE or left_s <= 0:
                 return _at_last(line, name, error)
 
 
