@@ -93,6 +93,19 @@ class ClosesOnMalformed(Brain):
             super().handle(session, frame, now_s)
 
 
+class ClosesOnAnyMalformed(Brain):
+    """As before, and commands that move the arm are no exception."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        command = self._command(frame)
+        spoilt = command and frame.data and self._value(command, frame) is None
+        if command and spoilt and command.asker is A2C:
+            self._end(session, now_s)
+        else:
+            super().handle(session, frame, now_s)
+
+
 class IgnoresMalformed(Brain):
     """A request that says nothing usable is not answered."""
 
@@ -253,6 +266,7 @@ def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
     [
         (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
         (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
+        (ClosesOnAnyMalformed, ("3/17", "4.24/3", "4.28/7", "4.32/5", "4.32/7", "5.2/15")),
         (IgnoresMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
     ],
 )

@@ -216,10 +216,15 @@ def offered(
 ) -> Answer | None:
     """Ask for what may be refused or not answered (A-4-2, A-3-9); None where silence follows.
 
-    Everything else that comes before the reply to a query stays to be taken.
+    So it is where the connection ends. Everything else that comes before the reply to a query
+    stays to be taken.
     """
     opcode = line.send(name, value, data=data).opcode
-    line.heard[:0] = line.fence()
+    try:
+        line.heard[:0] = line.fence()
+    except NoAnswer:
+        if line.ending is None:
+            raise
     for seen in line.heard:
         if seen.frame.opcode == opcode and not seen.frame.tagged:
             line.heard.remove(seen)

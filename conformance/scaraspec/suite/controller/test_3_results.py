@@ -13,6 +13,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import TAG
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import FinalResult
+from scaraspec.suite.as_client.keeping import alive
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import begin_step_somewhere, returning
 from scaraspec.suite.as_client.queries import ask_all
@@ -176,10 +177,11 @@ def test_no_result_of_what_is_refused(subject: Subject, line: Line) -> None:
     for name, value, data in requests:
         if name in subject.statement.lacks:
             continue
+        line = alive(subject, line)
         answer = offered(line, name, value, data=data)
         if answer is None or answer.accepted is False:
             refused.append(name)
-    _stay_without_result(line, refused)
+    _stay_without_result(alive(subject, line), refused)
 
 
 @case("3/17", name="busy", hazards=_MOTION)

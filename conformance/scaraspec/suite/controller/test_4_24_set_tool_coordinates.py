@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.keeping import alive
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed
 from scaraspec.suite.as_client.motion import (
@@ -200,6 +201,7 @@ def test_malformed_requests(subject: Subject, line: Line) -> None:
             w for w in malformed(MOVE, target(here, SLOWEST_PERCENT), subject.dialect) if w.firm
         ]
         for wrong in wrongs:
+            line = alive(subject, line)
             answer = offered(line, MOVE, data=wrong.data)
             if answer is None:
                 continue
@@ -210,6 +212,7 @@ def test_malformed_requests(subject: Subject, line: Line) -> None:
             message = f"a request that is {wrong} was accepted"
             subject.tolerate("4.24/3", "A-3-9", wrong.kind, message)
             _expect_unmoved(line, pose, here, f"a malformed request ({wrong}) has moved the arm")
+        line = alive(subject, line)
         quieten(subject, line)
         status = line.ask("get_status")
         expect(
@@ -219,7 +222,7 @@ def test_malformed_requests(subject: Subject, line: Line) -> None:
             observed=f"{status}",
         )
         _expect_unmoved(line, pose, here, "malformed requests have moved the arm")
-    perform(subject, line, MOVE)
+    perform(subject, alive(subject, line), MOVE)
 
 
 def _expect_unmoved(line: Line, pose: Pose, here: Pose, message: str) -> None:

@@ -7,6 +7,7 @@ import pytest
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
+from scaraspec.suite.as_client.keeping import alive
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import Malformed
 from scaraspec.suite.as_client.motion import (
@@ -253,6 +254,7 @@ def test_no_direction(subject: Subject, line: Line) -> None:
     with returning(subject, line):
         before = joints_of(line)
         for wrong in _NO_DIRECTION:
+            line = alive(subject, line)
             answer = offered(line, JOG, data=wrong.data)
             expect(
                 answer is None or not answer.accepted,
@@ -262,6 +264,7 @@ def test_no_direction(subject: Subject, line: Line) -> None:
             )
             if answer is not None:
                 expect_first_reply(JOG, answer)
+        line = alive(subject, line)
         line.wait(0.1)
         status, after = line.ask("get_status"), joints_of(line)
         expect(

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PortValue
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import malformed
+from scaraspec.suite.as_client.malformed import Malformed, malformed, offer
 from scaraspec.suite.as_client.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.ports import (
     ALL_OUTPUTS,
@@ -132,12 +132,13 @@ def test_flags(line: Line) -> None:
 
 
 @case("4.32/5")
-def test_no_such_port(line: Line) -> None:
+def test_no_such_port(subject: Subject, line: Line) -> None:
     """A port 0, or one above 40, is not set, and no output changes in its place."""
     with outputs_kept(line) as before:
         for port in _NO_PORTS:
             for value in (b"1", b"0"):
-                said, now = _try(line, port + b"|" + value)
+                wrong = Malformed("no such port", port + b"|" + value)
+                said, now, line = _try(subject, line, wrong)
                 told = f"port {port.decode()} set to {value.decode()}"
                 expect(said != b"1", f"{told} is answered as done", expected="0", observed="1")
                 expect_equal(digits(now), digits(before), f"{told} has changed an output")
@@ -153,7 +154,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
         before = outputs(line)
         value = PortValue(port, int(not before[port - 1]))
         for wrong in malformed("set_digital_output", value, subject.dialect):
-            said, now = _try(line, wrong.data)
+            said, now, line = _try(subject, line, wrong)
             if not wrong.firm and now != before:  # what is taken for the good one sets its port
                 set_output(line, port, on=before[port - 1])
                 now = with_port(now, port, on=before[port - 1])
@@ -166,13 +167,10 @@ def test_malformed(subject: Subject, line: Line) -> None:
             )
 
 
-def _try(line: Line, data: bytes) -> tuple[bytes | None, Bits]:
-    """What 0x43 with these data is answered, if anything, and what 0x49 shows then."""
-    opcode = line.send("set_digital_output", data=data).opcode
-    now = outputs(line)
-    replies = [seen for seen in line.heard if seen.frame.opcode == opcode]
-    line.heard.clear()
-    return (replies[0].text if replies else None), now
+def _try(subject: Subject, line: Line, wrong: Malformed) -> tuple[bytes | None, Bits, Line]:
+    """What 0x43 is answered, if anything, what 0x49 shows then, and the line to go on with."""
+    answer, line = offer(subject, line, "set_digital_output", wrong)
+    return (answer.seen.text if answer else None), outputs(line), line
 
 
 @case("4.32/7", name="values")
@@ -183,7 +181,8 @@ def test_other_values(subject: Subject, line: Line) -> None:
         set_output(line, port, on=False)
         due = with_port(before, port, on=False)
         for value in (b"2", b"9", b"10", b"255", b"256"):
-            _, now = _try(line, b"%d|" % port + value)
+            wrong = Malformed("no such value", b"%d|" % port + value)
+            _, now, line = _try(subject, line, wrong)
             if now != due:
                 subject.tolerate(
                     "4.32/7", "A-4.32-4", "non-zero = 1", f"the value {value.decode()} counts for 1"

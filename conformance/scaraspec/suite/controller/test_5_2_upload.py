@@ -4,6 +4,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
+from scaraspec.suite.as_client import malformed
 from scaraspec.suite.as_client.files import (
     CHUNK_S,
     again,
@@ -20,6 +21,7 @@ from scaraspec.suite.as_client.files import (
     upload,
 )
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.malformed import Malformed
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of
@@ -123,11 +125,12 @@ def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
     plain = subject.new_name()
     for path in (b"../%s", b"../../%s", b"a/../%s", b"./%s", b"/%s", b"/tmp/%s", b"a/%s"):
         name = path % plain
-        answer = line.ask("upload_name", data=name)
-        if answer.accepted:
+        offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        line = offered.line
+        if offered.accepted:
             subject.created.append(name)
         message = f"the name {name.decode()} was accepted"
-        expect(not answer.accepted, message, expected="0", observed="1")
+        expect(not offered.accepted, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="same-file")
@@ -137,19 +140,21 @@ def test_path_to_a_file(subject: Subject, line: Line) -> None:
     upload(line, plain, b"!")
     for path in (b"./%s", b"a/../%s", b"/%s", b".\\%s", b"a\\..\\%s", b"../programs/../%s"):
         name = path % plain
-        answer = line.ask("download_name", data=name)
+        offered = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        line = offered.line
         message = f"{name.decode()} fetched {plain.decode()}"
-        expect(not answer.accepted, message, expected="0", observed="1")
+        expect(not offered.accepted, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="system")
-def test_path_to_the_system(line: Line) -> None:
+def test_path_to_the_system(subject: Subject, line: Line) -> None:
     """A path that would lead out of the store fetches nothing."""
     up = (b"../" * 8, b"/", b"..\\" * 8, b"C:\\", b"/proc/self/cwd/../../../../")
     for name in [way + file for way in up for file in (b"etc/passwd", b"windows\\win.ini")]:
-        answer = line.ask("download_name", data=name)
+        offered = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        line = offered.line
         message = f"{name.decode()} was fetched"
-        expect(not answer.accepted, message, expected="0", observed="1")
+        expect(not offered.accepted, message, expected="0", observed="1")
 
 
 # The chunks
