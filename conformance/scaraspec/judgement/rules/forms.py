@@ -40,7 +40,7 @@ _EMPTY_REQUEST: Final = {
 
 _COUNT: Final = (Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR, Wrong.SIZE)
 _NUMBERS: Final = (*_COUNT, Wrong.NUMBER)
-_REASON: Final = (Wrong.FLAG, Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR, Wrong.NO_CODE)
+_REASON: Final = (Wrong.FLAG, Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR)
 _OF_THE_TEXT: Final = frozenset({Wrong.TRAILING_NUL, Wrong.QUOTES, Wrong.BINARY})
 """How it is written, which T/2 to T/4 judge."""
 

@@ -31,13 +31,18 @@ def _misses_its_form(seen: FrameSeen) -> bool:
 
 
 def _without_code(x: Exchange) -> Judged | None:
-    """A refusal of one character: the document prints its length for 0x39 alone (A-4.24-3)."""
+    """A refusal of one character: the document prints its length for 0x39 alone (A-4.24-3).
+
+    How a client is refused that has not logged in is open (A-4-4).
+    """
     assert x.reply
     assert x.reply.parsed
     decoded, said = x.reply.parsed.decoded, f"the refusal of {x.name} has no code"
     if ("err_bare0", "0") in decoded.readings:
         return tolerated("err_bare0", "0", said)
     if any(complaint.wrong is Wrong.NO_CODE for complaint in decoded.complaints):
+        if x.logged_in is False:
+            return tolerated("A-4-4", "0", f"{said}: its client has not logged in")
         return failed(said, expected="0|code", observed=show(x.reply.frame.data))
     return None
 
@@ -73,6 +78,17 @@ def refusal(x: Exchange, _: Scene) -> Judged | None:
         expected="0|code",
         observed=show(x.reply.frame.data),
     )
+
+
+@rule("4.16/2", on=Exchange, names=("simulate_program",))
+@rule("4.25/2", on=Exchange, names=("release_joints",))
+@rule("4.26/2", on=Exchange, names=("lock_joints",))
+@rule("4.28/4", on=Exchange, names=("jog",))
+def reason(x: Exchange, _: Scene) -> Judged | None:
+    """A refusal says why (L342, L530, L563, L615)."""
+    if not x.reply or not x.reply.parsed or x.accepted is not False:
+        return None
+    return _without_code(x) or PASSED
 
 
 @rule("4.15/4", on=Exchange, names=("run_program",))

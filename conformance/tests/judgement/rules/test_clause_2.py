@@ -29,6 +29,7 @@ CASES = (
     ("2/11", "pass 2/10", "> reset\n+20\n> close"),
     ("2/11", "pass 2/10", "> reset\n< rst"),
     ("2/11", "pass 2/10", "> reset\n< reset 0|06"),
+    ("2/11", "pass 2/10", "> jog 1\n< jog 0"),  # the form of such a refusal is open
     ("2/11", "pass 2/10", "> set_time 20260101000000\n< set_time 0"),
     ("2/11", "pass 2/10", "> get_running_program\n< get_running_program 0"),
     ("2/11", "fail 2/10", "> reset\n< reset 1\n<90 reset 11"),
