@@ -63,8 +63,8 @@ def _told(subject: Subject, line: Line, command: str, name: bytes) -> RunningPro
 
 
 def _expect_form(answer: Answer) -> None:
-    """Eight digits, of which hours, minutes and seconds are such (A-4.9-3)."""
-    text = answer.frame.data.rstrip(b"\0").rpartition(b"|")[2]
+    """Eight digits, of which hours, minutes and seconds are such (A-4.9-3); T/4 is for more."""
+    text = answer.frame.data.rstrip(b"\0|").rpartition(b"|")[2]
     carried = text[2:4] < b"24" and text[4:6] < b"60" and text[6:] < b"60"
     expect(
         len(text) == len("DDHHMMSS") and text.isdigit() and carried,
