@@ -12,7 +12,7 @@ from scaraspec.controller.robot import DONE
 from scaraspec.controller.session import Action, Carrier, Close, Request, Session
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Network
-from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Skipped, Why
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT, Dialect
@@ -144,6 +144,36 @@ class ServesTwo(Brain):
         return [Close(connection)] if full else super().open(connection, now_s, link)
 
 
+class RefusesFurtherLogins(Brain):
+    """While one client is logged in the password opens to no other one (A-2-2)."""
+
+    def login(self, request: Request) -> bool:
+        """Refuse it."""
+        others = [each for each in self.sessions.values() if each is not request.session]
+        return not any(each.logged_in for each in others) and super().login(request)
+
+
+class AnswersZeroToStrangers(Brain):
+    """Whatever comes before the login is answered 0 (A-4-4)."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Answer it."""
+        if session.logged_in or frame.opcode == 0x01:
+            super().handle(session, frame, now_s)
+        else:
+            self.emit(session, Frame(C2A, frame.opcode, b"0"))
+
+
+class EndsWithABar(Brain):
+    """Every field of what runs and where the arm is ends with a bar (A-T-4)."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Add it."""
+        if frame.opcode in (0x0A, 0x3C) and b"|" in frame.data:
+            frame = Frame(C2A, frame.opcode, frame.data + b"|")
+        super().emit(session, frame)
+
+
 class KeepsItsDefault(Brain):
     """The default program is not deleted (A-4.11-1)."""
 
@@ -266,6 +296,9 @@ def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
     [
         (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
         (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
+        (RefusesFurtherLogins, ("2/12",)),
+        (AnswersZeroToStrangers, ("2/11",)),
+        (EndsWithABar, ("4.9/2", "4.27/2")),
         (ClosesOnAnyMalformed, ("3/17", "4.24/3", "4.28/7", "4.32/5", "4.32/7", "5.2/15")),
         (IgnoresMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
     ],
