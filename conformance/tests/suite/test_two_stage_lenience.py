@@ -14,7 +14,7 @@ from scaraspec.controller.behaviour.base import ACCEPTED, refused
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
 from scaraspec.controller.robot import DONE
-from scaraspec.controller.session import Request, Session
+from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.requirements import REQUIREMENTS
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.frames import Frame
@@ -120,6 +120,32 @@ class Quick(Brain):
         return super().jog(request)
 
 
+class Slow(Brain):
+    """Whatever is sent comes two seconds late (A-3-15)."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self._sent: list[tuple[float, Action]] = []
+
+    def _taken(self) -> list[Action]:
+        now_s = self._now_s
+        self._sent += [(now_s + 2, action) for action in super()._taken()]
+        due = [action for due_s, action in self._sent if due_s <= now_s]
+        self._sent = [(due_s, action) for due_s, action in self._sent if due_s > now_s]
+        return due
+
+    def _elapse(self, now_s: float) -> None:
+        self._now_s = now_s
+        super()._elapse(now_s)
+
+    @property
+    def next_event_s(self) -> float | None:
+        times_s = [due_s for due_s, _ in self._sent]
+        if (next_s := super().next_event_s) is not None:
+            times_s.append(next_s)
+        return min(times_s, default=None)
+
+
 class Deaf(Brain):
     """A robot that executes answers nothing but the stop (A-4-3)."""
 
@@ -140,3 +166,12 @@ def test_no_false_alarm(brain: type[Brain]) -> None:
     bad = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
     assert [f"{c.id}: {c.message}" for c in results.cases if c.verdict in bad] == []
     assert results.counts[Verdict.PASS] > 60
+
+
+def test_slow_replies() -> None:
+    """A program that is to be interrupted outlasts what is asked meanwhile, slow as that may be."""
+    only = frozenset({"4.15/8", "4.18/2"})
+    access = MemoryAccess(Robot(Slow, DEFAULT).network)
+    options = Options(only=only, allowed=ALL, examples=1)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    assert {each.verdict for each in results.cases} == {Verdict.PASS}

@@ -72,8 +72,11 @@ SUCCESS: Final[Mapping[str, str]] = {
 
 LASTS_S: Final = 5
 """How long a program waits that is to be interrupted, in seconds of our clock."""
+_ASKED: Final = 20
+"""How many requests, one behind the other, such a program outlasts."""
 
 _SLICE_S: Final = 0.5
+_NS: Final = 1e9
 
 
 # ---------------------------------------------------------------------- beginning
@@ -124,8 +127,15 @@ def layout_in_use(subject: Subject) -> Layout:
     return known_layout(subject) or layout_of(subject.dialect)
 
 
-def stored(subject: Subject, line: Line, seconds: int = LASTS_S) -> bytes:
-    """Upload a program that waits for so many seconds, by our clock; its name."""
+def stored(subject: Subject, line: Line, seconds: int | None = None) -> bytes:
+    """Upload a program that waits for so many seconds, by our clock; its name.
+
+    Without a number it waits for longer than is asked meanwhile, however slow the replies are.
+    """
+    if seconds is None:
+        asked_s = subject.now_ns / _NS
+        reply_s = line.ask("get_status").time_s - asked_s
+        seconds = max(LASTS_S, int(_ASKED * reply_s))
     name = subject.new_name()
     scaled = math.ceil(seconds * subject.statement.time_scale)
     _upload_wait(subject, line, name, scaled)
@@ -151,8 +161,8 @@ class Started(NamedTuple):
     answer: Answer
 
 
-def start_program(subject: Subject, line: Line, name: str, seconds: int = LASTS_S) -> Started:
-    """Run or simulate a program that waits for so many seconds.
+def start_program(subject: Subject, line: Line, name: str, seconds: int | None = None) -> Started:
+    """Run or simulate a program that waits for so many seconds, or for long enough (`stored`).
 
     The layout of program files is found out first (A-6.1-2).
 
