@@ -1,5 +1,6 @@
 """Controllers that do what the document leaves open, other than the virtual one, are not failed."""
 
+import struct
 from collections.abc import Mapping
 from typing import Any
 
@@ -174,6 +175,19 @@ class EndsWithABar(Brain):
         super().emit(session, frame)
 
 
+class KeepsSingles(Brain):
+    """Numbers are kept in 32 bits, and printed with six decimals (A-T-5)."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Print them."""
+        if frame.opcode in (0x34, 0x37):
+            numbers = map(float, frame.data.split(b"|"))
+            singles = struct.unpack("6f", struct.pack("6f", *[*numbers, 0.0, 0.0, 0.0][:6]))
+            count = 1 + frame.data.count(b"|")
+            frame = Frame(C2A, frame.opcode, b"|".join(b"%f" % n for n in singles[:count]))
+        super().emit(session, frame)
+
+
 class KeepsItsDefault(Brain):
     """The default program is not deleted (A-4.11-1)."""
 
@@ -297,6 +311,7 @@ def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
         (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
         (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
         (RefusesFurtherLogins, ("2/12",)),
+        (KeepsSingles, ("4.20/3", "4.21/3")),
         (AnswersZeroToStrangers, ("2/11",)),
         (EndsWithABar, ("4.9/2", "4.27/2")),
         (ClosesOnAnyMalformed, ("3/17", "4.24/3", "4.28/7", "4.32/5", "4.32/7", "5.2/15")),

@@ -15,6 +15,8 @@ PROGRAMS: Final = ("run_program", "simulate_program")
 """A program's file holds positions of its own (A-6.3-3)."""
 _ROUNDED: Final = 0.051
 """A controller that keeps one decimal rounds by so much (A-T-5)."""
+_SINGLE: Final = 0.0005
+"""One that keeps numbers in 32 bits, and tells them to the last digit, is off by so much."""
 
 
 def in_force(setter: str, x: Exchange, scene: Scene) -> Exchange | None:
@@ -126,7 +128,7 @@ def _same_numbers(setting: Exchange, answer: Any, count: int) -> bool:
     texts = setting.request.text.split(b"|")
     pairs = zip(texts[:count], setting.asked[:count], answer[:count], strict=True)
     return all(
-        abs(got - value) <= (_ROUNDED if len(text.partition(b".")[2]) > 1 else 0)
+        abs(got - value) <= (_ROUNDED if len(text.partition(b".")[2]) > 1 else _SINGLE)
         for text, value, got in pairs
     )
 

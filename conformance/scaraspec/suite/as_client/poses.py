@@ -7,6 +7,9 @@ from scaraspec.suite.expect import Unmet, expect
 ROUNDED = 0.051
 """By how much a subject may be off that keeps one decimal of several (A-T-5)."""
 
+_SINGLE = 0.0005
+"""By how much one may be off that keeps numbers in 32 bits and tells them to the last digit."""
+
 
 def gripper_of(line: Line) -> Point:
     """The gripper centre (0x34).
@@ -37,13 +40,13 @@ def initial_of(line: Line) -> Pose:
 def expect_numbers(
     shown: tuple[float, ...], wanted: tuple[float, ...], message: str, requirement: str
 ) -> None:
-    """Hold what is shown against what was set: exactly as far as it has one decimal or none.
+    """Hold what is shown against what was set: exactly where it has one decimal or none.
 
     Raises:
         Unmet: They differ.
     """
     same = all(
-        abs(got - value) <= (0 if round(value, 1) == value else ROUNDED)
+        abs(got - value) <= (_SINGLE if round(value, 1) == value else ROUNDED)
         for got, value in zip(shown, wanted, strict=True)
     )
     expect(
