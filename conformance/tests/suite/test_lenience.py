@@ -188,6 +188,24 @@ class KeepsSingles(Brain):
         super().emit(session, frame)
 
 
+class LocksOut(Brain):
+    """Two wrong passwords in a row, and nobody gets in any more (A-4.1-2)."""
+
+    _row = 0
+
+    def login(self, request: Request) -> bool:
+        """Count them."""
+        right = self._row < 2 and super().login(request)
+        self._row = 0 if right else self._row + 1
+        return right
+
+    def set_password(self, request: Request) -> bool:
+        """Here, too."""
+        changed = super().set_password(request)
+        self._row += not changed
+        return changed
+
+
 class KeepsItsDefault(Brain):
     """The default program is not deleted (A-4.11-1)."""
 
@@ -311,6 +329,7 @@ def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
         (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
         (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
         (RefusesFurtherLogins, ("2/12",)),
+        (LocksOut, ("4.1/2", "4.2/3", "4.2/6")),
         (KeepsSingles, ("4.20/3", "4.21/3")),
         (AnswersZeroToStrangers, ("2/11",)),
         (EndsWithABar, ("4.9/2", "4.27/2")),

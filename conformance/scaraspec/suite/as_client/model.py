@@ -7,6 +7,7 @@ nothing is expected where the document leaves the outcome open.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from datetime import datetime, timedelta
 from typing import Final, NamedTuple
 
@@ -220,11 +221,13 @@ class Model:
     def _log_in_wrongly(self, _: Step, _line: Line) -> str | None:
         if not (self._subject.takes_several and self._subject.access.needs_login):
             return None
-        line = self._subject.open(login=False)
+        if not self._subject.may_mistake():
+            return None
+        other = self._subject.open(login=False)
         try:
-            answer = line.ask("login", b"no-" + self._password)
+            answer = other.ask("login", b"no-" + self._password)
         except NoAnswer:
-            if line.ending is None:
+            if other.ending is None:
                 raise
             return None  # it serves no more than two (A-2-2)
         expect(
@@ -234,7 +237,9 @@ class Model:
             observed=f"{answer}",
             requirement="4.1/3",
         )
-        line.close()
+        with suppress(NoAnswer):  # it may end the connection; two in a row may lock us out
+            other.ask("login", self._password)
+        other.close()
         return "log in wrongly elsewhere"
 
     def _set_password(self, step: Step, line: Line) -> str | None:
@@ -248,7 +253,7 @@ class Model:
         return f"set the password {show(new)}"
 
     def _mistake_password(self, _: Step, line: Line) -> str | None:
-        if not self._subject.access.needs_login:
+        if not self._subject.access.needs_login or not self._subject.may_mistake():
             return None
         answer = change(line, b"no-" + self._password, PLAIN_PASSWORD)
         expect(

@@ -37,6 +37,9 @@ DEAF: Final = "deaf while it executes"
 LATCHED: Final = "latched"
 """Known of a subject: whether an emergency stop may have latched it (A-4.17-2)."""
 
+_MISTAKES: Final = "wrong passwords tried in sequences"
+_MOST_MISTAKES: Final = 5
+
 STEM: Final = "zs"
 """How the names of all files begin that the suite makes."""
 
@@ -247,6 +250,15 @@ class Subject:
     def has_been_stopped(self) -> None:
         """An emergency stop was granted: perhaps the robot is latched (A-4.17-2)."""
         self.known.setdefault(LATCHED, True)
+
+    def may_mistake(self) -> bool:
+        """Whether a sequence may try a wrong password: few do, so that nobody is locked out.
+
+        One in a run that may only change state, five where things may be lost (A-4.1-2).
+        """
+        tried: int = self.known.get(_MISTAKES, 0)
+        self.known[_MISTAKES] = tried + 1
+        return tried < (_MOST_MISTAKES if Hazard.DESTRUCTIVE in self.allowed else 1)
 
     def new_name(self, stem: str = "") -> bytes:
         """A file name that is not in use, and that is deleted when the case is over."""

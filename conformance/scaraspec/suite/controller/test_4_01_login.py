@@ -115,6 +115,7 @@ def test_near_misses(subject: Subject) -> None:
         tried.append((right[:-1], "the right password without its last letter"))
     for wrong, what in tried:
         _expect_refused(subject, wrong, what).close()
+        subject.open().close()  # three wrong ones in a row may lock us out (A-4.1-2)
     line = subject.open(login=False)
     line.send("login", data=b"")
     try:
