@@ -206,6 +206,14 @@ class LocksOut(Brain):
         return changed
 
 
+class Greets(Brain):
+    """Every connection begins with the version (A-3-16)."""
+
+    def _admit(self, connection: int, carrier: Carrier) -> None:
+        super()._admit(connection, carrier)
+        self.emit(self.sessions[connection], Frame(C2A, 0x08, b"1.0.0"))
+
+
 class KeepsItsDefault(Brain):
     """The default program is not deleted (A-4.11-1)."""
 
@@ -329,6 +337,7 @@ def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
         (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
         (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
         (RefusesFurtherLogins, ("2/12",)),
+        (Greets, ("2/12", "3/29", "5.3/4")),
         (LocksOut, ("4.1/2", "4.2/3", "4.2/6")),
         (KeepsSingles, ("4.20/3", "4.21/3")),
         (AnswersZeroToStrangers, ("2/11",)),

@@ -37,6 +37,7 @@ DEAF: Final = "deaf while it executes"
 LATCHED: Final = "latched"
 """Known of a subject: whether an emergency stop may have latched it (A-4.17-2)."""
 
+_GREETING: Final = "opcodes of what comes on a new connection unasked"
 _MISTAKES: Final = "wrong passwords tried in sequences"
 _MOST_MISTAKES: Final = 5
 
@@ -174,7 +175,13 @@ class Subject:
             raise Unmet(
                 "the login was refused", expected="1", observed=f"{answer}", requirement="4.1/2"
             )
+        self._overlook_greeting(line)
         return answer
+
+    def _overlook_greeting(self, line: Line) -> None:
+        """Drop what a subject sends unasked on every connection: the judge warns of it (A-3-16)."""
+        opcodes = self.known.setdefault(_GREETING, {seen.frame.opcode for seen in line.heard})
+        line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode not in opcodes]
 
     def pump_others(self, line: Wire) -> bool:
         """Take what came on the other connections; whether there are none."""
