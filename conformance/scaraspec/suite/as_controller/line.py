@@ -14,7 +14,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_controller.call import Call
-from scaraspec.suite.as_controller.polls import Polls
+from scaraspec.suite.as_controller.polls import REPLIES, Polls
 from scaraspec.suite.expect import NoAnswer, NotRun, expect_equal
 from scaraspec.suite.wire import Answer, Wire
 
@@ -101,7 +101,8 @@ class Line(Wire):
                 if poll is None:
                     break
                 self.heard.remove(poll)
-                self._subject.polled.add(poll.frame)
+                if poll.name in REPLIES:
+                    self._subject.polled.add(poll.frame)
                 with suppress(NoAnswer):  # it asks, and hangs up
                     self.send_frame(self.polls.answer(poll))
         finally:

@@ -2,8 +2,9 @@
 
 Nothing forbids a client to ask for more than it was ordered to, as a window does that shows the
 status ten times a second. Only requests that no case waits for are polls, and only queries, whose
-answer changes nothing, and the clock's setting, which a client may do when it logs in. Which
-answer a case gives is not known here; once it has given one, polls are told the same.
+answer changes nothing, the clock's setting, which a client may do when it logs in, and a further
+login (A-4.1-2). Which answer a case gives is not known here; once it has given one, polls are told
+the same.
 """
 
 from collections import Counter
@@ -47,7 +48,7 @@ class Polls:
 
     Attributes:
         answers: What polls are told, by the name of what is asked.
-        logged_in: The client has been let in; before that it may ask nothing (L104).
+        logged_in: The client has been let in; before that it may ask for nothing else (L104).
     """
 
     def __init__(self, due: Callable[[FrameSeen], bool]) -> None:
@@ -58,7 +59,8 @@ class Polls:
 
     def renew(self) -> None:
         """Another case begins."""
-        self.answers = {**REPLIES, "set_time": b"1"}
+        again = {"login": _YES} if self.logged_in else {}
+        self.answers = {**REPLIES, "set_time": _YES, **again}
         self._open: Counter[str] = Counter()
         self._running: set[str] = set()
 
@@ -84,21 +86,20 @@ class Polls:
         self._open[name] = max(self._open[name] - 1, 0)
         if name == "login":
             self.logged_in |= data == _YES
-        elif name in self.answers:
+        if name in self.answers or name == "login":
             self.answers[name] = data
         elif seen.command and seen.command.two_stage and data == _YES:
             self._running.add(name)
 
     def next(self, heard: Iterable[FrameSeen], now_s: float) -> FrameSeen | None:
         """The first poll among requests that can be answered now."""
-        if not self.logged_in:
-            return None
         if now_s != self._instant_s:
             self._instant_s, self._at_instant = now_s, 0
         if self._at_instant >= _AT_ONCE:
             return None
+        served = self.answers.keys() & (self.answers.keys() if self.logged_in else {"login"})
         for seen in heard:
-            if seen.name in self.answers and not self._open[seen.name] and not self._due(seen):
+            if seen.name in served and not self._open[seen.name] and not self._due(seen):
                 self._at_instant += 1
                 return seen
         return None

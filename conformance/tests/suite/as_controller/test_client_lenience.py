@@ -119,3 +119,28 @@ def test_fetched_parts() -> None:
 def test_polls() -> None:
     """What a client asks by itself is served, and taken for nothing else."""
     assert not wrong(Polls, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
+
+
+class LogsInAgain(AsyncClient):
+    """Logs in twice, and once more after whatever failed (A-4.1-2)."""
+
+    _again = False
+
+    async def connect(self) -> None:
+        await super().connect()
+        await self.login("password")
+
+    async def perform(self, call: Any) -> Any:
+        try:
+            return await super().perform(call)
+        except ClientError:
+            if self._core.logged_in and not self._again:
+                self._again = True
+                await super().login("password")
+                self._again = False
+            raise
+
+
+def test_further_logins() -> None:
+    """A client may log in again whenever it likes."""
+    assert not wrong(LogsInAgain, frozenset({"2/10", "3/33", "4.2/1", "4.35/1"}))
