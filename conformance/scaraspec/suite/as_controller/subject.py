@@ -61,6 +61,7 @@ class Subject:
         self._connections = itertools.count(1)
         self._files = itertools.count(1)
         self._expected: Call | None = None
+        self._was_connected = False
         self._orders: list[Call] = []
 
     # ------------------------------------------------------------------ time
@@ -137,6 +138,8 @@ class Subject:
             Unmet: It does not.
             NotRun: It cannot.
         """
+        if self._was_connected:  # it need not know yet that we have ended the one before
+            self._hang_up()
         while (stale := self.access.accept(self.access.now_s)) is not None:
             stale.close()
         ordered = {
@@ -188,6 +191,8 @@ class Subject:
         """
         with _told():
             call = self.access.begin(name, **values)
+        if name in ("connect", "disconnect"):
+            self._was_connected = name == "connect"
         self._orders.append(call)
         return call
 

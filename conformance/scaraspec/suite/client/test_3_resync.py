@@ -18,6 +18,7 @@ from scaraspec.suite.expect import NoAnswer, Unmet
 
 _TURN_S: Final = 0.02
 _PATIENCE_S: Final = 0.3
+_SLOW_DRIVER_S: Final = 3.0  # a client that waits in vain gives up after 5 s (A-3-15)
 _GOOD: Final = Frame(C2A, 0x09, b"00").encode()
 _STRAYS: Final = (
     b"\x00",
@@ -43,9 +44,9 @@ _HALVES: Final = (
 )
 
 
-def _settles(line: Line, call: Call) -> bool:
-    """Whether an order is over in a short time, or the connection is."""
-    for _ in range(round(_PATIENCE_S / _TURN_S)):
+def _settles(line: Line, call: Call, within_s: float) -> bool:
+    """Whether an order is over in this time, or the connection is."""
+    for _ in range(round(within_s / _TURN_S)):
         if call.answer is not None or line.over:
             return True
         line.wait(_TURN_S)
@@ -67,11 +68,11 @@ def _recovers(subject: Subject, line: Line, requirement: str, *segments: bytes) 
         for segment in segments:
             line.send_bytes(segment)
             line.wait(_TURN_S)
-    if not _settles(line, call):
+    if not _settles(line, call, _PATIENCE_S):
         subject.tolerate(requirement, "resync", "flush", "what came with bad bytes was dropped")
         with suppress(NoAnswer):
             line.send_bytes(_GOOD)
-        if not _settles(line, call):
+        if not _settles(line, call, _SLOW_DRIVER_S):
             raise Unmet(
                 "bytes that are no frame keep the client from the next frame",
                 expected="the reply behind them is served, or the connection ended",

@@ -10,6 +10,7 @@ import pytest
 from scaraspec.cli.proving_client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError
 from scaraspec.client.core import Event, Unexpected
+from scaraspec.client.driver import Driver
 from scaraspec.judgement.requirements import select
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.frames import Found, Frame, Skipped
@@ -93,11 +94,22 @@ class TakesNamesFromLists(ClientCore):
 
 
 def wrong(
-    make: type[AsyncClient] | type[ClientCore], only: frozenset[str], dialect: Dialect = DEFAULT
+    make: type[AsyncClient] | type[ClientCore],
+    only: frozenset[str],
+    dialect: Dialect = DEFAULT,
+    driver: type[Driver] = Driver,
 ) -> dict[str, str]:
     """The cases that neither pass nor are tolerated."""
     shell = make if issubclass(make, AsyncClient) else type("Made", (AsyncClient,), {"core": make})
-    with closing(MemoryClient(shell, dialect)) as access:
+
+    class Access(MemoryClient):
+        def _new(self) -> Driver:
+            return driver(
+                self._take,
+                lambda url, password: shell(url, password=password, dialect=dialect),
+            )
+
+    with closing(Access(shell, dialect)) as access:
         options = Options(only=only, allowed=ALL, examples=3, exhaustive=True)
         results = Run(ClientSetting(access, Statement(), options)).results()
     assert results.cases
@@ -143,4 +155,30 @@ class LogsInAgain(AsyncClient):
 
 def test_further_logins() -> None:
     """A client may log in again whenever it likes."""
-    assert not wrong(LogsInAgain, frozenset({"2/10", "3/33", "4.2/1", "4.35/1"}))
+    assert not wrong(LogsInAgain, frozenset({"2/10", "3/33", "4.35/1"}))
+
+
+class ConnectsOnce(Driver):
+    """Refuses to connect before it was told to disconnect."""
+
+    async def _connect(self, *where: Any, **more: Any) -> None:
+        if self._client:
+            raise ClientError("it is connected already")
+        await super()._connect(*where, **more)
+
+
+class Tardy(Driver):
+    """Tells everything a second late."""
+
+    def __init__(self, write: Any, make: Any) -> None:
+        def late(answer: Any) -> None:
+            asyncio.get_running_loop().call_later(1.0, write, answer)
+
+        super().__init__(late, make)
+
+
+@pytest.mark.parametrize("driver", [ConnectsOnce, Tardy])
+def test_drivers(driver: type[Driver]) -> None:
+    """A driver may be slow, and hold on to a connection that has ended."""
+    only = frozenset({"2/1", "3/19", "3/20", "3/29", "4.35/6"})
+    assert not wrong(AsyncClient, only, driver=driver)
