@@ -34,10 +34,16 @@ _GRACE_S: Final = 0.5  # until what it has given up is told
 def reaction(
     subject: Subject, line: Line, call: Call, command: str, within_s: float | None = None
 ) -> Answer | None:
-    """Wait for a request; None if the client says that its operation is over, or says nothing."""
+    """Wait for a request; None if it does not come, or not soon after the operation is said over.
+
+    The network may still carry what the client sent before it said so.
+    """
     left_s = subject.answer_s if within_s is None else within_s
+    told = False
     while True:
-        last = call.answer is not None or line.over or left_s <= 0
+        if call.answer is not None and not told:
+            told, left_s = True, min(left_s, subject.silence_s)
+        last = line.over or left_s <= 0
         with suppress(NoAnswer):
             return line.request(command, within_s=min(_SLICE_S, max(left_s, 0)))
         if last:

@@ -182,3 +182,23 @@ def test_drivers(driver: type[Driver]) -> None:
     """A driver may be slow, and hold on to a connection that has ended."""
     only = frozenset({"2/1", "3/19", "3/20", "3/29", "4.35/6"})
     assert not wrong(AsyncClient, only, driver=driver)
+
+
+class WritesInPieces(AsyncClient):
+    """Writes each request in pieces, which the network delays (A-2-6)."""
+
+    _free_s = 0.0
+
+    def _stir(self) -> None:
+        data, loop = self._core.bytes_to_send(), asyncio.get_running_loop()
+        if self._transport is not None and data:
+            self._free_s = max(self._free_s, loop.time())
+            for piece in (data[:1], data[1:3], data[3:]):
+                loop.call_at(self._free_s, self._transport.write, piece)
+                self._free_s += 0.06
+        super()._stir()
+
+
+def test_requests_in_pieces() -> None:
+    """What has come in part is waited for, though the operation is said to be over."""
+    assert not wrong(WritesInPieces, frozenset({"5.1/2", "5.3/5"}))
