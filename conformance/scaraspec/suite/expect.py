@@ -30,6 +30,14 @@ class NoAnswer(Unmet):
     """A request that a living subject left unanswered, or answered by ending the link (3/31)."""
 
 
+class Declined(Unmet):
+    """An order that a client refuses by itself, sending nothing.
+
+    Values that only the register's silence allows, such as a pose out of reach, a case may order
+    and leave it at that; the document's own examples it must not.
+    """
+
+
 class Undecided(Exception):  # noqa: N818 - it is no error of anybody
     """The case could not find out; the text says why."""
 

@@ -17,7 +17,7 @@ from scaraspec.suite.as_controller.driver import DriverEndedError, DriverError
 from scaraspec.suite.as_controller.line import PASSWORD, Line
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.saying import same, shown
-from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect
+from scaraspec.suite.expect import Declined, NoAnswer, NotRun, Undecided, Unmet, expect
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.statement import Statement
 from scaraspec.suite.wire import Wire
@@ -291,7 +291,8 @@ class Subject:
         call = self._expected
         if call is not None and call.answer is not None:
             _not_lacking(call)
-            raise Unmet(
+            early = Declined if call.failed else Unmet
+            raise early(
                 f"the client says that {call.name} is over before it can be",
                 expected="the operation goes on",
                 observed=f"{call}",

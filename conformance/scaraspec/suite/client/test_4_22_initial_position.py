@@ -34,7 +34,7 @@ def test_values(subject: Subject, line: Line) -> None:
         line.serve(call, data=_REPLY.encode(told), sent=b"")
         gives_pose(subject, call, told, requirement="T/9")
 
-    call = subject.begin("set_initial_tool_position", **Pose(9, 8, 7, 6, 5, 4)._asdict())
+    call = subject.begin("set_initial_tool_position", **Pose(190, 280, 317, 6, 5, 4)._asdict())
     line.serve(call)
     subject.done(call)
     each()

@@ -47,7 +47,9 @@ def test_numbers(subject: Subject, line: Line) -> None:
     @given(st.integers(1, 100), _poses)
     def each(speed: int, wanted: Pose) -> None:
         call = subject.begin(_MOVE, speed=speed, **wanted._asdict())
-        request = line.request(_MOVE, call)
+        request = request_unless_refused(line, call)
+        if request is None:
+            return
         expect_pose(subject, request, wanted, speed=speed)
         line.reply(_MOVE, data=b"1")
         line.result(_MOVE)

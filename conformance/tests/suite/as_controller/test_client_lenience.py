@@ -1,8 +1,11 @@
 """Clients that do what the document leaves open, other than ours, are not failed."""
 
 import asyncio
+import math
+import re
 from collections.abc import Iterable
 from contextlib import closing, suppress
+from ipaddress import IPv4Address, IPv4Network
 from typing import Any
 
 import pytest
@@ -11,8 +14,11 @@ from scaraspec.cli.proving_client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError
 from scaraspec.client.core import Event, Unexpected
 from scaraspec.client.driver import Driver
+from scaraspec.client.exchange import Exchange
+from scaraspec.client.transfer import Upload
 from scaraspec.judgement.requirements import select
 from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import MoveTarget, Network, PasswordChange, Point, Pose
 from scaraspec.protocol.frames import Found, Frame, Skipped
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.suite.as_controller.setting import ClientSetting
@@ -202,3 +208,41 @@ class WritesInPieces(AsyncClient):
 def test_requests_in_pieces() -> None:
     """What has come in part is waited for, though the operation is said to be over."""
     assert not wrong(WritesInPieces, frozenset({"5.1/2", "5.3/5"}))
+
+
+def _network_of(value: Network) -> IPv4Network:
+    return IPv4Network(f"{value.ip}/{value.mask}", strict=False)
+
+
+class Careful(ClientCore):
+    """Refuses what its own robot cannot do, and what it takes for a slip of its user."""
+
+    _NAME = re.compile(rb"[A-Za-z0-9_-]{1,26}\.(rob|txt)")
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        match value:
+            case MoveTarget() | Pose() if not 100 <= math.hypot(value.x, value.y) <= 400:
+                raise ClientError("out of reach (A-4.24-5)")
+            case Point() if max(map(abs, value)) > 1000:
+                raise ClientError("too long a gripper")
+            case PasswordChange() if len(value.new) < 4 or value.old == value.new:
+                raise ClientError("too short a password, or no new one (A-4.1-3)")
+            case Network() if IPv4Address(value.gateway) not in _network_of(value):
+                raise ClientError("the gateway is in another network (A-4.4-2)")
+            case bytes() if name != "login":
+                self._check(value)
+        return super().command(name, value)
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        self._check(name)
+        return super().upload(name, content)
+
+    def _check(self, name: bytes) -> None:
+        if not self._NAME.fullmatch(name):
+            raise ClientError("a strange name (A-5-20)")
+
+
+def test_values_that_a_client_refuses() -> None:
+    """A client may refuse by itself what the document does not ask it to send."""
+    only = frozenset({"4.2/1", "4.4/1", "4.11/1", "4.24/1", "5.2/1", "7/2"})
+    assert not wrong(Careful, only)
