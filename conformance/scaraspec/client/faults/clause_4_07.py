@@ -90,13 +90,13 @@ class AsksForTheStatusWithData(AltersRequests):
 
 @fault("4.8/11", subtle=True)
 class WantsCapitals(AltersReplies):
-    """A code in small letters cannot be read."""
+    """A code in small letters is told as idle."""
 
     name = "get_status"
 
     def altered(self, data: bytes) -> bytes:
         """Read it, or not."""
-        return b"" if data != data.upper() else data
+        return b"00" if data != data.upper() else data
 
 
 @fault("4.8/11", "T/9")

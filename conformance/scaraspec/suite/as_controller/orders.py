@@ -28,6 +28,7 @@ from scaraspec.protocol.payloads import FirstReply, Jog, JogDirection, Record
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import PASSWORD, Line
 from scaraspec.suite.as_controller.polls import REPLIES
+from scaraspec.suite.as_controller.poses import gives_pose
 from scaraspec.suite.as_controller.saying import spoken
 from scaraspec.suite.expect import NotRun, Unmet
 from scaraspec.suite.wire import Answer as Request
@@ -45,7 +46,7 @@ VALUES: Final[Mapping[str, Any]] = {
     "run_program": b"pro1.txt",
     "simulate_program": b"pro1.txt",
     "set_gripper_center": Point(200, 300, 456),
-    "set_initial_tool_position": Pose(200, 300, 324, 34.6, 34.5, 0),
+    "set_initial_tool_position": Pose(200, 300, 324, 34.6, 0, 0),
     "set_tool_coordinates": MoveTarget(60, 200, 300, 324, 34.6, 0, 0),
     "jog": JogDirection.PLUS_Y,
     "set_digital_output": PortValue(8, 1),
@@ -53,7 +54,7 @@ VALUES: Final[Mapping[str, Any]] = {
 }
 """The document's own example for every operation of clause 4 that takes a value.
 
-But for thetaY of a move, which means nothing (L1006).
+But for thetaY, which means nothing (L1006).
 """
 
 _OF_WRITING: Final[Mapping[Wrong, str]] = {
@@ -266,13 +267,14 @@ def answer(line: Line, name: str, request: Request) -> None:
         line.reply(name, data=b"1" if name == "login" else b"0")
 
 
-def tells(
+def tells(  # noqa: PLR0913 - an answer, and what is thought of it
     subject: "Subject",
     line: Line,
     name: str,
     data: bytes | None = None,
     *,
     requirement: str = "",
+    odd: tuple[str, str] | None = None,
 ) -> None:
     """Order a query and answer it; the client has to say what the answer says.
 
@@ -282,6 +284,7 @@ def tells(
         name: The query.
         data: The answer's data; by default the document's example.
         requirement: What a client that says something else violates; empty for the case's own.
+        odd: The register's entry, and the reading, by which a client may fail at such an answer.
 
     Raises:
         Unmet: It says something else, or asks wrongly.
@@ -290,8 +293,15 @@ def tells(
     call, request = ask(subject, line, name)
     data = REPLIES[name] if data is None else data
     line.send_frame(line.frame(name, data=data)._replace(opcode=request.frame.opcode))
-    said = spoken(BY_NAME[name].reply.decode(data).value)
-    subject.gives(call, said, requirement=requirement)
+    if odd and not subject.settled(call).ok:
+        message = f"{name}: {show(data)} is told as an error"
+        subject.tolerate(requirement or "T/9", *odd, message)
+        return
+    value = BY_NAME[name].reply.decode(data).value
+    if isinstance(value, Pose):
+        gives_pose(subject, call, value, requirement=requirement)
+    else:
+        subject.gives(call, spoken(value), requirement=requirement)
 
 
 def accomplished(subject: "Subject", call: Call, *, requirement: str = "") -> None:

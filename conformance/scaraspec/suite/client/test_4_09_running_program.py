@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import RunningProgram
-from scaraspec.protocol.fields import RunTime
+from scaraspec.protocol.fields import NAME_MAX_BYTES, RunTime
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask, tells
@@ -21,9 +21,10 @@ _LONG_BYTES: Final = (30, 31, 64, 100, 200)
 _RUN_TIME: Final = RunTime("run_time_s")
 
 
-def _tells(subject: Subject, line: Line, name: bytes, run_time_s: int, flag: bytes = b"1") -> None:
-    data = flag + b"|" + name + b"|" + _RUN_TIME.write(run_time_s, DEFAULT)
-    tells(subject, line, "get_running_program", data)
+def _tells(subject: Subject, line: Line, name: bytes, run_time_s: int) -> None:
+    data = b"1|" + name + b"|" + _RUN_TIME.write(run_time_s, DEFAULT)
+    odd = ("A-4.9-5", "30") if len(name) > NAME_MAX_BYTES else None
+    tells(subject, line, "get_running_program", data, odd=odd)
 
 
 @client_case("4.9/1", attended=True)

@@ -6,6 +6,7 @@ from typing import Final
 from hypothesis import given
 
 from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask
 from scaraspec.suite.as_controller.subject import Subject
@@ -25,6 +26,9 @@ def _tells(subject: Subject, line: Line, data: bytes, said: str | None) -> None:
         told = "the default program is asked for as the rows print it"
         subject.tolerate("4.12/1", "op_get_default", f"0x{request.frame.opcode:02X}", told)
     line.send_frame(line.frame(_NAME, data=data)._replace(opcode=request.frame.opcode))
+    if len(data) > NAME_MAX_BYTES and not subject.settled(call).ok:
+        subject.tolerate("T/9", "A-5-20", "30", f"a name of {len(data)} bytes is not taken")
+        return
     subject.gives(call, said, requirement="T/9")
 
 

@@ -9,6 +9,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask, order, tells
+from scaraspec.suite.as_controller.saying import same
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.expect import expect
@@ -30,13 +31,23 @@ def test_example(subject: Subject, line: Line) -> None:
 
 @client_case("T/9", name="temperatures")
 def test_temperatures(subject: Subject, line: Line) -> None:
-    """Temperatures are handed on in their order, with sign and decimals."""
+    """Temperatures are handed on in their order, with sign and decimals, if any (A-4.14-2)."""
 
     @example(("20", "38.5", "-4", "0"))
     @example(("1", "2", "3", "4"))
     @given(st.tuples(*[_texts] * 4))
     def each(texts: tuple[str, ...]) -> None:
-        tells(subject, line, _NAME, "|".join(texts).encode())
+        call, _ = ask(subject, line, _NAME)
+        line.reply(_NAME, data="|".join(texts).encode())
+        due = [float(text) for text in texts]
+        whole = [dict(zip(_SAID, map(cut, due), strict=True)) for cut in (int, round)]
+        subject.settled(call)
+        if call.ok and not any(same(call.result, said) for said in whole):
+            subject.gives(call, dict(zip(_SAID, due, strict=True)))
+        elif any("." in text for text in texts):
+            subject.tolerate("T/9", "A-4.14-2", "integers", "decimals of temperatures are not told")
+        else:
+            subject.done(call)
 
     each()
 

@@ -5,7 +5,7 @@ from typing import Any, Final
 from hypothesis import given
 
 from scaraspec.protocol import errors
-from scaraspec.protocol.commands import BY_NAME, COMMANDS
+from scaraspec.protocol.commands import BY_NAME, COMMANDS, JointValues
 from scaraspec.protocol.payloads import FLAG, NameListPart
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
@@ -16,6 +16,7 @@ from scaraspec.suite.as_controller.orders import (
     tells,
 )
 from scaraspec.suite.as_controller.polls import REPLIES
+from scaraspec.suite.as_controller.sending import expect_no_value
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.expect import expect, expect_in
@@ -47,6 +48,8 @@ def test_queries(subject: Subject, line: Line) -> None:
         def hand_on(value: Any) -> None:
             if isinstance(value, NameListPart):
                 value = value._replace(more=False)
+            elif name == "get_motor_temperatures":  # whose decimals have a case of their own
+                value = JointValues(*map(round, value))
             elif value is None and name in _PORTS:
                 value = payload.decode(REPLIES[name]).value  # that there is none is said below
             tells(subject, line, name, payload.encode(value, subject.dialect))
@@ -89,7 +92,7 @@ def test_no_value(subject: Subject, line: Line) -> None:
     def each(name: str) -> None:
         call, _ = ask(subject, line, name)
         line.reply(name, data=b"0")
-        subject.fails(call)
+        expect_no_value(subject, call)
 
     of_each(_PORTS, each)
 

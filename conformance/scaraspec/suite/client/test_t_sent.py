@@ -214,7 +214,7 @@ def test_values(subject: Subject, line: Line) -> None:
 def _ordinary(value: Any) -> Any:
     """The value, without what a client may have reasons of its own to refuse."""
     match value:
-        case MoveTarget():  # two angles mean nothing (L1006)
+        case MoveTarget() | Pose():  # two angles mean nothing (L1006)
             return value._replace(theta_y=0.0, theta_z=0.0)
         case PortValue():
             return value._replace(port=_port(value.port))

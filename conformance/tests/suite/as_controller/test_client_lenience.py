@@ -6,19 +6,28 @@ import re
 from collections.abc import Iterable
 from contextlib import closing, suppress
 from ipaddress import IPv4Address, IPv4Network
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 
 from scaraspec.cli.proving_client import MemoryClient
-from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError
+from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError, Refused
 from scaraspec.client.core import Event, Unexpected
 from scaraspec.client.driver import Driver
 from scaraspec.client.exchange import Exchange
+from scaraspec.client.results import RunningProgram, Status
 from scaraspec.client.transfer import Upload
 from scaraspec.judgement.requirements import select
 from scaraspec.judgement.verdicts import Verdict
-from scaraspec.protocol.commands import MoveTarget, Network, PasswordChange, Point, Pose
+from scaraspec.protocol.commands import (
+    JointValues,
+    MoveTarget,
+    Network,
+    PasswordChange,
+    Point,
+    Pose,
+)
+from scaraspec.protocol.errors import RESERVED, lookup
 from scaraspec.protocol.frames import Found, Frame, Skipped
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.suite.as_controller.setting import ClientSetting
@@ -26,6 +35,7 @@ from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
+T = TypeVar("T")
 ONLY = frozenset(
     r.id for r in select("2,3,T,4.1,4.2,4.3,4.4,4.5,4.6,4.7,4.8,4.9,4.10,4.11,4.12,4.13,4.14")
 )
@@ -246,3 +256,50 @@ def test_values_that_a_client_refuses() -> None:
     """A client may refuse by itself what the document does not ask it to send."""
     only = frozenset({"4.2/1", "4.4/1", "4.11/1", "4.24/1", "5.2/1", "7/2"})
     assert not wrong(Careful, only)
+
+
+class Strict(AsyncClient):
+    """Takes the first of the listed readings, where others are only tolerated."""
+
+    class core(ClientCore):  # noqa: N801 - it takes the place of an attribute
+        def command(self, name: str, value: Any = None) -> Exchange:
+            if isinstance(value, MoveTarget | Pose):  # A-4.21-3
+                value = value._replace(theta_y=0.0, theta_z=0.0)
+            return super().command(name, value)
+
+    async def get_initial_tool_position(self) -> Pose:
+        return (await super().get_initial_tool_position())._replace(theta_y=0.0, theta_z=0.0)
+
+    async def get_version(self) -> str:
+        version = await super().get_version()
+        return _checked(version, re.fullmatch(r"\d+\.\d+\.\d+", version))  # A-4.7-1
+
+    async def get_status(self) -> Status:
+        status = await super().get_status()
+        code = lookup(status.code)
+        odd = code is None or code.text != status.code or code in {*RESERVED, lookup("20")}
+        return _checked(status, not odd)  # A-T-7, A-8-3, A-4.8-2
+
+    async def get_running_program(self) -> RunningProgram | None:
+        run = await super().get_running_program()
+        return _checked(run, run is None or len(run.name) <= 30)  # A-4.9-5
+
+    async def get_motor_temperatures(self) -> JointValues:
+        return JointValues(*map(int, await super().get_motor_temperatures()))  # A-4.14-2
+
+    async def get_digital_inputs(self) -> str | None:  # type: ignore[override] # none for an error
+        try:
+            return await super().get_digital_inputs()
+        except Refused:
+            return None
+
+
+def _checked(value: T, right: object) -> T:
+    if not right:
+        raise ProtocolError("nothing that the document draws")
+    return value
+
+
+def test_first_readings() -> None:
+    """A client may follow any one of the readings that the register tolerates."""
+    assert not wrong(Strict, frozenset({"3/1", "4.7/5", "4.8/11", "T/9"}))
