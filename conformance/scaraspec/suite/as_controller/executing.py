@@ -68,6 +68,13 @@ def executing(subject: Subject, line: Line, order: Order) -> Call:
     return call
 
 
+def is_idle(subject: Subject, line: Line) -> None:
+    """Tell it that the robot is idle: none that it takes for faulty need be moved."""
+    call = subject.begin("get_status")
+    line.serve(call, "00")
+    subject.settled(call)
+
+
 def renewed(subject: Subject, line: Line) -> Line:
     """A new connection in place of one that the client may end, at its leisure, after nonsense."""
     line.close()

@@ -4,7 +4,7 @@ Nothing forbids a client to ask for more than it was ordered to, as a window doe
 status ten times a second. Only requests that no case waits for are polls, and only queries, whose
 answer changes nothing, the clock's setting, which a client may do when it logs in, and a further
 login (A-4.1-2). Which answer a case gives is not known here; once it has given one, polls are told
-the same.
+the same, and once something was set, that it is so: a client may read back what it has set.
 """
 
 from collections import Counter
@@ -34,6 +34,18 @@ REPLIES: Final = {
 }
 """The document's own example of the reply to every query, with the bars that it lost (A-0-1)."""
 
+_TELLS: Final = {
+    "set_network": "get_network",
+    "set_time": "get_time",
+    "set_default_program": "get_default_program",
+    "set_gripper_center": "get_gripper_center",
+    "set_initial_tool_position": "get_initial_tool_position",
+}
+"""What sets something, and the query that is answered with the same text from then on."""
+
+_SET_OUTPUT: Final = "set_digital_output"
+_OUTPUTS: Final = "get_digital_outputs"
+_ANSWERED: Final = b"1|"
 _YES: Final = b"1"
 _MORE: Final = b"1"
 _AT_ONCE: Final = 16
@@ -62,6 +74,7 @@ class Polls:
         again = {"login": _YES} if self.logged_in else {}
         self.answers = {**REPLIES, "set_time": _YES, **again}
         self._open: Counter[str] = Counter()
+        self._asked: dict[str, FrameSeen] = {}
         self._running: set[str] = set()
 
     @property
@@ -73,6 +86,8 @@ class Polls:
         """A case has taken a request, and will answer it: what follows it waits its turn."""
         if seen.command and seen.command.asker is A2C:  # else it was the answer to a chunk
             self._open[seen.name] += 1
+        self._asked[seen.name] = seen
+        self._at_instant = 0
 
     def sent(self, seen: FrameSeen) -> None:
         """Something was sent to the client: polls are told the same from now on."""
@@ -86,10 +101,23 @@ class Polls:
         self._open[name] = max(self._open[name] - 1, 0)
         if name == "login":
             self.logged_in |= data == _YES
+        if data == _YES and name in self._asked:
+            self._set(self._asked.pop(name))
         if name in self.answers or name == "login":
             self.answers[name] = data
         elif seen.command and seen.command.two_stage and data == _YES:
             self._running.add(name)
+
+    def _set(self, seen: FrameSeen) -> None:
+        """A request was granted: what it set is told from now on."""
+        if seen.name in _TELLS:
+            self.answers[_TELLS[seen.name]] = seen.text
+        elif seen.name == _SET_OUTPUT and seen.value:
+            port, value = seen.value
+            told = bytearray(self.answers[_OUTPUTS])
+            if 1 <= port <= len(told) - len(_ANSWERED) and value in (0, 1):
+                told[-port] = ord(f"{value}")
+                self.answers[_OUTPUTS] = bytes(told)
 
     def next(self, heard: Iterable[FrameSeen], now_s: float) -> FrameSeen | None:
         """The first poll among requests that can be answered now."""
@@ -101,6 +129,7 @@ class Polls:
         for seen in heard:
             if seen.name in served and not self._open[seen.name] and not self._due(seen):
                 self._at_instant += 1
+                self._asked[seen.name] = seen
                 return seen
         return None
 

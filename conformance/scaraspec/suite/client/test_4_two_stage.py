@@ -23,6 +23,7 @@ from scaraspec.suite.as_controller.executing import (
     executing,
     failed,
     finished,
+    is_idle,
     ordered,
     refused,
     renewed,
@@ -246,6 +247,7 @@ def test_not_repeated_when_idle(subject: Subject, line: Line) -> None:
         _not_sent(line, RUN)
         line.result(RUN.name)
         finished(subject, call)
+        is_idle(subject, line)
 
 
 @client_case("4/16", name="reconnected")

@@ -86,6 +86,8 @@ def test_file_size(subject: Subject, line: Line) -> None:
 def test_position(subject: Subject, line: Line) -> None:
     """Every chunk of an upload stands at the byte offset that it tells."""
     for chunk in _chunks(subject, line, _WHOLE):
+        if chunk.data and _WHOLE.startswith(chunk.data, chunk.position):
+            continue  # a short chunk may stand elsewhere, too
         expected = _WHOLE.find(chunk.data) if chunk.data else -1
         expect_equal(chunk.position, expected, "position is not where the content belongs")
 

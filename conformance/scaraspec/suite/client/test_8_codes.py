@@ -8,6 +8,7 @@ from scaraspec.suite.as_controller.executing import (
     code_of,
     executing,
     failed,
+    is_idle,
     ordered,
     refused,
 )
@@ -37,6 +38,7 @@ def test_every_mask(subject: Subject, line: Line) -> None:
         line.serve(call, code)
         said = f"{subject.done(call)}"
         expect_equal(said.upper(), code, "the status that the client tells")
+        is_idle(subject, line)
         call = ordered(subject, line, order)
         line.reply(order.name, data=b"0|" + code.encode())
         refused(subject, call, code)
@@ -57,6 +59,7 @@ def test_small_letters(subject: Subject, line: Line) -> None:
             expect_in(f"{call.result}".upper(), (code,), f"the status that is told for {sent}")
         else:
             unknown = unknown or sent
+        is_idle(subject, line)
         call = ordered(subject, line, order)
         line.reply(order.name, data=b"0|" + sent.encode())
         refused(subject, call, code)

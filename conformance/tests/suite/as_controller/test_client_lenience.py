@@ -303,3 +303,35 @@ def _checked(value: T, right: object) -> T:
 def test_first_readings() -> None:
     """A client may follow any one of the readings that the register tolerates."""
     assert not wrong(Strict, frozenset({"3/1", "4.7/5", "4.8/11", "T/9"}))
+
+
+class Distrusts(AsyncClient):
+    """Reads back what it has set, and moves only while the last status that it saw is idle."""
+
+    _seen = "00"
+
+    async def get_status(self) -> Status:
+        status = await super().get_status()
+        self._seen = status.code
+        return status
+
+    async def run_program(self, name: str | bytes) -> None:
+        _checked(None, self._seen == "00")
+        await super().run_program(name)
+
+    async def set_gripper_center(self, x: float, y: float, z: float) -> None:
+        await super().set_gripper_center(x, y, z)
+        _checked(None, math.dist(await self.get_gripper_center(), (x, y, z)) < 0.01)
+
+    async def set_default_program(self, name: str | bytes) -> None:
+        await super().set_default_program(name)
+        _checked(None, await self.get_default_program() == name)
+
+    async def set_digital_output(self, port: int, value: int) -> None:
+        await super().set_digital_output(port, value)
+        _checked(None, (await self.get_digital_outputs())[-port] == f"{value}")
+
+
+def test_distrust() -> None:
+    """The robot that the suite plays is of one piece: what was set is told."""
+    assert not wrong(Distrusts, frozenset({"4.13/1", "4.20/1", "4.32/1", "8/6"}))
