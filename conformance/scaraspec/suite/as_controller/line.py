@@ -15,7 +15,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.polls import REPLIES, Polls
-from scaraspec.suite.expect import NoAnswer, NotRun, expect_equal
+from scaraspec.suite.expect import Declined, NoAnswer, NotRun, expect_equal
 from scaraspec.suite.wire import Answer, Wire
 
 if TYPE_CHECKING:
@@ -73,6 +73,11 @@ class Line(Wire):
         try:
             with self._subject.expecting(call):
                 request = self.awaited(wanted, patience_s, f"{name} was not sent")
+        except Declined as refusal:
+            self.finish()
+            if self.heard or self.noise:  # it has sent something else
+                raise self.no_answer(f"{refusal}") from None
+            raise
         except NoAnswer:
             if self._subject.access.attended and within_s is None and not self.over:
                 raise NotRun(f"the operator did not do it in {patience_s:g} s") from None
