@@ -142,7 +142,8 @@ def seven_numbers(seen: FrameSeen, scene: Scene) -> Judged | None:
     """The request holds seven numbers (L483-486); that the first is an integer is said next."""
     judged = _form(seen, scene, part="request", wrongs=_COUNT)
     notes = Notes()
-    for text in tidy(seen.frame.data, Notes()).split(b"|") if judged is PASSED else ():
+    texts = tidy(seen.frame.data, Notes()).removesuffix(b"|").split(b"|")  # A-T-4
+    for text in texts if judged is PASSED else ():
         _NUMBER.read(text.strip(b" "), notes)
     if not notes.complaints:
         return judged

@@ -121,9 +121,11 @@ def plain_numbers(seen: FrameSeen, _: Scene) -> Judged | None:
 
 @rule("T/6", on=FrameSeen, sender=A2C, payload=_is_opaque)
 def no_bar_in_names(seen: FrameSeen, _: Scene) -> Judged | None:
-    """Names and passwords of the client hold no bar (A-T-6)."""
-    payload = payload_of(seen)
-    if payload and seen.frame.data.count(b"|") >= len(payload.fields):
+    """Names and passwords of the client hold no bar (A-T-6); one may end a pair (A-T-4)."""
+    payload, data = payload_of(seen), seen.text
+    if payload and len(payload.fields) > 1:
+        data = data.removesuffix(b"|")
+    if payload and data.count(b"|") >= len(payload.fields):
         return _broken(seen, "a name or a password contains the separator '|'")
     return PASSED
 

@@ -85,8 +85,8 @@ _OPENINGS: Final[Mapping[str, str]] = {"upload": "upload_name", "download": "dow
 _CONTROL: Final = 0x20
 _DONE: Final = "11"
 _SHORTEST_BYTES: Final = 4  # start, opcode, length, end
-_ONE_DECIMAL: Final = re.compile(rb"-?[0-9]+\.[0-9]")
-_HALF_OF_IT: Final = 0.0501
+_FIXED: Final = re.compile(rb"-?[0-9]+\.([0-9]+)")
+_HALF_OF_IT: Final = 0.501  # of the last decimal
 _TURN_S: Final = 0.005
 
 
@@ -215,8 +215,10 @@ def expect_carries(
             )
     if _alike(decoded.value, value):
         return
-    if _with_one_decimal(command, data, value):
-        subject.tolerate("T/10", "num_format", "one-decimal", f"{name} has one decimal each")
+    decimals = _fixed_decimals(command, data, value)
+    if decimals:
+        key, option = ("num_format", "one-decimal") if decimals == 1 else ("A-T-5", f"{decimals}")
+        subject.tolerate("T/10", key, option, f"{name}: each number has {decimals} decimals")
         return
     wanted = command.request.encode(value, subject.dialect.replace(name_max="255"))
     raise Unmet(
@@ -242,18 +244,22 @@ def _alike(sent: Any, value: Any) -> bool:
     return bool(sent == value)
 
 
-def _with_one_decimal(command: Command, data: bytes, value: Any) -> bool:
-    """Whether these are the numbers that were ordered, each with one decimal (A-T-5)."""
+def _fixed_decimals(command: Command, data: bytes, value: Any) -> int:
+    """With how many decimals each all numbers were sent that were ordered; 0 if not so (A-T-5)."""
     numbers = [isinstance(field, Number) for field in command.request.fields]
     texts = data.rstrip(b"\0|").split(b"|")
     if not any(numbers) or len(texts) != len(numbers):
-        return False
-    return all(
-        _ONE_DECIMAL.fullmatch(text) and math.isclose(float(text), wanted, abs_tol=_HALF_OF_IT)
-        if is_number
-        else text == str(wanted).encode()
-        for is_number, text, wanted in zip(numbers, texts, value, strict=True)
-    )
+        return 0
+    counts = set()
+    for is_number, text, wanted in zip(numbers, texts, value, strict=True):
+        fixed = _FIXED.fullmatch(text)
+        if is_number and fixed:
+            counts.add(len(fixed[1]))
+            if abs(float(text) - wanted) > _HALF_OF_IT / 10 ** len(fixed[1]):
+                return 0
+        elif is_number or text != str(wanted).encode():
+            return 0
+    return counts.pop() if len(counts) == 1 else 0
 
 
 def answer(line: Line, name: str, request: Request) -> None:

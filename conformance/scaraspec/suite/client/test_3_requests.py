@@ -75,7 +75,7 @@ def _expect_frame(line: Line, call: Call, data: bytes) -> None:
     blame(line, of_length="3/6" if len(data) > _SIGNED else "3/7")
     frame = line.request(call.name, call).frame
     expect(
-        frame.data.rstrip(b"\0") == data,
+        frame.data.rstrip(b"|\0") == data,
         "the request carries another number of bytes, or others",
         expected=f"{len(data)} bytes",
         observed=f"{len(frame.data)} bytes",

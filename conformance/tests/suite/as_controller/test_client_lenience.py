@@ -335,3 +335,24 @@ class Distrusts(AsyncClient):
 def test_distrust() -> None:
     """The robot that the suite plays is of one piece: what was set is told."""
     assert not wrong(Distrusts, frozenset({"4.13/1", "4.20/1", "4.32/1", "8/6"}))
+
+
+class WritesColumns(ClientCore):
+    """Numbers have two decimals (A-T-5), and a bar stands behind each field (A-T-4)."""
+
+    _SEVERAL = (0x03, 0x05, 0x35, 0x39)
+    _POINT = 0x35
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        super()._send(map(self._written, frames))
+
+    def _written(self, frame: Frame) -> Frame:
+        data = frame.data + b"|" * (frame.opcode in self._SEVERAL)
+        if frame.opcode == self._POINT:
+            data = b"".join(b"%.2f|" % float(text) for text in frame.data.split(b"|"))
+        return frame._replace(data=data)
+
+
+def test_columns() -> None:
+    """Fixed decimals and a bar at the end are only told."""
+    assert not wrong(WritesColumns, frozenset({"4.2/1", "4.24/1", "T/5", "T/6"}))
