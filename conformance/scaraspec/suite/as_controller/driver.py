@@ -94,7 +94,7 @@ class Driver:
                 raise DriverBabblesError("the driver goes on writing what answers nothing")
             self._held += data
             *lines, self._held = self._held.split(b"\n")
-            for line in lines:
+            for line in filter(bytes.strip, lines):
                 self._take(line)
 
     def wait(self, call: Call, within_s: float) -> Call:
@@ -167,6 +167,7 @@ class Driver:
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
         self._output.close()
+        self._stderr.close()
 
     @property
     def stderr(self) -> str:

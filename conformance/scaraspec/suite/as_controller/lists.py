@@ -7,7 +7,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.expect import NoAnswer
 
-_FETCH_S: Final = 0.05
+_FETCH_S: Final = 1.0
 
 
 def list_of(*names: str | bytes, per_part: int, bar: bytes = b"|") -> list[bytes]:

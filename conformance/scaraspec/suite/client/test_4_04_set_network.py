@@ -15,7 +15,7 @@ from scaraspec.suite.expect import Declined
 
 _addresses: Final = st.ip_addresses(v=4, network="10.0.0.0/8").map(str)
 _MASKS: Final = ("255.0.0.0", "255.255.0.0", "255.255.255.0", "255.255.255.252")
-_READ_S: Final = 0.05
+_READ_S: Final = 1.0
 
 
 @client_case("4.4/1")
@@ -53,7 +53,7 @@ def _lose(subject: Subject, line: Line, *, cut: bool) -> None:
     call, _ = ask(subject, line, "set_network")
     line.reply("set_network", data=b"1")
     if cut:
-        line.wait(_READ_S)  # a cut takes with it what has not been read
+        subject.speaks(call, _READ_S)  # a cut takes with it what has not been read
         line.reset()
     else:
         line.close()

@@ -218,6 +218,8 @@ class WritesInPieces(AsyncClient):
 def test_requests_in_pieces() -> None:
     """What has come in part is waited for, though the operation is said to be over."""
     assert not wrong(WritesInPieces, frozenset({"5.1/2", "5.3/5"}))
+    fetching = DEFAULT.replace(list_cont="request")
+    assert not wrong(WritesInPieces, frozenset({"4.10/12"}), fetching)
 
 
 def _network_of(value: Network) -> IPv4Network:
