@@ -236,6 +236,7 @@ class Upload:
 
     def expect_done(self) -> None:
         """The upload has to be over, and done; see `expect_done`."""
+        give_back(self._subject, self._line, self.call, self._content)
         expect_done(self._subject, self.call)
 
     def expect_failed(self, requirement: str = "5.2/19") -> None:
@@ -262,6 +263,20 @@ class Upload:
             requirement="5.2/20",
         )
         return chunk
+
+
+def give_back(subject: Subject, line: Line, call: Call, content: bytes) -> None:
+    """Serve a client that fetches what it has just sent, to compare it (A-5-21)."""
+    deadline_s = subject.access.now_s + subject.answer_s
+    while not (subject.access.attended or line.over or subject.speaks(call, _SLICE_S)):
+        if subject.access.now_s >= deadline_s:
+            break
+        if any(seen.name == "download_name" for seen in line.heard):
+            line.request("download_name")
+            line.reply("download_name")
+            for chunk in chunks_of(content):
+                line.chunk(chunk)
+                line.request("download_chunk")
 
 
 def take(subject: Subject, line: Line, content: bytes, remote: str = "") -> None:

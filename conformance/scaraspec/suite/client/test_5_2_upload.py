@@ -24,6 +24,7 @@ from scaraspec.suite.as_controller.files import (
     expect_failed,
     expect_no_transfer,
     fetch,
+    give_back,
     reaction,
     serve,
     serving,
@@ -62,6 +63,7 @@ def _take_one_byte(subject: Subject, line: Line, call: Call) -> None:
     line.reply("upload_name")
     chunk_of(line.request("upload_chunk", call))
     line.reply("upload_chunk")
+    give_back(subject, line, call, b"!")
     expect_done(subject, call)
 
 

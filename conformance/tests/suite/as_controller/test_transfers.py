@@ -67,6 +67,24 @@ class Polls(AsyncClient):
         return path
 
 
+class Verifies(AsyncClient):
+    """Fetches what it has sent, and compares it (A-5-21)."""
+
+    async def upload(
+        self,
+        local: str | PathLike[str],
+        remote: Text | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        await super().upload(local, remote, progress)
+        if await self.download_bytes(str(remote)) != _content(Path(local)):
+            raise TransferFailed("upload", "it is another file there")
+
+
+def _content(path: Path) -> bytes:
+    return path.read_bytes()
+
+
 class KeepsParts(AsyncClient):
     """Of a download that broke off an empty file stays."""
 
@@ -201,8 +219,8 @@ class OneAtATime(MemoryClient):
         return InTurn(self._take, make)
 
 
-def _verdicts(access: MemoryClient) -> dict[str, str]:
-    options = Options(only=ONLY, allowed=ALL, undefined=True, examples=3)
+def _verdicts(access: MemoryClient, only: frozenset[str] = ONLY) -> dict[str, str]:
+    options = Options(only=only, allowed=ALL, undefined=True, examples=3)
     with closing(access):
         results = Run(ClientSetting(access, Statement(), options)).results()
     return {
@@ -238,3 +256,8 @@ def test_no_false_alarm(make: type[AsyncClient], *, tolerated: bool) -> None:
 def test_one_thing_at_a_time() -> None:
     """A driver that does one thing at a time passes all that any other does."""
     assert not _verdicts(OneAtATime(AsyncClient, DEFAULT))
+
+
+def test_verifies() -> None:
+    """A client may fetch what it has just sent."""
+    assert not _verdicts(MemoryClient(Verifies, DEFAULT), frozenset({"5.2/13", "5.2/18"}))
