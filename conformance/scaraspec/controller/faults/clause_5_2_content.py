@@ -1,5 +1,6 @@
 """Faults of clause 5.2: what is stored of an upload, its bytes and its size."""
 
+from abc import ABC, abstractmethod
 from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar
@@ -269,15 +270,15 @@ class LosesTheEndOfHalfAChunk(AltersContent):
         return content[:-2] + content[:-3:-1] if 60 <= rest <= 110 else content
 
 
-class _Bounded(Receiver):
+class _Bounded(Receiver, ABC):
     """Refuses some chunks."""
 
     def _problem(self, chunk: Chunk) -> str:
         return "it is too large" if self.refuses(chunk) else super()._problem(chunk)
 
+    @abstractmethod
     def refuses(self, chunk: Chunk) -> bool:
         """Whether there is no room for such a chunk."""
-        raise NotImplementedError
 
 
 class _SixteenBits(_Bounded):
