@@ -118,15 +118,19 @@ def run(folder: Path, exchanges: int, rotate: Rotate) -> None:
     soak = Soak(folder, rotate)
     collect_rarely()
     written, points, busy_s = 0, 0, 0.0
+    resident: list[int] = []
     for now_ns, frames in groupby(traffic.poll(_START_NS, exchanges, PER_SECOND), _tick):
         passed = tuple(frames)
         before_s = time.process_time()
         soak.pass_on(now_ns, passed)
         busy_s += time.process_time() - before_s
         written += sum(sent.direction is A2C for sent in passed)
+        resident.append(_resident_bytes())
         if written * POINTS >= exchanges * (points + 1):
             points += 1
-            _say(f"  after {written:9} exchanges: {_resident_bytes() / _MIB:6.1f} MiB resident")
+            least, most = min(resident) / _MIB, max(resident) / _MIB
+            _say(f"  up to {written:9} exchanges: {least:6.1f} to {most:6.1f} MiB resident")
+            resident.clear()
     before_s = time.process_time()
     soak.finish()
     busy_s += time.process_time() - before_s
