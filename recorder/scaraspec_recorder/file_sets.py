@@ -191,6 +191,7 @@ class FileSet:
         """
         for output in self._outputs:
             output.close({**summary, **self._tally.words})
+        self._outputs = ()  # the drawing may wait for long to be optimized
         if self._shelf.draw:
             self.optimized = optimize_later(self._paths[-1])
         else:

@@ -122,13 +122,6 @@ class McapSink:
         self._dirty = False
         self._joints: tuple[int, tuple[float, ...]] | None = None
         self._latencies = Latencies()
-        self._take: dict[type, Callable[[Any, int], None]] = {
-            FrameSeen: self._frame,
-            Exchange: self._exchange,
-            Undecodable: self._undecodable,
-            Transfer: self._transfer,
-            Finding: self._finding,
-        }
         self._writer.metadata(SESSION, {"tool": tool, **(session or {})})
         self._writer.flush()
 
@@ -147,8 +140,8 @@ class McapSink:
 
     def take(self, item: Item, number: int, line: Line | None) -> None:
         """Write what a raw event brought about."""
-        if take := self._take.get(type(item)):
-            take(item, number)
+        if take := self._TAKE.get(type(item)):
+            take(self, item, number)
         if line and line.level != wording.Level.DEBUG:
             self._add("/log", foxglove.log(self._now_ns, *line))
 
@@ -290,6 +283,15 @@ class McapSink:
             places=tuple(wording.place_text(place) for place in finding.evidence),
         )
         self._add("/findings", data)
+
+    # Functions, for with methods of its own a sink would refer to itself, and outlive its file.
+    _TAKE: Final[Mapping[type, Callable[["McapSink", Any, int], None]]] = {
+        FrameSeen: _frame,
+        Exchange: _exchange,
+        Undecodable: _undecodable,
+        Transfer: _transfer,
+        Finding: _finding,
+    }
 
 
 def _raw(event: WireEvent) -> tuple[str, bytes]:

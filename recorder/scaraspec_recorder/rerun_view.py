@@ -77,17 +77,6 @@ class RerunSink:
         self._latencies = Latencies()
         self._tool: arm_model.Vector | None = None
         self._links: dict[str, str] = {}  # the entity of each link of the arm, once it is drawn
-        self._drawers: dict[str, Callable[[Exchange], None]] = {
-            "get_status": self._status,
-            "get_running_program": self._program,
-            "get_motor_temperatures": self._temperatures,
-            "get_joint_angles": self._joints,
-            "get_tool_coordinates": self._tool_pose,
-            "get_digital_inputs": self._inputs,
-            "get_digital_outputs": self._outputs,
-            "set_digital_output": self._output,
-            "get_analog_input": self._analog,
-        }
         for entity, style in blueprint.styles():
             stream.log(entity, style, static=True)
         known: dict[str, Any] = {"tool": f"scaraspec {version('scaraspec')}", **self._session}
@@ -244,11 +233,11 @@ class RerunSink:
         if exchange.name in ("upload_name", "download_name") and exchange.transfer:
             what = "upload" if exchange.transfer.upload else "download"
             self._state(blueprint.TRANSFER, f"{what} {show(exchange.transfer.name)}")
-        drawer = self._drawers.get(exchange.name)
+        drawer = self._DRAWERS.get(exchange.name)
         if exchange.answer is None and exchange.name != "get_running_program":
             return  # a refusal; but that no program runs is a state
         if drawer and exchange.reply and not wording.complaints(exchange.reply):
-            drawer(exchange)
+            drawer(self, exchange)
 
     def _transfer(self, transfer: Transfer) -> None:
         self._state(blueprint.TRANSFER, "")
@@ -322,6 +311,19 @@ class RerunSink:
     def _analog(self, exchange: Exchange) -> None:
         if exchange.asked in _PORTS:
             self._put(blueprint.analog_series(exchange.asked), rerun_rows.scalars, exchange.answer)
+
+    # Functions, for with methods of its own a sink would refer to itself, and outlive its file.
+    _DRAWERS: Final[Mapping[str, Callable[["RerunSink", Exchange], None]]] = {
+        "get_status": _status,
+        "get_running_program": _program,
+        "get_motor_temperatures": _temperatures,
+        "get_joint_angles": _joints,
+        "get_tool_coordinates": _tool_pose,
+        "get_digital_inputs": _inputs,
+        "get_digital_outputs": _outputs,
+        "set_digital_output": _output,
+        "get_analog_input": _analog,
+    }
 
 
 @contextmanager

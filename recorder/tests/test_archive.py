@@ -1,7 +1,9 @@
 """A recorder that is left running for weeks: rotation, incidents and room on the disk together."""
 
+import gc
 import json
 import pickle
+from collections import Counter
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
@@ -12,8 +14,10 @@ import pytest
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C
 from scaraspec_recorder.archive import Archive, archive_sink
+from scaraspec_recorder.mcap_file import McapSink
 from scaraspec_recorder.mcap_reading import read_mcap
 from scaraspec_recorder.quantities import SECOND_NS
+from scaraspec_recorder.rerun_view import RerunSink
 from scaraspec_recorder.retention import PERIOD_NS, parse_keep
 from scaraspec_recorder.rotation import parse_rotate
 from scaraspec_recorder.sinks import Folder, Sink, SinkFailed
@@ -50,6 +54,11 @@ class Recorder:
         return [json.loads(line) for line in lines]
 
 
+def sinks() -> list[McapSink | RerunSink]:
+    """Those that there are in this process."""
+    return [each for each in gc.get_objects() if type(each) in (McapSink, RerunSink)]
+
+
 def payload(paths: Iterable[Path]) -> bytes:
     return b"".join(event.data for path in paths for event in read_mcap(path))
 
@@ -65,6 +74,22 @@ def test_files_and_incidents_lie_side_by_side(tmp_path: Path, shift: list[WireEv
     assert len(incidents) == 1
     assert len(files) > 2
     assert payload(tmp_path / name for name in files) == b"".join(event.data for event in shift)
+
+
+def test_a_file_that_has_ended_is_forgotten_at_once(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Nothing waits for the collector, which a scribe seldom runs."""
+    recorder = Recorder(tmp_path, Archive("cell 2", rotate=parse_rotate("1s")), shift[0].time_ns)
+    gc.collect()
+    gc.disable()
+    try:
+        others = sinks()
+        recorder.feed(shift)
+        kinds = Counter(type(sink) for sink in sinks() if sink not in others)
+    finally:
+        gc.enable()
+    recorder.sink.close()
+    assert len(list(tmp_path.glob("*.mcap"))) > 2
+    assert kinds == {McapSink: 1, RerunSink: 1}
 
 
 def test_triggers_alone_write_nothing_else(tmp_path: Path, shift: list[WireEvent]) -> None:

@@ -4,6 +4,7 @@ Law: how they are filled, not when.
 """
 
 from collections.abc import Iterable
+from functools import cache
 from math import cos, radians, sin
 from typing import Any, Final
 
@@ -28,6 +29,7 @@ _LEVELS: Final = {
 _NS: Final = 1_000_000_000
 
 
+@cache
 def descriptor_set(name: str) -> bytes:
     """The FileDescriptorSet of `LOG` or `TRANSFORMS`, with all that it depends on."""
     found = FileDescriptorSet()
