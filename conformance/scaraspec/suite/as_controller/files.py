@@ -25,6 +25,7 @@ from scaraspec.suite.wire import Answer
 _TRANSFER: Final = range(0x50, 0x57)
 _SLICE_S: Final = 0.05  # between two looks at what the client says
 _RETRIES: Final = 20
+_CARRIED_S: Final = 0.1  # by what was sent before its sender said that it was done
 _GRACE_S: Final = 0.5  # until what it has given up is told
 
 
@@ -42,7 +43,7 @@ def reaction(
     told = False
     while True:
         if call.answer is not None and not told:
-            told, left_s = True, min(left_s, subject.silence_s)
+            told, left_s = True, min(left_s, _CARRIED_S)
         last = line.over or left_s <= 0
         with suppress(NoAnswer):
             return line.request(command, within_s=min(_SLICE_S, max(left_s, 0)))
