@@ -205,6 +205,11 @@ class Wire:
         return self._streams[self._ours].held_bytes > 0
 
     @property
+    def unfinished(self) -> bool:
+        """Whether a frame has come in part, of which the rest may follow."""
+        return self._streams[self._theirs].held_bytes > 0
+
+    @property
     def over(self) -> bool:
         """Whether it has been ended, by whomever."""
         return self.closed or self.ending is not None

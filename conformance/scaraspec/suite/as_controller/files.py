@@ -25,7 +25,6 @@ from scaraspec.suite.wire import Answer
 _TRANSFER: Final = range(0x50, 0x57)
 _SLICE_S: Final = 0.05  # between two looks at what the client says
 _RETRIES: Final = 20
-_CARRIED_S: Final = 0.1  # by what was sent before its sender said that it was done
 _GRACE_S: Final = 0.5  # until what it has given up is told
 
 
@@ -37,17 +36,17 @@ def reaction(
 ) -> Answer | None:
     """Wait for a request; None if it does not come, or not soon after the operation is said over.
 
-    The network may still carry what the client sent before it said so.
+    The network may still carry the rest of what the client sent before it said so.
     """
     left_s = subject.answer_s if within_s is None else within_s
-    told = False
     while True:
-        if call.answer is not None and not told:
-            told, left_s = True, min(left_s, _CARRIED_S)
+        told = call.answer is not None
+        if told:
+            left_s = min(left_s, subject.silence_s)
         last = line.over or left_s <= 0
         with suppress(NoAnswer):
             return line.request(command, within_s=min(_SLICE_S, max(left_s, 0)))
-        if last:
+        if last or (told and not line.unfinished):
             return None
         left_s -= _SLICE_S
 

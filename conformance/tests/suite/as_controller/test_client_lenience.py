@@ -211,7 +211,7 @@ class WritesInPieces(AsyncClient):
             self._free_s = max(self._free_s, loop.time())
             for piece in (data[:1], data[1:3], data[3:]):
                 loop.call_at(self._free_s, self._transport.write, piece)
-                self._free_s += 0.02
+                self._free_s += 0.06
         super()._stir()
 
 
