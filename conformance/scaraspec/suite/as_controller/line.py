@@ -85,7 +85,7 @@ class Line(Wire):
         finally:
             self._wanted = _nothing
         self.polls.taken(request.seen)
-        self._subject.came(name)
+        self._subject.came(name, call)
         return request
 
     def _receive(self, deadline_s: float) -> bool:

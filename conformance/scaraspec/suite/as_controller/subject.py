@@ -218,12 +218,12 @@ class Subject:
             and seen.value not in order.values.values()
         )
 
-    def came(self, name: str) -> None:
-        """The request of the oldest order of this name has come."""
-        for order in self._orders:
-            if order.name == name and not order.came:
-                order.came = True
-                break
+    def came(self, name: str, order: Call | None) -> None:
+        """The request of this order has come, or else of the oldest one of this name."""
+        waiting = (each for each in self._orders if each.name == name and not each.came)
+        order = order or next(waiting, None)
+        if order is not None:
+            order.came = True
 
     @contextmanager
     def expecting(self, call: Call | None) -> Iterator[None]:
@@ -291,8 +291,10 @@ class Subject:
         call = self._expected
         if call is not None and call.answer is not None:
             _not_lacking(call)
-            early = Declined if call.failed else Unmet
-            raise early(
+            if call.failed and not call.came:
+                message = f"the client refuses {call.name} by itself"
+                raise Declined(message, expected="it is sent", observed=f"{call}")
+            raise Unmet(
                 f"the client says that {call.name} is over before it can be",
                 expected="the operation goes on",
                 observed=f"{call}",
@@ -392,6 +394,14 @@ class Subject:
     def tolerate(self, requirement: str, key: str, option: str, message: str) -> None:
         """The client follows a listed reading, or does what the register only warns of."""
         self.tolerated.append((requirement, key, option, message))
+
+    @contextmanager
+    def may_decline(self) -> Iterator[None]:
+        """What is ordered in here no sentence asks for: a client that refuses it is told of."""
+        try:
+            yield
+        except Declined as refusal:
+            self.tolerate("", "refused", refusal.observed, f"{refusal}")
 
     # ------------------------------------------------------------------ what it can do
 

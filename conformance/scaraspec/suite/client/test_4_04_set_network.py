@@ -1,6 +1,5 @@
 """4.4: setting the network."""
 
-from contextlib import suppress
 from typing import Final
 
 from hypothesis import example, given
@@ -11,7 +10,6 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
-from scaraspec.suite.expect import Declined
 
 _addresses: Final = st.ip_addresses(v=4, network="10.0.0.0/8").map(str)
 _MASKS: Final = ("255.0.0.0", "255.255.0.0", "255.255.255.0", "255.255.255.252")
@@ -34,7 +32,7 @@ def test_addresses(subject: Subject, line: Line) -> None:
     @example("192.168.100.200", "255.255.255.128", "192.168.100.254")
     @given(_addresses, st.sampled_from(_MASKS), _addresses)
     def each(ip: str, mask: str, gateway: str) -> None:
-        with suppress(Declined):
+        with subject.may_decline():
             call, _ = ask(subject, line, "set_network", Network(ip, mask, gateway))
             line.reply("set_network", data=b"0")
             subject.fails(call)

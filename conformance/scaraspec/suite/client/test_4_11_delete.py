@@ -1,6 +1,5 @@
 """4.11: deleting a program."""
 
-from contextlib import suppress
 from typing import Final
 
 from hypothesis import example, given
@@ -9,7 +8,6 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
-from scaraspec.suite.expect import Declined
 from scaraspec.suite.strategies import names
 
 _NAMES: Final = (b"a", b"PRO1.TXT", b"pro1", b"my program.rob", b"pro1.2.txt", b"0123456789" * 3)
@@ -32,7 +30,7 @@ def test_names(subject: Subject, line: Line) -> None:
 
     @given(names)
     def each(name: bytes) -> None:
-        with suppress(Declined):
+        with subject.may_decline():
             call, _ = ask(subject, line, "delete_program", name)
             line.reply("delete_program", data=b"1")
             subject.done(call)

@@ -4,7 +4,6 @@ from hypothesis import example, given
 
 from scaraspec.suite.as_controller.executing import finished
 from scaraspec.suite.as_controller.line import Line
-from scaraspec.suite.as_controller.sending import request_unless_refused
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.expect import expect_equal
@@ -29,13 +28,12 @@ def test_names(subject: Subject, line: Line) -> None:
     @given(names)
     def each(name: bytes) -> None:
         call = subject.begin("simulate_program", name=name.decode())
-        request = request_unless_refused(line, call)
-        if request is None:
-            return
-        expect_equal(request.seen.text, name, "the program that is simulated")
-        line.reply("simulate_program", data=b"1")
-        line.result("simulate_program")
-        finished(subject, call)
+        with subject.may_decline():
+            request = line.request("simulate_program", call)
+            expect_equal(request.seen.text, name, "the program that is simulated")
+            line.reply("simulate_program", data=b"1")
+            line.result("simulate_program")
+            finished(subject, call)
 
     call = subject.begin("run_program", name="former.rob")
     line.serve(call, data=b"1")

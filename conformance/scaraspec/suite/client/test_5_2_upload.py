@@ -5,7 +5,6 @@ A file arrives whole or is told as failed: what the client says is checked as mu
 
 import itertools
 from collections.abc import Callable
-from contextlib import suppress
 
 import pytest
 from hypothesis import example, given
@@ -36,7 +35,7 @@ from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
-from scaraspec.suite.expect import Declined, expect, expect_equal, expect_in
+from scaraspec.suite.expect import expect, expect_equal, expect_in
 from scaraspec.suite.strategies import NAME_CHARACTERS
 
 _WHOLE = content_of(650)
@@ -83,7 +82,7 @@ def test_upload(subject: Subject, line: Line) -> None:
 @example(name="a" * 26 + ".rob")
 def test_names(subject: Subject, line: Line, name: str) -> None:
     """An upload begins with its name, whatever the file is called at home."""
-    with suppress(Declined):
+    with subject.may_decline():
         take(subject, line, b"!", name)
 
 

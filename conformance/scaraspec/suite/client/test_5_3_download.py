@@ -1,7 +1,6 @@
 """Clause 5.3: a file from the controller (0x54, 0x56; L765-787), and what is on the disk then."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -23,7 +22,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.contents import content_of
-from scaraspec.suite.expect import Declined, expect, expect_equal
+from scaraspec.suite.expect import expect, expect_equal
 from scaraspec.suite.strategies import NAME_CHARACTERS
 
 _WHOLE = content_of(650)
@@ -50,7 +49,7 @@ def _sent(subject: Subject, line: Line, count: int) -> Download:
 @example(name="a" * 26 + ".rob")
 def test_names(subject: Subject, line: Line, name: str) -> None:
     """A download asks for the name in its real length, wherever the file is to be put."""
-    with suppress(Declined):
+    with subject.may_decline():
         download = Download(subject, line, name)
         download.promise()
         download.give(Chunk(1, 0, 1, b"!"))

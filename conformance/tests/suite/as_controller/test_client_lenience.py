@@ -30,6 +30,7 @@ from scaraspec.protocol.commands import (
 from scaraspec.protocol.errors import RESERVED, lookup
 from scaraspec.protocol.frames import Found, Frame, Skipped
 from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.report.model import Case
 from scaraspec.suite.as_controller.setting import ClientSetting
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run
@@ -109,13 +110,13 @@ class TakesNamesFromLists(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-def wrong(
+def certify(
     make: type[AsyncClient] | type[ClientCore],
     only: frozenset[str],
     dialect: Dialect = DEFAULT,
     driver: type[Driver] = Driver,
-) -> dict[str, str]:
-    """The cases that neither pass nor are tolerated."""
+) -> tuple[Case, ...]:
+    """What came of the cases of these requirements."""
     shell = make if issubclass(make, AsyncClient) else type("Made", (AsyncClient,), {"core": make})
 
     class Access(MemoryClient):
@@ -129,7 +130,18 @@ def wrong(
         options = Options(only=only, allowed=ALL, examples=3, exhaustive=True)
         results = Run(ClientSetting(access, Statement(), options)).results()
     assert results.cases
-    return {case.id: case.message for case in results.cases if case.verdict not in GOOD}
+    return results.cases
+
+
+def wrong(
+    make: type[AsyncClient] | type[ClientCore],
+    only: frozenset[str],
+    dialect: Dialect = DEFAULT,
+    driver: type[Driver] = Driver,
+) -> dict[str, str]:
+    """The cases that neither pass nor are tolerated."""
+    cases = certify(make, only, dialect, driver)
+    return {case.id: case.message for case in cases if case.verdict not in GOOD}
 
 
 @pytest.mark.parametrize("make", [Flushes, GivesUp, RefusesLongNames, TakesNamesFromLists])
@@ -255,9 +267,29 @@ class Careful(ClientCore):
 
 
 def test_values_that_a_client_refuses() -> None:
-    """A client may refuse by itself what the document does not ask it to send."""
+    """A client may refuse by itself what the document does not ask it to send, and is told of."""
     only = frozenset({"4.2/1", "4.4/1", "4.11/1", "4.24/1", "5.2/1", "7/2"})
-    assert not wrong(Careful, only)
+    cases = {case.id: case for case in certify(Careful, only)}
+    assert not [case.id for case in cases.values() if case.verdict not in GOOD]
+    refused = cases["4.11/1.names"]
+    assert refused.verdict is Verdict.TOLERATED
+    assert refused.message == "the client refuses delete_program by itself"
+    assert "a strange name" in refused.observed
+
+
+class StopsMidway(Careful):
+    """Thinks of what it refuses only when the robot has said yes to the name."""
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        made = ClientCore.upload(self, name, content)
+        if not self._NAME.fullmatch(name):
+            made.abort()
+        return made
+
+
+def test_refusing_too_late() -> None:
+    """An upload that was begun is no longer to be refused."""
+    assert "5.2/1.drawn" in wrong(StopsMidway, frozenset({"5.2/1"}))
 
 
 class Strict(AsyncClient):
