@@ -7,16 +7,13 @@ from collections.abc import Callable, Collection
 from typing import Any, Final
 
 from scaraspec.judgement.happenings import Ending, Exchange
+from scaraspec.judgement.rounding import reads_back
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
 from scaraspec.judgement.rules.text import observed
 from scaraspec.judgement.scene import Scene
 
 PROGRAMS: Final = ("run_program", "simulate_program")
 """A program's file holds positions of its own (A-6.3-3)."""
-_ROUNDED: Final = 0.051
-"""A controller that keeps one decimal rounds by so much (A-T-5)."""
-_SINGLE: Final = 0.0005
-"""One that keeps numbers in 32 bits, and tells them to the last digit, is off by so much."""
 
 
 def in_force(setter: str, x: Exchange, scene: Scene) -> Exchange | None:
@@ -124,13 +121,7 @@ def _is_for_the_other_opcode(x: Exchange, scene: Scene) -> bool:
 
 
 def _same_numbers(setting: Exchange, answer: Any, count: int) -> bool:
-    """Equal to the last decimal, where it is the first; else as far as one decimal says."""
-    texts = setting.request.text.split(b"|")
-    pairs = zip(texts[:count], setting.asked[:count], answer[:count], strict=True)
-    return all(
-        abs(got - value) <= (_ROUNDED if len(text.partition(b".")[2]) > 1 else _SINGLE)
-        for text, value, got in pairs
-    )
+    return all(map(reads_back, answer[:count], setting.asked[:count]))
 
 
 @rule("4.20/3", on=Exchange, names=("get_gripper_center",))

@@ -1,14 +1,9 @@
 """Poses: the gripper centre and the initial tool position, as they are read and set (4.19-4.22)."""
 
+from scaraspec.judgement.rounding import reads_back
 from scaraspec.protocol.commands import Point, Pose
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.expect import Unmet, expect
-
-ROUNDED = 0.051
-"""By how much a subject may be off that keeps one decimal of several (A-T-5)."""
-
-_SINGLE = 0.0005
-"""By how much one may be off that keeps numbers in 32 bits and tells them to the last digit."""
 
 
 def gripper_of(line: Line) -> Point:
@@ -45,12 +40,8 @@ def expect_numbers(
     Raises:
         Unmet: They differ.
     """
-    same = all(
-        abs(got - value) <= (_SINGLE if round(value, 1) == value else ROUNDED)
-        for got, value in zip(shown, wanted, strict=True)
-    )
     expect(
-        same,
+        all(map(reads_back, shown, wanted)),
         message,
         expected="|".join(f"{value:g}" for value in wanted),
         observed="|".join(f"{value:g}" for value in shown),

@@ -45,24 +45,14 @@ class Closes(AsyncClient):
 class Polls(AsyncClient):
     """Asks for the status before and the list of programs behind each transfer."""
 
-    async def upload(
-        self,
-        local: str | PathLike[str],
-        remote: Text | None = None,
-        progress: Progress | None = None,
-    ) -> None:
+    async def upload(self, *where: Any, **more: Any) -> None:
         await self.get_status()
-        await super().upload(local, remote, progress)
+        await super().upload(*where, **more)
         await self.list_programs()
 
-    async def download(
-        self,
-        remote: Text,
-        local: str | PathLike[str] | None = None,
-        progress: Progress | None = None,
-    ) -> Path:
+    async def download(self, *where: Any, **more: Any) -> Path:
         await self.get_status()
-        path = await super().download(remote, local, progress)
+        path = await super().download(*where, **more)
         await self.list_programs()
         return path
 
@@ -70,12 +60,7 @@ class Polls(AsyncClient):
 class Verifies(AsyncClient):
     """Fetches what it has sent, and compares it (A-5-21)."""
 
-    async def upload(
-        self,
-        local: str | PathLike[str],
-        remote: Text | None = None,
-        progress: Progress | None = None,
-    ) -> None:
+    async def upload(self, local: Any, remote: Any = None, progress: Any = None) -> None:
         await super().upload(local, remote, progress)
         if await self.download_bytes(str(remote)) != _content(Path(local)):
             raise TransferFailed("upload", "it is another file there")
