@@ -162,12 +162,15 @@ class Dialogue:
         asker = command.asker if command else A2C
         if item.frame.tagged:
             yield from self._result(item)
-        elif refuses_an_answer(item.frame):
+        elif refuses_an_answer(item.frame) and self._is_stray(item):
             pass  # nothing is awaited, nor was this
         elif direction is asker:
             yield from self._request(item)
         else:
             yield from self._reply(item)
+
+    def _is_stray(self, refusal: FrameSeen) -> bool:
+        return self._transfers.refused() or not self._certain(refusal)
 
     def _request(self, seen: FrameSeen) -> Iterator[Happening]:
         exchange = Exchange(
@@ -191,6 +194,8 @@ class Dialogue:
 
     def _reply(self, seen: FrameSeen) -> Iterator[Happening]:
         exchange = self._waiting.match(seen)
+        if seen.name == "download_chunk":
+            self._transfers.answered(exchange, seen.place.time_ns)
         if exchange is None:
             if self._listing and seen.name == self._listing.name:
                 yield from self._list_part(self._listing, seen)

@@ -19,6 +19,7 @@ NAMES: Final = ("upload_name", "download_name")
 CHUNKS: Final = ("upload_chunk", "download_chunk")
 
 _NS: Final = 1_000_000_000
+_SURVIVED: Final = 25 / 30  # of the time-out: who is answered later may have given it up (A-5-13)
 _CONTENT_LIMIT_BYTES: Final = 16 * 2**20
 _MOST_RESUMPTIONS: Final = 16  # each copies the content
 
@@ -30,7 +31,10 @@ _DOUBT: Final = "bytes of the capture are missing, or a fault was injected"
 
 
 def refuses_an_answer(frame: Frame) -> bool:
-    """Whether a controller says with it that it awaits no answer to a chunk (A-5-16)."""
+    """Whether a controller says with it that it awaited no answer to a chunk (A-5-16).
+
+    Where it did await one, or there was none, it is a chunk that is no chunk.
+    """
     is_0x56 = frame.opcode == BY_NAME["download_chunk"].opcode and not frame.tagged
     return is_0x56 and frame.direction is C2A and frame.data == b"0"
 
@@ -66,6 +70,7 @@ class TransferTracker:
         self._scene = scene
         timeout_s = dialect.seconds("xfer_timeout")
         self._timeout_ns = 2 * int((timeout_s if timeout_s is not None else 1e9) * _NS)
+        self._strays = 0  # answers to no chunk, each of which may be refused
         self._named: dict[bool, _Course] = {}  # by whether it is an upload; not answered yet
         self._active: _Course | None = None
         self._before: dict[bool, _Course] = {}
@@ -129,6 +134,17 @@ class TransferTracker:
                 if not active.transfer.upload and not active.transfer.differs_in:
                     self._compare(active.transfer, exchange.request, exchange.chunk)
                 yield from self._acknowledged(active.transfer, exchange.chunk, time_ns)
+
+    def answered(self, exchange: Exchange | None, time_ns: int) -> None:
+        """An answer to this chunk was sent, or one to none."""
+        if exchange is None or time_ns - exchange.time_ns > _SURVIVED * self._timeout_ns / 2:
+            self._strays += 1
+
+    def refused(self) -> bool:
+        """An answer was refused: whether one was sent that nobody need have awaited."""
+        stray = self._strays > 0
+        self._strays -= stray
+        return stray
 
     def _compare(self, transfer: Transfer, seen: FrameSeen, chunk: Chunk) -> None:
         """Hold a chunk of a download against what was uploaded under its name."""

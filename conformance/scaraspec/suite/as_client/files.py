@@ -27,6 +27,10 @@ _MOST_BYTES: Final = 2**20
 _MOST_CHUNKS: Final = 2000  # of a file of at most so many bytes
 
 
+class NameRefused(NotRun):
+    """A new name of other characters than letters and digits, which may be refused (A-5-20)."""
+
+
 # ---------------------------------------------------------------------- upload
 
 
@@ -35,11 +39,11 @@ def begin(line: Line, name: bytes) -> None:
 
     Raises:
         Unmet: It is refused.
-        NotRun: It is, and may be: it has other characters than letters and digits (A-5-20).
+        NameRefused: It is, and may be.
     """
     answer = line.ask("upload_name", data=name)
     if answer.accepted is False and not _PLAIN.fullmatch(name):
-        raise NotRun("the subject takes no names but of letters and digits")
+        raise NameRefused("the subject takes no names but of letters and digits")
     expect(
         answer.accepted,
         "a new file name was refused",
@@ -214,13 +218,19 @@ def _chunk_frame(line: Line) -> Answer:
 # ---------------------------------------------------------------------- around a transfer
 
 
-def nothing_more(line: Line, message: str, requirement: str) -> None:
+def nothing_more(line: Line, message: str, requirement: str, *, stray: bool = False) -> None:
     """Fail the subject if it has sent, or now sends, any frame of a transfer.
+
+    Args:
+        line: The connection.
+        message: What is wrong then.
+        requirement: What it violates.
+        stray: Whether an answer to no chunk was sent, which may be answered 0 (A-5-16).
 
     Raises:
         Unmet: It has.
     """
-    came = transfer_frames(line)
+    came = transfer_frames(line, stray=stray)
     expect(
         not came,
         message,
@@ -230,10 +240,10 @@ def nothing_more(line: Line, message: str, requirement: str) -> None:
     )
 
 
-def transfer_frames(line: Line) -> list[FrameSeen]:
+def transfer_frames(line: Line, *, stray: bool = False) -> list[FrameSeen]:
     """Take the frames of clause 5 that came and were not waited for.
 
-    That an answer to no chunk is answered 0 counts for nothing (A-5-16).
+    Where an answer to no chunk was sent, a 0 to it counts for nothing (A-5-16).
     """
     line.apart()
     try:
@@ -242,7 +252,8 @@ def transfer_frames(line: Line) -> list[FrameSeen]:
         if line.ending is None:  # it may end the link (A-5-26)
             raise
         came = line.heard
-    return [s for s in came if s.frame.opcode in _TRANSFER and not refuses_an_answer(s.frame)]
+    came = [seen for seen in came if seen.frame.opcode in _TRANSFER]
+    return [seen for seen in came if not (stray and refuses_an_answer(seen.frame))]
 
 
 def delete(line: Line, name: bytes) -> None:

@@ -4,6 +4,7 @@ Where no state may be changed, a program that is stored already is fetched, and 
 its content.
 """
 
+from scaraspec.judgement.tracking import refuses_an_answer
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_client.files import (
@@ -266,10 +267,10 @@ def _goes_on(line: Line, within_s: float) -> bool:
     """Answer a chunk; whether the next one comes."""
     try:
         line.answer_chunk(accepted=True)
-        line.reply("download_chunk", within_s=within_s)
+        came = line.reply("download_chunk", within_s=within_s)
     except NoAnswer:
         return False
-    return True
+    return not refuses_an_answer(came.frame)
 
 
 def _after_refusal(subject: Subject, line: Line, name: bytes, refuse_at: int) -> None:
@@ -295,7 +296,8 @@ def _after_refusal(subject: Subject, line: Line, name: bytes, refuse_at: int) ->
         subject.tolerate("5.3/9", "A-5-26", "closed", "a chunk that was refused ends the link")
         return
     line.answer_chunk(accepted=True)
-    nothing_more(line, "a download went on after one of its chunks was refused", "5.3/9")
+    message = "a download went on after one of its chunks was refused"
+    nothing_more(line, message, "5.3/9", stray=True)
 
 
 @case("5.3/9", name="first")
@@ -310,7 +312,7 @@ def _still_goes_on(line: Line) -> bool:
         line.answer_chunk(accepted=True)
     except NoAnswer:
         return False
-    return any(seen.name == "download_chunk" for seen in transfer_frames(line))
+    return any(seen.name == "download_chunk" for seen in transfer_frames(line, stray=True))
 
 
 @case("5.3/9", name="middle")
@@ -346,5 +348,5 @@ def test_answer_without_a_download(subject: Subject, line: Line) -> None:
         for flag in (b"1", b"0"):
             _absent(line, b"absent-" + name, "a file that is not there was promised")
             line.send("download_chunk", data=flag)
-            nothing_more(line, "a chunk came that nobody had asked for", "5.3/10")
+            nothing_more(line, "a chunk came that nobody had asked for", "5.3/10", stray=True)
         download(line, name)

@@ -91,14 +91,17 @@ def test_each_of_many_names(subject: Subject, line: Line) -> None:
     names: list[bytes] = []
     for _ in range(12):
         name = subject.new_name()
-        if names and not line.ask("upload_name", data=name).accepted:
+        full = bool(names) and not line.ask("upload_name", data=name).accepted
+        if full:
             message = f"there is room for {len(names)} more files"
             subject.tolerate("5.4/2", "A-5-21", "full", message)
-            break
-        if not names:
+            delete(line, names.pop())  # then there is room again
+        if full or not names:
             begin(line, name)
         send(line, Chunk(len(name), 0, len(name), name))
         names.append(name)
+        if full:
+            break
     for name in names:
         answer = line.ask("upload_name", data=name)
         message = "the name of a file that is there was accepted"

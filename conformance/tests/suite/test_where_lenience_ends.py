@@ -1,0 +1,135 @@
+"""Controllers that are near to what the document leaves open, and wrong: a case still fails."""
+
+from typing import Any
+
+import pytest
+
+from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.controller.behaviour import SILENCE
+from scaraspec.controller.behaviour.base import Silence
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.session import Request, Session
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.transfer import Sender, State
+from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import Run
+from scaraspec.suite.statement import Statement
+
+_NO_CHUNK = Frame(C2A, 0x56, b"0")
+
+
+def failed(brain: type[Brain], only: str) -> set[str]:
+    """The requirements that fail in the cases of one, and by the judge that watches them."""
+    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    options = Options(only=frozenset({only}), allowed=ALL, examples=2)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    return {each.id for each in results.requirements if each.verdict is Verdict.FAIL}
+
+
+class FollowsARefusalUp(Brain):
+    """A name that is refused is followed by a 0 in place of a chunk; nobody has answered one."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Send it."""
+        super().handle(session, frame, now_s)
+        if frame.opcode == 0x54 and session.transfer is None:
+            self.emit(session, _NO_CHUNK)
+
+
+class FollowsAnEndUp(Brain):
+    """The answer to the last chunk is answered 0."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Answer it."""
+        end = session.transfer.end if session.transfer else None
+        super().handle(session, frame, now_s)
+        if frame.opcode == 0x56 and isinstance(end, Sender) and end.state is State.DONE:
+            self.emit(session, _NO_CHUNK)
+
+
+class HasNoPatience(Brain):
+    """An answer to a chunk is refused after twenty seconds (25 have to be survived), or to none."""
+
+    def download_chunk(self, request: Request) -> Silence:
+        """Refuse it."""
+        transfer = request.session.transfer
+        due_s = transfer.end.deadline_s if transfer else 0.0
+        if due_s is not None and request.now_s > due_s - 10:
+            self.abandon(request.session)
+            self.emit(request.session, _NO_CHUNK)
+            return SILENCE
+        return super().download_chunk(request)
+
+
+class TakesPlainNames(Brain):
+    """A name has letters and digits."""
+
+    def upload_name(self, request: Request) -> bool:
+        """Refuse others."""
+        plain: bool = request.value.partition(b".")[0].isalnum()
+        return plain and super().upload_name(request)
+
+
+class TakesSmallNames(TakesPlainNames):
+    """Nor may they be capitals."""
+
+    def upload_name(self, request: Request) -> bool:
+        """Refuse them."""
+        return request.value == request.value.lower() and super().upload_name(request)
+
+
+class ListsSmallNames(TakesPlainNames):
+    """They are listed in small letters."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """List them."""
+        data = frame.data.lower() if frame.opcode == 0x0B else frame.data
+        super().emit(session, frame._replace(data=data))
+
+
+class MissesSizes(Brain):
+    """A file whose size has two bytes of zeros is taken for an empty one."""
+
+    def upload_chunk(self, request: Request) -> Any:
+        """Refuse it."""
+        if request.value and not request.value.file_size & 0xFFFF:
+            self.abandon(request.session)
+            return False
+        return super().upload_chunk(request)
+
+
+class Collides(Brain):
+    """Of names whose bytes have the same sum some are refused, as if there were no room."""
+
+    def upload_name(self, request: Request) -> bool:
+        """Refuse it."""
+        there = [sum(name) % 48 for name in self.store.names()]
+        collides = len(there) >= 7 and sum(request.value) % 48 in there
+        return not collides and super().upload_name(request)
+
+
+@pytest.mark.parametrize(
+    ("brain", "requirement"),
+    [
+        (FollowsARefusalUp, "5.3/10"),
+        (FollowsAnEndUp, "5.2/13"),
+        (HasNoPatience, "5.3/7"),
+        (TakesSmallNames, "5.2/2"),
+        (ListsSmallNames, "4.10/11"),
+        (MissesSizes, "5.2/16"),
+    ],
+)
+def test_a_fault_is_found(brain: type[Brain], requirement: str) -> None:
+    """What the document forbids is not excused by what it leaves open."""
+    assert requirement in failed(brain, requirement)
+
+
+@pytest.mark.parametrize("only", ["4.10/4", "5.4/2"])
+def test_a_name_that_is_refused_for_itself_is_not_taken_for_one_too_many(only: str) -> None:
+    """When a file has gone there is room for the name that was refused (A-5-21)."""
+    assert "5.2/2" in failed(Collides, only)
