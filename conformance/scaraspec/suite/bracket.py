@@ -222,6 +222,8 @@ class Bracket:
     def _outcome(self, case: Case) -> Outcome:
         """The verdict of what the case raised."""
         raised = _innermost(self._raised)
+        if raised is None and self.subject.untried:
+            raised = NotRun(self.subject.untried)
         match raised:
             case None:
                 pass

@@ -31,10 +31,10 @@ class NoAnswer(Unmet):
 
 
 class Declined(Unmet):
-    """An order that a client refuses by itself, sending nothing.
+    """An order that a client refuses by itself, sending nothing of it.
 
     Values that only the register's silence allows, such as a pose out of reach, a case may order
-    and leave it at that; the document's own examples it must not.
+    `at_will`; the document's own examples, and what is as ordinary, it must not.
     """
 
 

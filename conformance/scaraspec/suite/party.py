@@ -25,6 +25,10 @@ class Party(Protocol):
     off: bool
 
     @property
+    def untried(self) -> str:
+        """Why a case that raised nothing has found out nothing; empty where it has."""
+
+    @property
     def statement(self) -> Statement:
         """What it claims."""
 

@@ -119,6 +119,11 @@ class Subject:
 
     # ------------------------------------------------------------------ connections
 
+    @property
+    def untried(self) -> str:
+        """Nothing: whatever a case asks of a controller finds something out."""
+        return ""
+
     def open(self, *, login: bool = True, judged: bool = True) -> Line:
         """Open a connection, and log in.
 

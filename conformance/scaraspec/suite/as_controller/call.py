@@ -18,7 +18,7 @@ class Call:
         name: Its name.
         values: What was ordered.
         answer: What the client said of it; None as long as it has said nothing.
-        came: The request that it brings about has come.
+        came: The request that it brings about has come, or the first of several.
     """
 
     def __init__(self, number: int, name: str, values: "Mapping[str, Any]") -> None:

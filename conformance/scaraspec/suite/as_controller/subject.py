@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _SILENCE_S: Final = 0.3
 _SLICE_S: Final = 0.02  # for how long a connection may wait while others speak
 _CONCURRENT_S: Final = 2.0
+_DECLINED: Final = "declined"
 
 
 class Subject:
@@ -122,6 +123,7 @@ class Subject:
         line, call = self.dial(judged=judged)
         line.log_in(call)
         self.done(call)
+        self._orders.remove(call)  # it is none of the case
         return line
 
     def dial(self, *, judged: bool = True, **values: Any) -> tuple[Line, Call]:
@@ -195,6 +197,22 @@ class Subject:
             self._was_connected = name == "connect"
         self._orders.append(call)
         return call
+
+    @contextmanager
+    def at_will(self) -> Iterator[None]:
+        """Order what it may decline by itself: the rest is left out, and the report says so."""
+        try:
+            yield
+        except Declined as refusal:
+            self.tolerate("", _DECLINED, refusal.observed, f"{refusal}")
+
+    @property
+    def untried(self) -> str:
+        """Why the running case has found out nothing: whatever it ordered was declined."""
+        declined = any(key == _DECLINED for _, key, _, _ in self.tolerated)
+        if not declined or any(order.came for order in self._orders):
+            return ""
+        return "the client declines by itself whatever is ordered here"
 
     def awaits(self, seen: FrameSeen) -> bool:
         """Whether this may be the request of an order whose own has not come yet."""
@@ -292,7 +310,7 @@ class Subject:
         if call is not None and call.answer is not None:
             _not_lacking(call)
             if call.failed and not call.came:
-                message = f"the client refuses {call.name} by itself"
+                message = f"the client declines {call.name} by itself"
                 raise Declined(message, expected="it is sent", observed=f"{call}")
             raise Unmet(
                 f"the client says that {call.name} is over before it can be",
@@ -395,14 +413,6 @@ class Subject:
         """The client follows a listed reading, or does what the register only warns of."""
         self.tolerated.append((requirement, key, option, message))
 
-    @contextmanager
-    def may_decline(self) -> Iterator[None]:
-        """What is ordered in here no sentence asks for: a client that refuses it is told of."""
-        try:
-            yield
-        except Declined as refusal:
-            self.tolerate("", "refused", refusal.observed, f"{refusal}")
-
     # ------------------------------------------------------------------ what it can do
 
     def concurrent(self, line: Line) -> None:
@@ -474,6 +484,7 @@ class Subject:
         self.close_lines()
         for file in self.access.folder.iterdir():
             file.unlink()
+        self._orders.clear()  # these were none of a case's
 
     def _hang_up(self) -> None:
         self.settled(self.begin("disconnect"))

@@ -40,7 +40,7 @@ _NO_YES: Final = (
 def test_connect_logs_in(subject: Subject) -> None:
     """Several passwords are connected with, and each is sent as it is."""
     for password in ("password", "PassWord", "p"):
-        with subject.may_decline():
+        with subject.at_will():
             line, call = subject.dial(password=password)
             request = awaited(line, "login", call)
             expect_carries(subject, request, "login", password.encode())

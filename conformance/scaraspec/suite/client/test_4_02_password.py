@@ -41,7 +41,7 @@ def test_pairs(subject: Subject, line: Line) -> None:
     @example(b"x", b"x")
     @given(_passwords, _passwords)
     def each(old: bytes, new: bytes) -> None:
-        with subject.may_decline():
+        with subject.at_will():
             call, _ = ask(subject, line, "set_password", PasswordChange(old, new))
             line.reply("set_password", data=b"1")
             subject.done(call)

@@ -61,7 +61,7 @@ def test_times(subject: Subject, line: Line) -> None:
     @example(datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
     @given(_TIMES)
     def each(time: datetime) -> None:
-        with subject.may_decline():
+        with subject.at_will():
             call, _ = ask(subject, line, "set_time", time.replace(microsecond=0))
             line.reply("set_time", data=b"1")
             subject.done(call)

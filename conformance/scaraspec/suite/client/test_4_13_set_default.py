@@ -30,7 +30,7 @@ def test_names(subject: Subject, line: Line) -> None:
 
     @given(names)
     def each(name: bytes) -> None:
-        with subject.may_decline():
+        with subject.at_will():
             call, _ = ask(subject, line, "set_default_program", name)
             line.reply("set_default_program", data=b"1")
             subject.done(call)

@@ -30,7 +30,7 @@ def test_names(subject: Subject, line: Line) -> None:
     @given(names)
     def each(name: bytes) -> None:
         call = subject.begin("run_program", name=name.decode())
-        with subject.may_decline():
+        with subject.at_will():
             request = line.request("run_program", call)
             expect_equal(request.seen.text, name, "the program that is run")
             line.reply("run_program", data=b"1")

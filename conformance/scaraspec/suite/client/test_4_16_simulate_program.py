@@ -28,7 +28,7 @@ def test_names(subject: Subject, line: Line) -> None:
     @given(names)
     def each(name: bytes) -> None:
         call = subject.begin("simulate_program", name=name.decode())
-        with subject.may_decline():
+        with subject.at_will():
             request = line.request("simulate_program", call)
             expect_equal(request.seen.text, name, "the program that is simulated")
             line.reply("simulate_program", data=b"1")

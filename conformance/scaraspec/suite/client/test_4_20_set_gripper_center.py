@@ -34,7 +34,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
     @given(st.builds(Point, _tenths, _tenths, _tenths))
     def each(wanted: Point) -> None:
         call = subject.begin("set_gripper_center", **wanted._asdict())
-        with subject.may_decline():
+        with subject.at_will():
             expect_numbers(line.serve(call), wanted)
             subject.done(call)
 

@@ -36,7 +36,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
     @given(st.builds(Pose, *[_tenths] * 6))
     def each(wanted: Pose) -> None:
         call = subject.begin("set_initial_tool_position", **wanted._asdict())
-        with subject.may_decline():
+        with subject.at_will():
             expect_pose(subject, line.serve(call), wanted)
             subject.done(call)
 
@@ -48,7 +48,7 @@ def test_length(subject: Subject, line: Line) -> None:
     """The length byte counts what is sent: 23 for the text whose row prints 25 (A-4.21-1)."""
     for wanted in (_DRAWN, Pose(0, 0, 0, 0, 0, 0), Pose(-123.4, -234.5, 345.6, -178.9, -90.5, 0.5)):
         call = subject.begin("set_initial_tool_position", **wanted._asdict())
-        with subject.may_decline():
+        with subject.at_will():
             request = line.serve(call)
             subject.done(call)
             expect_equal(line.noise, [], "bytes that are no frame beside the request")

@@ -47,7 +47,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
     @given(st.integers(1, 100), _poses)
     def each(speed: int, wanted: Pose) -> None:
         call = subject.begin(_MOVE, speed=speed, **wanted._asdict())
-        with subject.may_decline():
+        with subject.at_will():
             expect_pose(subject, line.serve(call, data=b"1"), wanted, speed=speed)
             line.result(_MOVE)
             finished(subject, call)

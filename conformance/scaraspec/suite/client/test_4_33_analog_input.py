@@ -37,7 +37,7 @@ def test_each_port(subject: Subject, line: Line) -> None:
         subject.gives(call, port)
     for port in _ALL_PORTS:  # a client may know of eight (A-4.32-2)
         call = subject.begin(_GET, port=port)
-        with subject.may_decline():
+        with subject.at_will():
             line.serve(call, port, sent=b"%02d" % port)
             subject.gives(call, port)
 

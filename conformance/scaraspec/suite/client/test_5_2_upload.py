@@ -82,7 +82,7 @@ def test_upload(subject: Subject, line: Line) -> None:
 @example(name="a" * 26 + ".rob")
 def test_names(subject: Subject, line: Line, name: str) -> None:
     """An upload begins with its name, whatever the file is called at home."""
-    with subject.may_decline():
+    with subject.at_will():
         take(subject, line, b"!", name)
 
 

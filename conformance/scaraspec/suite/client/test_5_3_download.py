@@ -49,7 +49,7 @@ def _sent(subject: Subject, line: Line, count: int) -> Download:
 @example(name="a" * 26 + ".rob")
 def test_names(subject: Subject, line: Line, name: str) -> None:
     """A download asks for the name in its real length, wherever the file is to be put."""
-    with subject.may_decline():
+    with subject.at_will():
         download = Download(subject, line, name)
         download.promise()
         download.give(Chunk(1, 0, 1, b"!"))

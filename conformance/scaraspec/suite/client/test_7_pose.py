@@ -20,14 +20,14 @@ def test_four_of_six(subject: Subject, line: Line) -> None:
     """What is meant by a pose goes out, and comes in, as x, y, z and thetaX."""
     for pose in _POSES:
         call = subject.begin("set_initial_tool_position", **pose._asdict())
-        with subject.may_decline():
+        with subject.at_will():
             expect_pose(subject, line.serve(call), pose)
             subject.done(call)
         call = subject.begin("get_initial_tool_position")
         line.serve(call, pose)
         gives_pose(subject, call, pose)
         call = subject.begin("set_tool_coordinates", speed=50, **pose._asdict())
-        with subject.may_decline():
+        with subject.at_will():
             expect_pose(subject, line.serve(call, data=b"1"), pose, speed=50)
             line.result("set_tool_coordinates")
             finished(subject, call)

@@ -90,7 +90,7 @@ def test_bars_between_short_and_long(subject: Subject, line: Line) -> None:
         ("set_initial_tool_position", Pose(-100.5, 200.5, -300.5, -90.5, 0, 0)),
         ("set_tool_coordinates", MoveTarget(1, 0, 0, 0, 0, 0, 0)),
     ):
-        with subject.may_decline():
+        with subject.at_will():
             _sends(subject, line, name, value, requirement="T/1")
 
 
@@ -143,7 +143,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
     """Numbers small and large, whole and broken, are sent as plain decimal text, undiminished."""
     for number in _NUMBERS:
         point = Point(number, -number, 0)
-        with subject.may_decline():
+        with subject.at_will():
             _sends(subject, line, "set_gripper_center", point, requirement="T/10")
 
 
@@ -157,7 +157,7 @@ def test_numbers_of_poses(subject: Subject, line: Line) -> None:
     def each(numbers: tuple[float, ...]) -> None:
         x, y, z, theta, *_ = numbers
         pose = Pose(x, y, z, theta, 0, 0)
-        with subject.may_decline():
+        with subject.at_will():
             _sends(subject, line, "set_initial_tool_position", pose, requirement="T/10")
 
     each()
@@ -202,7 +202,7 @@ def test_values(subject: Subject, line: Line) -> None:
     def each(name: str) -> None:
         @given(payload_values(BY_NAME[name].request))
         def send(value: Any) -> None:
-            with subject.may_decline():
+            with subject.at_will():
                 _sends(subject, line, name, _ordinary(value))
 
         send()
@@ -266,9 +266,7 @@ def test_outer_blanks(subject: Subject, line: Line) -> None:
 @client_case("T/10", name="sequence")
 def test_values_in_sequence(subject: Subject, line: Line) -> None:
     """The same operation comes again and again with other values, shorter and longer ones."""
-    for name in (b"long-name-of-a-program.rob", b"a", b"pro1.rob", b"b", b"pro12.rob"):
-        with subject.may_decline():
-            _sends(subject, line, "delete_program", name)
-    for x in (1234.5, 1, -20.5, 0, 300):
-        with subject.may_decline():
-            _sends(subject, line, "set_gripper_center", Point(x, math.floor(x), -x))
+    for name in (b"LongNameOfAProgramWithout0.txt", b"a.txt", b"pro1.txt", b"b.txt", b"pro12.txt"):
+        _sends(subject, line, "delete_program", name)
+    for x in (300.5, 1, -20.5, 0, 300):
+        _sends(subject, line, "set_gripper_center", Point(x, math.floor(x), -x))

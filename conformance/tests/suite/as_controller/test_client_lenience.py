@@ -273,23 +273,8 @@ def test_values_that_a_client_refuses() -> None:
     assert not [case.id for case in cases.values() if case.verdict not in GOOD]
     refused = cases["4.11/1.names"]
     assert refused.verdict is Verdict.TOLERATED
-    assert refused.message == "the client refuses delete_program by itself"
+    assert refused.message == "the client declines delete_program by itself"
     assert "a strange name" in refused.observed
-
-
-class StopsMidway(Careful):
-    """Thinks of what it refuses only when the robot has said yes to the name."""
-
-    def upload(self, name: bytes, content: bytes) -> Upload:
-        made = ClientCore.upload(self, name, content)
-        if not self._NAME.fullmatch(name):
-            made.abort()
-        return made
-
-
-def test_refusing_too_late() -> None:
-    """An upload that was begun is no longer to be refused."""
-    assert "5.2/1.drawn" in wrong(StopsMidway, frozenset({"5.2/1"}))
 
 
 class Strict(AsyncClient):

@@ -1,0 +1,99 @@
+"""Clients that are near to what the document leaves open, and wrong; or that show nothing."""
+
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from scaraspec.cli.proving_client import MemoryClient
+from scaraspec.client import AsyncClient, ClientCore, ClientError
+from scaraspec.client.exchange import Exchange
+from scaraspec.client.transfer import Upload
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import MoveTarget, Network, Parsed, Point, Pose
+from scaraspec.protocol.fields import NAME_MAX_BYTES
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.as_controller.orders import VALUES
+from scaraspec.suite.as_controller.setting import ClientSetting
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import Run
+from scaraspec.suite.statement import Statement
+
+_LISTED = ("delete_program", "set_default_program", "run_program", "simulate_program")
+
+
+def tried(core: type[ClientCore], *only: str) -> Mapping[str, Verdict]:
+    """What comes of the cases of these requirements."""
+    shell = type("Made", (AsyncClient,), {"core": core})
+    with closing(MemoryClient(shell, DEFAULT)) as access:
+        options = Options(only=frozenset(only), allowed=ALL, examples=3, exhaustive=True)
+        results = Run(ClientSetting(access, Statement(), options)).results()
+    return {case.id: case.verdict for case in results.cases}
+
+
+def declines(what: Callable[[str, Any], bool]) -> type[ClientCore]:
+    """A client that declines some of what is ordered, sending nothing."""
+
+    class Declines(ClientCore):
+        def command(self, name: str, value: Any = None) -> Exchange:
+            if value is not None and name != "login" and what(name, value):
+                raise ClientError("no")
+            return super().command(name, value)
+
+    return Declines
+
+
+def _has_numbers(value: Any) -> bool:
+    return isinstance(value, Point | Pose | MoveTarget)
+
+
+@pytest.mark.parametrize(
+    ("core", "requirement"),
+    [
+        (declines(lambda _, value: _has_numbers(value) and min(value) < 0), "T/10"),
+        (declines(lambda _, value: _has_numbers(value) and 0 in value[:2]), "T/10"),
+        (declines(lambda _, value: isinstance(value, Point) and value.x % 1), "T/10"),
+        (declines(lambda _, value: isinstance(value, bytes) and value != value.lower()), "T/10"),
+        (declines(lambda name, value: name in _LISTED and len(value) > 12), "T/10"),
+        (
+            declines(lambda name, value: isinstance(value, Network) and value != VALUES[name]),
+            "4.4/1",
+        ),
+    ],
+)
+def test_what_is_ordinary_is_not_declined(core: type[ClientCore], requirement: str) -> None:
+    """No silence of the register covers a sign, a zero, a decimal, a capital, or a private net."""
+    assert Verdict.FAIL in tried(core, requirement).values()
+
+
+def test_who_declines_everything_has_shown_nothing() -> None:
+    """A case of which nothing was sent is no pass."""
+    others = declines(lambda name, value: value != VALUES.get(name))
+    cases = tried(others, "4.2/1", "4.5/1", "4.15/1", "4.20/1", "4.24/1", "T/5")
+    for case in (
+        *("4.2/1.pairs", "4.5/1.times", "4.15/1.names", "4.20/1.numbers", "4.24/1.numbers"),
+        *("T/5", "T/5.poses"),
+    ):
+        assert cases[case] is Verdict.NONE
+
+
+class GivesLongNamesUp(ClientCore):
+    """A file whose name has thirty bytes is given up when its name has been taken."""
+
+    class _GivenUp(Upload):
+        def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
+            super().take(parsed, data, now_s)
+            self._give_up("it is too long")
+            return []
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        if len(name) == NAME_MAX_BYTES:
+            return self._GivenUp(name, content, DEFAULT)
+        return super().upload(name, content)
+
+
+def test_what_is_begun_is_not_declined() -> None:
+    """Who has sent a name that was taken, and then gives up, has not declined the order."""
+    assert tried(GivesLongNamesUp, "5.2/1")["5.2/1.drawn"] is Verdict.FAIL
