@@ -425,17 +425,17 @@ class Subject:
             one, other = self.unpolled("get_version", "get_status", "get_time", "get_joint_angles")
             first = self.begin(one)
             line.request(one, first)
-            second = self.begin(other)
+            second, came = self.begin(other), False
             with suppress(NoAnswer):
                 line.request(other, within_s=_CONCURRENT_S)
-                self.known["concurrent"] = True
-            self.known.setdefault("concurrent", False)
+                came = True
             line.reply(one, data=REPLIES[one])
-            if not self.known["concurrent"]:
+            if not came:
                 line.request(other, second)
             line.reply(other, data=REPLIES[other])
             self.settled(first)
             self.settled(second)
+            self.known["concurrent"] = came and first.ok  # or it came as the first was given up
         if not self.known["concurrent"]:
             raise NotRun("the client does one thing at a time")
 

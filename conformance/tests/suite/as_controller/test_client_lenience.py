@@ -212,6 +212,27 @@ def test_drivers(driver: type[Driver]) -> None:
     assert not wrong(AsyncClient, only, driver=driver)
 
 
+class OneByOne(AsyncClient):
+    """Does one thing after the other, and waits a second and a half for each."""
+
+    _turn: asyncio.Lock | None = None
+
+    async def perform(self, call: Any) -> Any:
+        self._turn = self._turn or asyncio.Lock()
+        async with self._turn:
+            try:
+                async with asyncio.timeout(1.5):
+                    return await super().perform(call)
+            except TimeoutError:
+                raise ClientError("no answer") from None
+
+
+def test_one_by_one() -> None:
+    """A request that comes when the one before has been given up comes beside nothing."""
+    only = frozenset({"2/6", "4.14/4"})
+    assert set(wrong(OneByOne, only).values()) == {"the client does one thing at a time"}
+
+
 class WritesInPieces(AsyncClient):
     """Writes each request in pieces, which the network delays (A-2-6)."""
 
