@@ -102,7 +102,7 @@ def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
     deletion = scene.memory.asked.get("delete_program")
     if setting is None or (deletion and deletion.place.time_ns >= setting.time_ns):
         return None
-    if _is_for_the_other_opcode(x, scene):
+    if _may_be_an_unknown_opcode(x, scene):
         message = f"0x{x.request.frame.opcode:02X} is answered 0, perhaps because it is not known"
         return tolerated("on_unknown", "0", message)
     return _read_back(
@@ -110,11 +110,14 @@ def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
     )
 
 
-def _is_for_the_other_opcode(x: Exchange, scene: Scene) -> bool:
-    """Whether this is "0" to one of the two opcodes, and the other was served (A-4.12-1)."""
-    other = scene.last.get(x.name)
-    served = other is not None and other.request.frame.opcode != x.request.frame.opcode
-    return served and x.reply is not None and x.reply.frame.data == b"0"
+def _may_be_an_unknown_opcode(x: Exchange, scene: Scene) -> bool:
+    """Whether this is "0" to that of the two opcodes which never named a program (A-4.12-1)."""
+    if x.reply is None or x.reply.frame.data != b"0":
+        return False
+    return not any(
+        y.request.frame.opcode == x.request.frame.opcode and y.reply and y.reply.frame.data != b"0"
+        for y in scene.memory.recent.get(x.name, ())
+    )
 
 
 # 4.20 and 4.21

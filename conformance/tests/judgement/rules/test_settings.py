@@ -89,13 +89,18 @@ CASES = (
     ("4.13/3", "fail", default("a.rob", "b.rob")),
     ("4.13/3", "fail", default("a.rob", "")),
     ("4.13/3", "none", default("a.rob", "b.rob", reply="0")),
-    # 0x0D is answered as any opcode that is not known; it is 0x13 that is served.
+    # 0x0D is answered as any opcode that is not known; it is 0x13 that is served, or may be.
     (
         "4.13/3",
         "tolerated on_unknown=0",
         default("a.rob", "0", between="> 13\n< 13 a.rob"),
     ),
-    ("4.13/3", "fail", default("a.rob", "0")),
+    ("4.13/3", "tolerated on_unknown=0", default("a.rob", "0")),
+    (
+        "4.13/3",
+        "fail",
+        default("a.rob", "0", between="> get_default_program\n< get_default_program a.rob"),
+    ),
     ("4.13/3", "none", default("a.rob", "", between="> delete_program a.rob\n< delete_program 1")),
     ("4.20/3", "pass", gripper("1|-2.5|3", "1.0|-2.50|3")),
     ("4.20/3", "pass", gripper("1.234|0|0", "1.2|0|0")),
