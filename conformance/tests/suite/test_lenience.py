@@ -1,5 +1,6 @@
 """Controllers that do what the document leaves open, other than the virtual one, are not failed."""
 
+import math
 import struct
 from collections.abc import Mapping
 from typing import Any
@@ -354,6 +355,32 @@ def test_what_is_open_is_not_failed(brain: type[Brain], only: tuple[str, ...]) -
 def test_a_few_clients_are_enough() -> None:
     """How many clients are served at once is open (A-2-2)."""
     assert not wrong(tried(ServesTwo, "3/29", "3/32"))
+
+
+class NoticesLate(Brain):
+    """Of one client it notices a moment late that it has gone, and serves no other till then."""
+
+    _left_s = -math.inf
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Look who is there."""
+        if now_s > self._left_s + 0.05:
+            return super().open(connection, now_s, link)
+        self._actions.append(Close(connection))
+        return self._taken()
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        """Remember when."""
+        if connection in self.sessions:
+            self._left_s = now_s
+        return super().close(connection, now_s)
+
+
+def test_who_notices_late_that_a_client_has_gone() -> None:
+    """The next client of a robot that serves one may have to come twice, from the beginning on."""
+    cases = tried(NoticesLate, "4.7/2", spoken=DEFAULT.replace(max_clients="one"))
+    assert cases
+    assert not wrong(cases)
 
 
 def test_a_default_program_that_stays_is_nobodys_fault() -> None:

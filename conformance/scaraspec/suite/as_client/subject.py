@@ -137,7 +137,7 @@ class Subject:
             NoAnswer: The subject cannot be reached, or does not answer.
         """
         alone = all(line.closed or line.ending for line in self._lines)
-        patience = _RECONNECTS if alone and self.dialect["max_clients"] == "one" else 1
+        patience = _RECONNECTS if alone and self._may_serve_one else 1
         while True:
             line = self._open(judged=judged)
             patience -= 1
@@ -154,6 +154,12 @@ class Subject:
             elif not patience or line.ends(within_s=_REFUSAL_S) is None:
                 return line
             self.access.pause(_RECONNECT_S)  # it may not have seen yet that the last one left
+
+    @property
+    def _may_serve_one(self) -> bool:
+        """Whether it serves one client at a time, or nobody knows yet (A-2-2)."""
+        known = {*self.found, *self.statement.claimed}
+        return self.dialect["max_clients"] == "one" or "max_clients" not in known
 
     def _open(self, *, judged: bool) -> Line:
         for attempt in range(_RECONNECTS):
