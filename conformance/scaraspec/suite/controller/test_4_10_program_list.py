@@ -1,6 +1,8 @@
 """Clause 4.10: the list of the programs (0x0B, L239-251)."""
 
+import math
 from collections import Counter
+from collections.abc import Iterator
 from typing import Final
 
 from hypothesis import example, given
@@ -28,6 +30,8 @@ _MANY: Final = 26
 _FEW: Final = 7  # for which any robot has room
 _LENGTHS_BYTES: Final = (30, 12, 17, 30, 23)
 """Names of these lengths make parts of every length about the longest."""
+_TOO_LONG_BYTES: Final = 256
+"""A part of this length must have been divided."""
 
 
 def _delete(subject: Subject, line: Line, name: bytes) -> None:
@@ -122,8 +126,9 @@ def test_many(subject: Subject, line: Line) -> None:
     """Program after program is uploaded and listed, in as many parts as that takes."""
     mine: list[bytes] = []
     before = _listed(subject, line)
+    lengths = _overfilling(subject, line)
     for number in range(_MANY):
-        length_bytes = min(_LENGTHS_BYTES[number % len(_LENGTHS_BYTES)], NAME_MAX_BYTES)
+        length_bytes = next(lengths, _LENGTHS_BYTES[number % len(_LENGTHS_BYTES)])
         name = long_name(subject, length_bytes)
         try:
             mine.append(store_program(subject, line, name))
@@ -149,6 +154,19 @@ def test_many(subject: Subject, line: Line) -> None:
             observed=", ".join(gone),
             requirement="4.10/11",
         )
+
+
+def _overfilling(subject: Subject, line: Line) -> Iterator[int]:
+    """The lengths of names that make one part just too long, in whatever order they are listed.
+
+    Those behind the first follow from the list that has it: so its bars are counted (A-4.10-2).
+    """
+    yield NAME_MAX_BYTES
+    parts = list_parts(subject, line)
+    left_bytes = _TOO_LONG_BYTES - len(parts[-1].frame.data)
+    count = math.ceil(left_bytes / (NAME_MAX_BYTES + 1))
+    for number in range(count):
+        yield (left_bytes + number) // count - 1
 
 
 @case("4.10/11", name="names")

@@ -1,10 +1,13 @@
 """Clause 5.2: a file to the controller (0x50, 0x52; L741-763)."""
 
+from typing import Final
+
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
 from scaraspec.suite.as_client import malformed
+from scaraspec.suite.as_client.delivery import SEGMENT_S, pieces, send_in
 from scaraspec.suite.as_client.files import (
     CHUNK_S,
     NameRefused,
@@ -31,6 +34,9 @@ from scaraspec.suite.strategies import NAME_CHARACTERS
 
 _MOST = 2**32 - 1
 _LARGEST = 70_000
+_BEGINNING_OTHERWISE: Final = ((3, 12, 100), (16, 99), (215,))
+"""Sizes of segments that cut a chunk of AA CC AA CC ... so that later ones begin with AA, with CC,
+and with the end byte alone."""
 
 
 def _refused(line: Line, name: bytes, message: str) -> None:
@@ -432,7 +438,7 @@ def test_one_name_on_two_connections(subject: Subject, line: Line) -> None:
     )
 
 
-@case("5.2/14", name="bytes")
+@case("5.2/14", "2/5", name="bytes")
 def test_delimiters_in_the_content(subject: Subject, line: Line) -> None:
     """Files full of AA, CC, 00, 7C and of other bytes that software likes to change are kept."""
     frame = b"\xaa\x09\x00\xcc"
@@ -451,6 +457,24 @@ def test_delimiters_in_the_content(subject: Subject, line: Line) -> None:
     )
     for content in contents:
         expect_round_trip(subject, line, content, "5.2/14")
+    for sizes in _BEGINNING_OTHERWISE:
+        _in_segments(subject, line, b"\xaa\xcc" * 100, sizes)
+
+
+def _in_segments(subject: Subject, line: Line, content: bytes, sizes: tuple[int, ...]) -> None:
+    """Send a file of one chunk in segments of these sizes, and the rest of it in a last one."""
+    name = subject.new_name()
+    begin(line, name)
+    chunk = line.request("upload_chunk", Chunk(len(content), 0, len(content), content)).encode()
+    send_in(line, pieces(chunk, sizes), subject, SEGMENT_S)
+    try:
+        answer = line.reply("upload_chunk", within_s=CHUNK_S)
+    except NoAnswer as error:
+        error.requirement = "2/5"
+        raise
+    message = "a chunk was refused that came in several segments"
+    expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement="2/5")
+    expect_stored(line, name, content, "2/5")
 
 
 @case("5.2/14", name="drawn")

@@ -4,6 +4,8 @@ Where no state may be changed, a program that is stored already is fetched, and 
 its content.
 """
 
+from functools import partial
+
 from scaraspec.judgement.tracking import refuses_an_answer
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
@@ -255,12 +257,21 @@ def test_silence_of_the_client(subject: Subject, line: Line) -> None:
     run_tracks(
         subject,
         [
-            Track(ask, ((limits.survived_s, survived), (limits.survived_s, survived))),
+            Track(
+                partial(_ask_again, name=name),
+                ((limits.survived_s, survived), (limits.survived_s, survived)),
+            ),
             Track(ask, ((limits.early_s, early),)),
             Track(ask, ((limits.late_s, late),)),
             Track(ask, ((limits.over_s, over),)),
         ],
     )
+
+
+def _ask_again(line: Line, name: bytes) -> None:
+    """Ask for a file that was just fetched: the time-out of that must not be this one's."""
+    download(line, name)
+    _unless_last(_ask_for(line, name))
 
 
 def _goes_on(line: Line, within_s: float) -> bool:

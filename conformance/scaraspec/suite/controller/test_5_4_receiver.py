@@ -181,8 +181,15 @@ def _sent(subject: Subject, count: int) -> tuple[bytes, Callable[[Line], None]]:
 
 
 def _patient(subject: Subject, limits: Limits) -> Track:
-    """Pauses of 25 s behind the name and behind a chunk, and then the rest."""
+    """Pauses of 25 s behind the name and behind a chunk, and then the rest.
+
+    An upload that has come to its end precedes: its time-out must not be this one's.
+    """
     name, start = _sent(subject, 0)
+
+    def after_another(line: Line) -> None:
+        upload(line, subject.new_name(), _CONTENT)
+        start(line)
 
     def survived(line: Line, silence: Silence, chunk: Chunk) -> None:
         taken = offer(line, chunk, within_s=CHUNK_S)
@@ -199,7 +206,7 @@ def _patient(subject: Subject, limits: Limits) -> Track:
         expect_stored(line, name, _CONTENT, "5.4/5")
 
     first = (limits.survived_s, lambda line, silence: survived(line, silence, _CHUNKS[0]))
-    return Track(start, (first, (limits.survived_s, rest)))
+    return Track(after_another, (first, (limits.survived_s, rest)))
 
 
 def _reported(subject: Subject, silence_s: float, limits: Limits) -> Track:

@@ -1,0 +1,109 @@
+"""Controllers with mistakes that other programmers made, and that were once overlooked, are failed.
+
+Each by a case of a requirement that it violates.
+"""
+
+import math
+from functools import cached_property
+
+import pytest
+
+from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.controller.behaviour import SILENCE
+from scaraspec.controller.behaviour.base import Silence
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.faults.breaking import OtherInlet
+from scaraspec.controller.faults.transferring import SendsAfterTheEnd
+from scaraspec.controller.inlet import Inlet
+from scaraspec.controller.session import Action, Request, Session
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.frames import Found, Frame
+from scaraspec.protocol.payloads import NameListPart
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.run import Run
+from scaraspec.suite.statement import Statement
+
+
+def found(brain: type[Brain], requirement: str) -> set[str]:
+    """Which requirements are said to be violated by the cases of one."""
+    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    options = Options(only=frozenset({requirement}), allowed=ALL, examples=1)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    return {r for case in results.cases if case.verdict is Verdict.FAIL for r in case.requirements}
+
+
+class OldTimeOut(SendsAfterTheEnd):
+    """The time-out of a transfer that has come to its end goes on, and ends the next one."""
+
+    @cached_property
+    def due_s(self) -> dict[int, float]:
+        """When the last transfer of each connection would have been given up."""
+        return {}
+
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whatever it was
+        """Forget to stop the timer."""
+        self.due_s[session.connection] = self._handled_s + 30
+
+    downloaded = uploaded
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Give up what is under way."""
+        self._handled_s = now_s
+        if now_s > self.due_s.get(session.connection, math.inf):
+            del self.due_s[session.connection]
+            self.abandon(session)
+        super().handle(session, frame, now_s)
+
+
+class _Restarts(Inlet):
+    """Takes a segment that begins with AA for a new frame."""
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        """Forget the old one."""
+        if data.startswith(b"\xaa"):
+            self._framer = self._new_framer()
+        return super().receive(data, now_s)
+
+
+class SegmentIsFrame(OtherInlet):
+    """What begins with AA begins a frame, wherever that is."""
+
+    inlet = _Restarts
+
+
+class HalfAKilobyte(Brain):
+    """Of a segment of more than 512 bytes the rest is lost."""
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Cut it off."""
+        return super().receive(connection, data[:512], now_s)
+
+
+class OneByteTooMany(Brain):
+    """A part of the list may have 256 bytes, of which its length byte says 0."""
+
+    def list_programs(self, request: Request) -> NameListPart | Silence:
+        """Send it."""
+        data = b"|".join((b"0", *self.store.names()))
+        if len(data) != 256:
+            return super().list_programs(request)
+        self.transmit(request.session, b"\xcc\x0b\x00" + data + b"\xaa")
+        return SILENCE
+
+
+@pytest.mark.parametrize(
+    ("brain", "requirement"),
+    [
+        (OldTimeOut, "5.4/5"),
+        (OldTimeOut, "5.3/7"),
+        (SegmentIsFrame, "2/5"),
+        (HalfAKilobyte, "2/6"),
+        (OneByteTooMany, "4.10/9"),
+    ],
+)
+def test_it_is_found(brain: type[Brain], requirement: str) -> None:
+    """A case of the requirement fails."""
+    assert requirement in found(brain, requirement)
