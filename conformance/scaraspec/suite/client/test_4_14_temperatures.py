@@ -1,6 +1,8 @@
 """4.14: asking for the temperatures; the reply bears 0x0F, or 0x0E as printed (A-4.14-1)."""
 
-from typing import Final
+import math
+from itertools import product
+from typing import Any, Final
 
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -29,6 +31,14 @@ def test_example(subject: Subject, line: Line) -> None:
     tells(subject, line, _NAME, requirement="T/9")
 
 
+def _is_whole(told: Any, due: dict[str, float]) -> bool:
+    """Whether temperatures are told in whole degrees, rounded in whichever way."""
+    return isinstance(told, dict) and any(
+        same(told, dict(zip(due, whole, strict=True)))
+        for whole in product(*((math.floor(value), math.ceil(value)) for value in due.values()))
+    )
+
+
 @client_case("T/9", name="temperatures")
 def test_temperatures(subject: Subject, line: Line) -> None:
     """Temperatures are handed on in their order, with sign and decimals, if any (A-4.14-2)."""
@@ -39,11 +49,9 @@ def test_temperatures(subject: Subject, line: Line) -> None:
     def each(texts: tuple[str, ...]) -> None:
         call, _ = ask(subject, line, _NAME)
         line.reply(_NAME, data="|".join(texts).encode())
-        due = [float(text) for text in texts]
-        whole = [dict(zip(_SAID, map(cut, due), strict=True)) for cut in (int, round)]
-        subject.settled(call)
-        if call.ok and not any(same(call.result, said) for said in whole):
-            subject.gives(call, dict(zip(_SAID, due, strict=True)))
+        due = dict(zip(_SAID, map(float, texts), strict=True))
+        if subject.settled(call).ok and not _is_whole(call.result, due):
+            subject.gives(call, due)
         elif any("." in text for text in texts):
             subject.tolerate("T/9", "A-4.14-2", "integers", "decimals of temperatures are not told")
         else:

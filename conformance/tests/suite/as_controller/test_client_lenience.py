@@ -325,7 +325,8 @@ class Strict(AsyncClient):
         return _checked(run, run is None or len(run.name) <= 30)  # A-4.9-5
 
     async def get_motor_temperatures(self) -> JointValues:
-        return JointValues(*map(int, await super().get_motor_temperatures()))  # A-4.14-2
+        values = await super().get_motor_temperatures()
+        return JointValues(*(math.floor(value + 0.5) for value in values))  # A-4.14-2
 
     async def get_digital_inputs(self) -> str | None:  # type: ignore[override] # none for an error
         try:
