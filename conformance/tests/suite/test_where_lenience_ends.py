@@ -113,6 +113,32 @@ class Collides(Brain):
         return not collides and super().upload_name(request)
 
 
+class TakesPathsLate(Brain):
+    """A name with a path in it is accepted half a second later, behind the next reply (3/24)."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._due: list[tuple[float, Session]] = []
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Accept it later."""
+        if frame.opcode == 0x50 and b"/" in frame.data:
+            self._due.append((now_s + 0.5, session))
+        else:
+            super().handle(session, frame, now_s)
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        while self._due and self._due[0][0] <= now_s:
+            self.emit(self._due.pop(0)[1], Frame(C2A, 0x50, b"1"))
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When an answer is due, too."""
+        times_s = [super().next_event_s, *(due_s for due_s, _ in self._due)]
+        return min((due_s for due_s in times_s if due_s is not None), default=None)
+
+
 @pytest.mark.parametrize(
     ("brain", "requirement"),
     [
@@ -122,6 +148,7 @@ class Collides(Brain):
         (TakesSmallNames, "5.2/2"),
         (ListsSmallNames, "4.10/11"),
         (MissesSizes, "5.2/16"),
+        (TakesPathsLate, "5.2/15"),
     ],
 )
 def test_a_fault_is_found(brain: type[Brain], requirement: str) -> None:

@@ -6,6 +6,7 @@ the cases to say; `firm` tells where no reading of the document lets it act.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import singledispatch
 from typing import Any, Final, NamedTuple
 
@@ -21,6 +22,8 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer
 from scaraspec.suite.wire import Answer
+
+_LATE: Final = "late answers to malformed "
 
 
 class Malformed(NamedTuple):
@@ -92,7 +95,19 @@ def offer(subject: Subject, line: Line, name: str, wrong: Malformed) -> Offered:
     for seen in came:
         if seen.frame.opcode == opcode and not seen.frame.tagged:
             return Offered(Answer(seen, seen.value), alive(subject, line))
-    return Offered(None, alive(subject, line))
+    return Offered(_late(subject, line, name), alive(subject, line))
+
+
+def _late(subject: Subject, line: Line, name: str) -> Answer | None:
+    """What comes behind the reply to a later request, which may overtake it (3/24).
+
+    A subject that has once stayed silent is not waited for again.
+    """
+    if line.ending is None and subject.known.setdefault(f"{_LATE}{name}", True):
+        with suppress(NoAnswer):
+            return line.reply(name)
+        subject.known[f"{_LATE}{name}"] = False
+    return None
 
 
 # ---------------------------------------------------------------------- classes of one field
