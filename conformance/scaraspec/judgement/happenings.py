@@ -201,6 +201,11 @@ class Exchange:
         return value if isinstance(value, Outcome) else None
 
     @property
+    def error_signal(self) -> bool:
+        """Of a chunk: whether its length is 0, or it has no data; the sender gives up (L787)."""
+        return not self.request.frame.data or (self.chunk is not None and not self.chunk.length)
+
+    @property
     def latency_ns(self) -> int | None:
         """From the request's last byte to the reply's first."""
         return self.reply.begun_ns - self.request.place.time_ns if self.reply else None

@@ -54,6 +54,8 @@ class Waiting:
         for older in [e for e in self._open if e.name == name]:
             if request.certain and not older.exchange.request.certain:
                 yield self._drop(older, Ending.UNSEEN)  # perhaps it was no request
+            elif name in _CHUNKS and older.exchange.error_signal:
+                yield self._drop(older, Ending.UNANSWERED)  # it need not be (A-5-10)
             elif older.due_ns < time_ns:  # asked again: the next answer may be to either
                 older.repeated = True
             elif older.exchange.request.frame.opcode == request.frame.opcode:

@@ -22,11 +22,6 @@ _UPLOAD_CHUNK = ("upload_chunk",)
 _DOWNLOAD_CHUNK = ("download_chunk",)
 
 
-def _error_signal(x: Exchange) -> bool:
-    """A chunk of length 0, or a frame without data: the sender gives up (L787)."""
-    return not x.request.frame.data or (x.chunk is not None and x.chunk.length == 0)
-
-
 # 5.1: the structure
 
 
@@ -64,7 +59,7 @@ def structure_size(x: Exchange, _: Scene) -> Judged | None:
 def constant_file_size(x: Exchange, _: Scene) -> Judged | None:
     """The file size is the same in all chunks of a transfer (L729; A-5-7)."""
     transfer = x.transfer
-    if x.chunk is None or transfer is None or transfer.size_bytes < 0 or _error_signal(x):
+    if x.chunk is None or transfer is None or transfer.size_bytes < 0 or x.error_signal:
         return None
     if x.chunk.file_size == transfer.size_bytes:
         return PASSED
@@ -83,7 +78,7 @@ def position_is_an_offset(x: Exchange, _: Scene) -> Judged | None:
     The other meanings show at once: an end or a count from 1 in the first chunk, a count from 0
     in the others. Any other wrong position is a gap or an overlap.
     """
-    if x.chunk is None or x.transfer is None or _error_signal(x):
+    if x.chunk is None or x.transfer is None or x.error_signal:
         return None
     position, due = x.chunk.position, x.expected_position
     if position == due:
@@ -101,7 +96,7 @@ def position_is_an_offset(x: Exchange, _: Scene) -> Judged | None:
 @rule("5.1/5", "5.4/3", on=Exchange, names=_CHUNKS)
 def length_in_bounds(x: Exchange, _: Scene) -> Judged | None:
     """Length is 1 to 200, the size of the buffer (L733-735, L793)."""
-    if x.chunk is None or _error_signal(x):
+    if x.chunk is None or x.error_signal:
         return None
     if x.chunk.length <= BUFFER_BYTES:
         return PASSED
@@ -116,7 +111,7 @@ def length_in_bounds(x: Exchange, _: Scene) -> Judged | None:
 @rule("5.1/6", on=Exchange, names=_CHUNKS)
 def within_the_file(x: Exchange, _: Scene) -> Judged | None:
     """Position + length never exceeds fileSize (L737)."""
-    if x.chunk is None or _error_signal(x):
+    if x.chunk is None or x.error_signal:
         return None
     end = x.chunk.position + x.chunk.length
     if end <= x.chunk.file_size:
@@ -138,7 +133,7 @@ def complete(transfer: Transfer, _: Scene) -> Judged | None:
 @rule("5.1/8", on=Exchange, names=_CHUNKS)
 def ascending(x: Exchange, _: Scene) -> Judged | None:
     """Chunks come in ascending order without gap or overlap (L737, L793; A-5-8)."""
-    if x.chunk is None or x.transfer is None or _error_signal(x):
+    if x.chunk is None or x.transfer is None or x.error_signal:
         return None
     if x.chunk.position == x.expected_position:
         return PASSED
@@ -281,7 +276,7 @@ def stops_after_refusal(x: Exchange, _: Scene) -> Judged | None:
         return PASSED
     before = x.transfer or x.transfer_before
     goes_on = before is not None and (before.resumed or before.reason == REFUSED_CHUNK)
-    if not goes_on or _error_signal(x):
+    if not goes_on or x.error_signal:
         return None
     return tolerated("A-5-14", "goes on", "a chunk was sent after one had been refused")
 
@@ -305,7 +300,7 @@ def nothing_after_the_end(x: Exchange, _: Scene) -> Judged | None:
 @rule("5.2/17", on=Exchange, names=_UPLOAD_CHUNK)
 def no_empty_chunk(x: Exchange, _: Scene) -> Judged | None:
     """A chunk of length 0 is only the error signal (L737, L787; A-5-10)."""
-    if not _error_signal(x):
+    if not x.error_signal:
         return PASSED
     if x.chunk and x.chunk.file_size == 0:
         return tolerated("empty_file", "chunk", "an empty file was sent as a chunk of length 0")
