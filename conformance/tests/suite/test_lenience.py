@@ -72,6 +72,23 @@ class AppliesLater(Brain):
         return self._told
 
 
+class CutsALittleLater(Brain):
+    """A new network is answered, and the connection ends while the next is asked."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._doomed: set[int] = set()
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        if session.connection in self._doomed:
+            self._end(session, now_s)
+            return
+        super().handle(session, frame, now_s)
+        if frame.opcode == 0x05:
+            self._doomed.add(session.connection)
+
+
 class CutsBehindTheReply(Brain):
     """A new network is answered, and then the connection ends."""
 
@@ -336,6 +353,7 @@ def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
     ("brain", "only"),
     [
         (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
+        (CutsALittleLater, ("4.4/4",)),
         (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
         (RefusesFurtherLogins, ("2/12",)),
         (Greets, ("2/12", "3/29", "5.3/4")),

@@ -85,13 +85,24 @@ def _set(subject: Subject, line: Line, wanted: Network) -> Line:
     return alive(subject, line)
 
 
+def _shown(subject: Subject, line: Line) -> tuple[Network, Line]:
+    """The network, and where it is read: elsewhere if setting it ends the connection only now."""
+    try:
+        return _read(line), line
+    except NoAnswer:
+        if line.ending is None:
+            raise
+    line = alive(subject, line)
+    return _read(line), line
+
+
 def _expect_set(subject: Subject, line: Line, wanted: Network) -> Line:
     """Set a network and read it back; the connection that is in use then."""
     line = _set(subject, line, wanted)
     if subject.statement.network_applies == "after-restart":
         subject.hook("restart")
         line = alive(subject, line)
-    shown = _read(line)
+    shown, line = _shown(subject, line)
     expect(
         shown == wanted,
         "0x04 does not show the network that was set",
