@@ -82,6 +82,15 @@ class HalfAKilobyte(Brain):
         return super().receive(connection, data[:512], now_s)
 
 
+class DiesWithItsClient(Brain):
+    """A program whose result nobody is there to hear is never over."""
+
+    def _settle(self, now_s: float) -> None:
+        task = self.robot.task
+        if task is None or task.request.session.connection in self.sessions:
+            super()._settle(now_s)
+
+
 class OneByteTooMany(Brain):
     """A part of the list may have 256 bytes, of which its length byte says 0."""
 
@@ -107,3 +116,8 @@ class OneByteTooMany(Brain):
 def test_it_is_found(brain: type[Brain], requirement: str) -> None:
     """A case of the requirement fails."""
     assert requirement in found(brain, requirement)
+
+
+def test_who_never_ends_without_its_client_is_found() -> None:
+    """Whether a robot is free again (4/15) is seen by a case that accepts runs (4.15/4), too."""
+    assert "4/15" in found(DiesWithItsClient, "4.15/4")

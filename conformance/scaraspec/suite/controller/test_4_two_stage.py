@@ -60,6 +60,7 @@ from scaraspec.suite.wire import Answer
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _SOON_S = 0.5
+_OVER_S = 10.0
 _POLLS = 10
 _AT_ONCE_S = 0.05
 _BRIEF_S = 0.01  # no way home is shorter
@@ -439,7 +440,10 @@ def test_second_client(subject: Subject, line: Line) -> None:
 
 @case("4/15", "4.17/6", "4.15/4", name="lost-link", hazards=_MOTION)
 def test_lost_link(subject: Subject, line: Line) -> None:
-    """A program whose client is gone can be stopped by the next, and the robot is free again."""
+    """A program whose client is gone can be stopped by the next, and the robot is free again.
+
+    So it is where the program has come to its end, and there was nobody to be told so.
+    """
     attentive(subject, line)
     for end in (line.close, None):
         lone = line if end else subject.open()
@@ -460,7 +464,24 @@ def test_lost_link(subject: Subject, line: Line) -> None:
         quieten(subject, other)
         start_program(subject, other, RUN, seconds=0)
         done(subject, other, RUN)
+        start_program(subject, other, RUN, seconds=1)
         other.close()
+        _expect_free(subject.open())
+        subject.close_lines()
+
+
+def _expect_free(line: Line) -> None:
+    """A program that waits for a second is over before long, whoever hears of it."""
+    left_s = _OVER_S
+    while (status := line.ask("get_status")).value in BUSY:
+        expect(
+            left_s > 0,
+            "a program whose client is gone does not come to its end",
+            expected=IDLE,
+            observed=f"{status}",
+        )
+        line.wait(_SOON_S)
+        left_s -= _SOON_S
 
 
 @case("4/15", "3/18", "4.15/5", name="many", hazards=_MOTION)
