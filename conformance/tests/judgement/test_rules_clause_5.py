@@ -145,6 +145,9 @@ CASES = (
     ("5.2/13", "pass", UPLOAD),
     ("5.2/13", "fail", UPLOAD + "> chunk 300/300\n< upload_chunk 1"),
     ("5.2/13", "fail", DOWNLOAD + "< chunk 200/300\n> download_chunk 1"),
+    # A 0 in place of a chunk, where an answer was awaited, and where it need not have been.
+    ("5.2/13", "fail 5.1/1 5.3/4", DOWNLOAD + "< download_chunk 0"),
+    ("5.2/13", "pass", down("chunk 0/300") + "< chunk 200/300\n+28\n> download_chunk 1\n< 56 0"),
     ("5.2/17", "pass", UPLOAD),
     (
         "5.2/17",
@@ -174,6 +177,7 @@ CASES = (
     ("5.3/4", "inconclusive", "login\n> download_name a\n< download_name 1\n+61\n> close"),
     ("5.3/5", "pass", DOWNLOAD),
     ("5.3/5", "fail", DOWNLOAD + "> download_chunk 1"),
+    ("5.3/5", "fail", DOWNLOAD + "> download_chunk 1\n< download_chunk 0"),  # A-5-16
     ("5.3/5", "fail", DOWNLOAD.replace("_chunk 1", "_chunk yes")),
     ("5.3/5", "inconclusive", DOWNLOAD + "< gap 216\n> download_chunk 1"),
     ("5.3/6", "pass", DOWNLOAD),
@@ -188,6 +192,11 @@ CASES = (
         "5.3/10",
         "fail",
         "login\n> download_name a\n< download_name 0\n< chunk 0/9\n> download_chunk 0",
+    ),
+    (
+        "5.3/10",
+        "fail 5.1/1 5.3/4",
+        "login\n> download_name a\n< download_name 0\n< download_chunk 0",
     ),
     ("5.4/1", "pass", UPLOAD),
     ("5.4/1", "none", "login" + AGAIN.format(0)),
