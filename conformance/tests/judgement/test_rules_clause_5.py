@@ -121,6 +121,7 @@ CASES = (
         "login" + AGAIN.format(1) + "> chunk 0/300\n+20\n> chunk 200/300\n< upload_chunk 1",
     ),
     ("5.2/7", "pass", up("chunk 0/300") + "> chunk 200/300 len=0" + UPLOAD.replace("login", "")),
+    ("5.2/7", "pass", up("chunk 0/300") + "> chunk 200/300\n> upload_chunk"),
     ("5.2/7", "pass", up("chunk 0/300") + "> upload_chunk" + UPLOAD.replace("login", "")),
     ("5.2/8", "pass", UPLOAD),
     (

@@ -251,6 +251,8 @@ def stop_and_wait(x: Exchange, _: Scene) -> Judged | None:
     """The next chunk is sent only after the answer to the previous one (A-5-9)."""
     if not x.doubled:
         return PASSED
+    if x.error_signal:
+        return None
     return failed(
         "a chunk was sent before the one before it was answered",
         expected="one chunk outstanding",

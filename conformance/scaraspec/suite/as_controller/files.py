@@ -4,7 +4,7 @@ What is checked on the way names its own requirement, whatever the case is about
 transfers that go wrong give their own answers, and send their own chunks with `Download.offer`.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -90,14 +90,38 @@ def transfer_frames(line: Line) -> list[FrameSeen]:
     return [seen for seen in line.heard if seen.frame.opcode in _TRANSFER]
 
 
-def expect_no_transfer(line: Line, message: str, requirement: str, for_s: float = 0.0) -> None:
+def gives_up(seen: FrameSeen | Answer) -> bool:
+    """Whether this is the signal that ends an upload, which wants no answer (L787; A-5-10)."""
+    if seen.frame.opcode != BY_NAME["upload_chunk"].opcode:
+        return False
+    return not seen.frame.data or (isinstance(seen.value, Chunk) and not seen.value.length)
+
+
+def expect_no_transfer(
+    line: Line,
+    message: str,
+    requirement: str,
+    for_s: float = 0.0,
+    *,
+    but: Callable[[FrameSeen], bool] | None = None,
+) -> None:
     """Fail the client if it has sent, or sends in this time, any frame of a transfer.
+
+    Args:
+        line: Its connection.
+        message: What it has done then.
+        requirement: What it violates.
+        for_s: How long it is listened to.
+        but: Tells the frames that it may send; they are taken.
 
     Raises:
         Unmet: It has.
     """
     line.wait(for_s)
     came = transfer_frames(line)
+    for seen in filter(but, came.copy()) if but else ():
+        came.remove(seen)
+        line.heard.remove(seen)
     expect(
         not came,
         message,
@@ -210,8 +234,8 @@ class Upload:
             again = reaction(self._subject, self._line, self.call, "upload_chunk")
             if again is None:
                 break
-            if not again.frame.data or (isinstance(again.value, Chunk) and not again.value.length):
-                continue  # the signal of L787 wants no answer
+            if gives_up(again):
+                continue
             expect(
                 chunk_of(again).position == chunk.position,
                 f"the upload went on although the chunk at {chunk.position} was refused",

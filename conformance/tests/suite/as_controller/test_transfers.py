@@ -19,6 +19,7 @@ from scaraspec.client.transfer import Upload
 from scaraspec.judgement.requirements import select
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Parsed
+from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FILE_DATA_BYTES, Chunk, Receiver, Sender, State
@@ -91,7 +92,7 @@ def _make(path: Path) -> None:
 
 
 class Retries(Upload):
-    """Sends a refused chunk again, twice (A-5-14)."""
+    """Sends a chunk again that was not answered 1, twice (A-5-14), and gives up with a signal."""
 
     left = 2
 
@@ -100,13 +101,20 @@ class Retries(Upload):
         return []
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
-        if data == b"0" and self.sent and self.left:
+        if data != b"1" and self.sent and self.left:
             self.left -= 1
             self._be_patient(now_s)
             return self.sent
         frames = super().take(parsed, data, now_s)
         self.sent[:] = frames
-        return frames
+        return frames or self._signal()
+
+    def expire(self, now_s: float) -> list[Frame]:
+        return super().expire(now_s) or self._signal()
+
+    def _signal(self) -> list[Frame]:
+        """A frame without data (L787; A-5-10)."""
+        return [Frame(A2C, UPLOAD_CHUNK)] if self.accepted and self.problem else []
 
 
 class RetriesCore(ClientCore):
