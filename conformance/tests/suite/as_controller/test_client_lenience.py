@@ -205,10 +205,18 @@ class Tardy(Driver):
         super().__init__(late, make)
 
 
-@pytest.mark.parametrize("driver", [ConnectsOnce, Tardy])
+class Threaded(Driver):
+    """Begins the later of two orders first, as two threads may."""
+
+    async def _do(self, number: Any, name: str, values: dict[str, Any]) -> None:
+        await asyncio.sleep(1 / number)
+        await super()._do(number, name, values)
+
+
+@pytest.mark.parametrize("driver", [ConnectsOnce, Tardy, Threaded])
 def test_drivers(driver: type[Driver]) -> None:
-    """A driver may be slow, and hold on to a connection that has ended."""
-    only = frozenset({"2/1", "3/19", "3/20", "3/29", "4.35/6"})
+    """A driver may be slow, keep a connection that has ended, and begin orders as it likes."""
+    only = frozenset({"2/1", "3/19", "3/20", "3/25", "3/29", "4.35/6"})
     assert not wrong(AsyncClient, only, driver=driver)
 
 
