@@ -35,7 +35,12 @@ class Declined(Unmet):
 
     Values that only the register's silence allows, such as a pose out of reach, a case may order
     `at_will`; the document's own examples, and what is as ordinary, it must not.
+
+    Attributes:
+        after_s: How long it took.
     """
+
+    after_s = 0.0
 
 
 class Undecided(Exception):  # noqa: N818 - it is no error of anybody

@@ -70,6 +70,7 @@ class Line(Wire):
             return seen.frame.opcode in opcodes and not self._subject.repeats(seen, call)
 
         self._wanted = wanted
+        begun_s = self._subject.access.now_s
         try:
             with self._subject.expecting(call):
                 request = self.awaited(wanted, patience_s, f"{name} was not sent")
@@ -77,6 +78,7 @@ class Line(Wire):
             self.finish()
             if self.heard or self.noise:  # it has sent something else
                 raise self.no_answer(f"{refusal}") from None
+            refusal.after_s = self._subject.access.now_s - begun_s
             raise
         except NoAnswer:
             if self._subject.access.attended and within_s is None and not self.over:

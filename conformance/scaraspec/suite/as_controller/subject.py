@@ -29,6 +29,7 @@ _SILENCE_S: Final = 0.3
 _SLICE_S: Final = 0.02  # for how long a connection may wait while others speak
 _CONCURRENT_S: Final = 2.0
 _DECLINED: Final = "declined"
+_AT_ONCE_S: Final = 4.0  # who waits for a reply in vain gives up after 5 s (A-3-15)
 
 
 class Subject:
@@ -200,10 +201,12 @@ class Subject:
 
     @contextmanager
     def at_will(self) -> Iterator[None]:
-        """Order what it may decline by itself: the rest is left out, and the report says so."""
+        """Order what it may decline by itself, at once: the rest is left out, and that is told."""
         try:
             yield
         except Declined as refusal:
+            if refusal.after_s > _AT_ONCE_S and not self.access.attended:
+                raise
             self.tolerate("", _DECLINED, refusal.observed, f"{refusal}")
 
     @property

@@ -1,6 +1,6 @@
 """Clients that are near to what the document leaves open, and wrong; or that show nothing."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
 from typing import Any
 
@@ -97,3 +97,15 @@ class GivesLongNamesUp(ClientCore):
 def test_what_is_begun_is_not_declined() -> None:
     """Who has sent a name that was taken, and then gives up, has not declined the order."""
     assert tried(GivesLongNamesUp, "5.2/1")["5.2/1.drawn"] is Verdict.FAIL
+
+
+class SendsNoLongNames(ClientCore):
+    """A name of thirty bytes is not sent, and its reply waited for in vain."""
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        super()._send(each for each in frames if len(each.data) != NAME_MAX_BYTES)
+
+
+def test_what_is_tried_is_not_declined() -> None:
+    """A client that gives up when it has waited for a reply has not declined to ask."""
+    assert tried(SendsNoLongNames, "4.11/1")["4.11/1.names"] is Verdict.FAIL
