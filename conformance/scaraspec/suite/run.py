@@ -257,9 +257,9 @@ class Run(Generic[P]):
         """A claim that is not what was seen, by the judge or by a case, is a failure of its own."""
         told = {outcome.observed for outcome in self.bracket.outcomes}
         for key, seen in self._readings().items():
-            if seen.claimed is None or not seen.options or seen.claimed in seen.options:
-                continue
-            if f"{key} = {seen.claimed}" in told:  # a case need not wait until silence is sure
+            named = [o.name for o in READINGS[key].options if f"{key} = {o.name}" in told]
+            options = (*seen.options, *named)  # a case need not wait until silence is sure
+            if seen.claimed is None or not options or seen.claimed in options:
                 continue
             if key == "op_get_default" and self._serves(seen):
                 continue
@@ -273,7 +273,7 @@ class Run(Generic[P]):
                     cause=Cause.SUBJECT,
                     message=message,
                     expected=seen.claimed,
-                    observed=" and ".join(seen.options),
+                    observed=" and ".join(dict.fromkeys(options)),
                 )
 
     def _serves(self, seen: ReadingSeen) -> bool:

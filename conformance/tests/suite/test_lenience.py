@@ -344,6 +344,14 @@ def test_a_network_that_applies_after_a_restart_cannot_be_verified_without_one()
     assert {case.verdict for case in cases.values()} == {Verdict.NONE}
 
 
+def test_a_claim_is_held_against_silence() -> None:
+    """Who claims to refuse while it is busy, and is silent, has made a wrong claim."""
+    claims = {"dialect": DEFAULT, "claimed": frozenset({"busy_reply"})}
+    silent = DEFAULT.replace(busy_reply="silence")
+    assert tried(Brain, "4/6", spoken=silent, **claims)["claim.busy_reply"].verdict is Verdict.FAIL
+    assert "claim.busy_reply" not in tried(Brain, "4/6", **claims)
+
+
 def test_a_network_that_applies_late_unclaimed_is_a_failure() -> None:
     """What is not claimed is judged by the default."""
     assert tried(AppliesLater, "4.4/4")["4.4/4"].verdict is Verdict.FAIL

@@ -30,7 +30,7 @@ from scaraspec.suite.as_client.motion import (
     target,
 )
 from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
-from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.subject import MOMENT_S, Subject
 from scaraspec.suite.as_client.tasks import MOVE, accepted, done, finish, has, offered, perform
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
@@ -213,6 +213,7 @@ def test_malformed_requests(subject: Subject, line: Line) -> None:
             subject.tolerate("4.24/3", "A-3-9", wrong.kind, message)
             _expect_unmoved(line, pose, here, f"a malformed request ({wrong}) has moved the arm")
         line = alive(subject, line)
+        line.wait(MOMENT_S)  # a move may begin late, and tell nobody
         quieten(subject, line)
         status = line.ask("get_status")
         expect(
