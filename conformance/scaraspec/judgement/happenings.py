@@ -142,6 +142,7 @@ class Exchange:
         transfer: The file transfer that it begins or belongs to.
         transfer_before: For a chunk outside a transfer: the last one of its kind on this
             connection, refused ones included.
+        late: It is a chunk behind a silence in which its transfer may have been given up (A-5-13).
         chunk: For a chunk: the structure as its transfer's byte order reads it.
         expected_position: For a chunk: where the chunks before it had got to.
     """
@@ -170,6 +171,7 @@ class Exchange:
     after_stop: bool = False
     transfer: "Transfer | None" = None
     transfer_before: "Transfer | None" = None
+    late: bool = False
     chunk: Chunk | None = None
     expected_position: int = 0
 

@@ -19,7 +19,7 @@ NAMES: Final = ("upload_name", "download_name")
 CHUNKS: Final = ("upload_chunk", "download_chunk")
 
 _NS: Final = 1_000_000_000
-_SURVIVED: Final = 25 / 30  # of the time-out: who is answered later may have given it up (A-5-13)
+_SURVIVED: Final = 25 / 30  # of the time-out: behind a longer silence it may be over (A-5-13)
 _CONTENT_LIMIT_BYTES: Final = 16 * 2**20
 _MOST_RESUMPTIONS: Final = 16  # each copies the content
 
@@ -70,6 +70,7 @@ class TransferTracker:
         self._scene = scene
         timeout_s = dialect.seconds("xfer_timeout")
         self._timeout_ns = 2 * int((timeout_s if timeout_s is not None else 1e9) * _NS)
+        self._survived_ns = int(_SURVIVED * self._timeout_ns / 2)
         self._strays = 0  # answers to no chunk, each of which may be refused
         self._named: dict[bool, _Course] = {}  # by whether it is an upload; not answered yet
         self._active: _Course | None = None
@@ -85,6 +86,8 @@ class TransferTracker:
             transfer = Transfer(upload, name, exchange.time_ns, exchange, certain=exchange.certain)
             self._named[upload] = _Course(transfer)
         elif exchange.name in CHUNKS:
+            silence_ns = exchange.time_ns - self._heard_ns
+            exchange.late = self._active is not None and silence_ns > self._survived_ns
             self._heard_ns = exchange.time_ns
             yield from self._place(exchange, upload)
 
@@ -137,7 +140,7 @@ class TransferTracker:
 
     def answered(self, exchange: Exchange | None, time_ns: int) -> None:
         """An answer to this chunk was sent, or one to none."""
-        if exchange is None or time_ns - exchange.time_ns > _SURVIVED * self._timeout_ns / 2:
+        if exchange is None or time_ns - exchange.time_ns > self._survived_ns:
             self._strays += 1
 
     def refused(self) -> bool:

@@ -17,6 +17,19 @@ RUN = """
 """
 LONG_NAME = "6E" * 300  # with the length byte 300 - 256
 
+LATE_CHUNK = """
+    login
+    > upload_name a.rob
+    < upload_name 1
+    +{pause}
+    > chunk 0/300
+    > get_status
+    < get_status 00
+    +31
+    > get_status
+    < get_status 00
+"""
+
 LEFT = """
     login
     > run_program a
@@ -219,6 +232,9 @@ CASES = (
     ("3/31", "fail", "login\n> get_time\n+6\n> get_time\n< get_time 20260101000000\n+11\n> close"),
     ("3/31", "pass", "login\n> get_time\n> get_status\n< get_status 00\n> close"),
     ("3/31", "inconclusive", "login\n> get_time\n+6\n> close"),
+    # An upload may be given up after 30 s of silence, and a stray chunk be ignored (A-5-16).
+    ("3/31", "fail", LATE_CHUNK.format(pause=20)),
+    ("3/31", "pass", LATE_CHUNK.format(pause=40)),
     # A robot that shuts down, or changes its address, answers no more.
     ("3/31", "pass", "login\n> shutdown\n< shutdown 1\n> get_time\n+6\n> close"),
     ("3/31", "inconclusive", "login\n> get_time\n< gap 18\n> get_status\n< get_status 00"),

@@ -24,11 +24,13 @@ from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
 
-def alarms(brain: type[Brain], *only: str) -> list[str]:
+def alarms(brain: type[Brain], *only: str, **claims: str) -> list[str]:
     """What is said against a controller by the cases of these requirements."""
-    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    dialect = DEFAULT.replace(**claims)
+    access = MemoryAccess(Robot(brain, dialect).network)
     options = Options(only=frozenset(only), allowed=ALL, examples=2)
-    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    statement = Statement(dialect=dialect, claimed=frozenset(claims))
+    results = Run(ControllerSetting(access, statement, PASSWORD, options)).results()
     assert results.counts[Verdict.PASS] + results.counts[Verdict.TOLERATED]
     bad = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
     return [f"{case.id}: {case.message}" for case in results.cases if case.verdict in bad]
@@ -44,6 +46,19 @@ class RefusesAnswers(Brain):
             self.emit(request.session, Frame(C2A, request.frame.opcode, b"0"))
             return SILENCE
         return super().download_chunk(request)
+
+
+class IgnoresStrayChunks(Brain):
+    """A chunk without an upload is not answered (A-5-16)."""
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        """Ignore it."""
+        return super().upload_chunk(request) if request.session.transfer else SILENCE
+
+
+def test_a_late_chunk_may_be_ignored() -> None:
+    """Waiting for its answer disturbs no other upload, short as the limit may be."""
+    assert not alarms(IgnoresStrayChunks, "5.4/5", xfer_timeout="1")
 
 
 class EndsTheLink(Brain):

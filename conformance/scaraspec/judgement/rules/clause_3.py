@@ -237,7 +237,7 @@ def _due(x: Exchange) -> bool:
     """Whether an answer is due: to a valid request, behind a login, in its place."""
     valid = x.request.parsed is not None and not x.request.parsed.decoded.complaints
     served = x.logged_in or x.name == "login"
-    out_of_place = x.name == "upload_chunk" and x.transfer is None  # A-5-16
+    out_of_place = x.name == "upload_chunk" and (x.transfer is None or x.late)  # A-5-16
     error_signal = x.chunk is not None and x.chunk.length == 0
     return valid and bool(served) and not out_of_place and not error_signal
 

@@ -9,7 +9,7 @@ from scaraspec.suite.as_client.files import CHUNK_S, begin, offer
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Unmet
-from scaraspec.suite.limits import Silence
+from scaraspec.suite.limits import Silence, limits_of
 
 _INSTANT_S: Final = 1e-6
 
@@ -56,8 +56,14 @@ class _Running:
 
 
 def run_tracks(subject: Subject, tracks: list[Track]) -> None:
-    """Go through all tracks, as many at once as the subject takes transfers."""
-    at_once = takes_several(subject)
+    """Go through all tracks, as many at once as the subject takes transfers.
+
+    One by one where a limit is so short that waiting for an answer which does not come, as a late
+    chunk may be ignored (A-5-16), would outlast the pause of another track.
+    """
+    limits = limits_of(subject)
+    apart = limits.late_s + subject.reply_s < 2 * limits.survived_s
+    at_once = takes_several(subject) and (apart or not _ignores_strays(subject))
     waiting = list(tracks)
     while waiting:
         running = [_Running(subject, waiting.pop(0))]
@@ -94,3 +100,11 @@ def takes_several(subject: Subject) -> bool:
     for line in lines:
         line.close()
     return all(taken)
+
+
+def _ignores_strays(subject: Subject) -> bool:
+    """Whether a chunk without an upload is not answered (A-5-16)."""
+    line = subject.open()
+    ignores = offer(line, Chunk(1, 0, 1, b"!")) is None and line.ending is None
+    line.close()
+    return ignores
