@@ -30,9 +30,10 @@ _PASSWORD = "zs-password"  # noqa: S105 - it opens nothing but the check's own s
     help="How long any answer may take.",
 )
 def command(command_line: str, timeout_s: float) -> None:
-    """Check that COMMAND is a driver of a client: JSON Lines on stdio, see the design of drivers.
+    """Check that COMMAND is a driver of a client: JSON Lines on stdio.
 
-    Each step is a line of its own. Exit status 0 if all is well, 1 if not.
+    What it has to understand and to say: fixtures/drivers/README.md. Each step is a line of its
+    own. Exit status 0 if all is well, 1 if not.
     """
     try:
         driver = Driver(command_line)

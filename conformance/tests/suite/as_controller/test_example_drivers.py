@@ -1,11 +1,14 @@
 """The example drivers, in C and in Python: what a vendor starts from is conformant itself."""
 
+import re
 import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from scaraspec.client.words import OPERATIONS
 
 DRIVERS = Path(__file__).parents[4] / "fixtures" / "drivers"
 BUILD = ("cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-O2")
@@ -34,6 +37,17 @@ def _scaraspec(*arguments: str) -> subprocess.CompletedProcess[str]:
         timeout=TIMEOUT_S,
         check=False,
     )
+
+
+def test_operations_are_told() -> None:
+    """The page has every operation in its table, with the values that it takes."""
+    table = (DRIVERS / "README.md").read_text("utf-8").partition("## Operations")[2]
+    told = {
+        name: re.findall(r"`(\w+)`", values)
+        for names, values, _ in re.findall(r"^\| (`.+?) \| (.*?)\| (.+) \|$", table, re.MULTILINE)
+        for name in re.findall(r"`(\w+)`", names)
+    }
+    assert told == {name: [v.strip("[]") for v in takes] for name, takes in OPERATIONS.items()}
 
 
 def test_is_a_driver(driver: str) -> None:
