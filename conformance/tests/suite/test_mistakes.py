@@ -82,6 +82,26 @@ class HalfAKilobyte(Brain):
         return super().receive(connection, data[:512], now_s)
 
 
+class ShortestText(Brain):
+    """Numbers are told as the programming language writes them."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Write them so."""
+        if frame.opcode == 0x34:
+            numbers = self.store.settings.gripper_center
+            frame = frame._replace(data="|".join(map(str, numbers)).encode())
+        super().emit(session, frame)
+
+
+class StopsForAnyone(Brain):
+    """Whoever leaves takes along what another client has begun, and nobody is told."""
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        """Stop it."""
+        self.robot.stop(now_s)
+        return super().close(connection, now_s)
+
+
 class DiesWithItsClient(Brain):
     """A program whose result nobody is there to hear is never over."""
 
@@ -111,6 +131,7 @@ class OneByteTooMany(Brain):
         (SegmentIsFrame, "2/5"),
         (HalfAKilobyte, "2/6"),
         (OneByteTooMany, "4.10/9"),
+        (ShortestText, "T/5"),
     ],
 )
 def test_it_is_found(brain: type[Brain], requirement: str) -> None:
@@ -121,3 +142,8 @@ def test_it_is_found(brain: type[Brain], requirement: str) -> None:
 def test_who_never_ends_without_its_client_is_found() -> None:
     """Whether a robot is free again (4/15) is seen by a case that accepts runs (4.15/4), too."""
     assert "4/15" in found(DiesWithItsClient, "4.15/4")
+
+
+def test_who_is_stopped_by_others_leaving_is_found() -> None:
+    """What one client has begun ends with a result, whoever else comes and goes."""
+    assert "4.15/5" in found(StopsForAnyone, "4.17/6")

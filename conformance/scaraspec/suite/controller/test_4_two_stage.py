@@ -417,7 +417,7 @@ def test_free_again(subject: Subject, line: Line) -> None:
 
 @case("4/15", "4/6", "4.17/6", name="second-client", hazards=_MOTION)
 def test_second_client(subject: Subject, line: Line) -> None:
-    """A second client sees the first one's program run, is refused, and can stop it."""
+    """A second client sees the first one's program run, is refused, can stop it, and leaves."""
     subject.several()
     other = subject.open()
     program = stored(subject, other, 0)
@@ -436,6 +436,9 @@ def test_second_client(subject: Subject, line: Line) -> None:
         )
         finish(subject, other, STOP)
     other.fence()
+    start_program(subject, line, RUN, seconds=1)
+    other.close()
+    finish(subject, line, RUN)
 
 
 @case("4/15", "4.17/6", "4.15/4", name="lost-link", hazards=_MOTION)

@@ -166,6 +166,7 @@ _numbers = (
 @case("T/5", name="set", hazards=_STATE)
 @given(texts=st.tuples(_numbers, _numbers, _numbers))
 @example(texts=("100000", "0.001", "-0.5"))
+@example(texts=("0.00001", "-0.0000001", "1000000"))
 def test_numbers_that_were_set(subject: Subject, texts: tuple[str, str, str]) -> None:
     """Numbers of many sizes are set, and come back as plain decimal text."""
     has(subject, "set_gripper_center", "get_gripper_center")
