@@ -178,8 +178,8 @@ class Exponents(_Numbers):
     """Large and small numbers are sent with an exponent."""
 
     def written(self, number: float) -> str:
-        """Write it as many a language does."""
-        return f"{number}" if 1e-2 <= abs(number) < 1e6 or not number else f"{number:e}"  # noqa: PLR2004 - as these do
+        """Write it as many a language does; Java begins the latest with large ones."""
+        return f"{number}" if 1e-3 <= abs(number) < 1e7 or not number else f"{number:e}"  # noqa: PLR2004 - as these do
 
 
 @fault("T/5")
