@@ -23,6 +23,7 @@ from scaraspec.client.faults.transferring import (
     InAll,
     Lazy,
     MeetsFiles,
+    PutsOff,
     UploadsOtherwise,
 )
 from scaraspec.client.operations import Text
@@ -339,6 +340,13 @@ class UploadNamesWaitForEver(UploadsOtherwise):
     """The answer to the name of an upload is awaited without end."""
 
     way = _ForeverAtFirst
+
+
+@fault("5.2/9", subtle=True)
+class OtherRepliesPutOffUploads(PutsOff):
+    """The 30 s of an upload count anew from whatever comes."""
+
+    way = Upload
 
 
 @fault("5.2/9", subtle=True)

@@ -12,6 +12,7 @@ from scaraspec.client.faults.transferring import (
     InAll,
     JudgesChunks,
     Lazy,
+    PutsOff,
     UploadsOtherwise,
 )
 from scaraspec.client.transfer import Download, Transfer, Upload, answer_to_chunk
@@ -192,6 +193,13 @@ class FirstChunksAreAwaitedForEver(DownloadsOtherwise):
     """The first chunk of a download is awaited without end."""
 
     way = _ForeverForTheFirst
+
+
+@fault("5.4/5", subtle=True)
+class OtherRepliesPutOffDownloads(PutsOff):
+    """The 30 s of a download count anew from whatever comes."""
+
+    way = Download
 
 
 @fault("5.4/5", "5.3/5", subtle=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from scaraspec.client.aio import AsyncClient
-from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, ClientCore
+from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, ClientCore, Event
 from scaraspec.client.exchange import Progress, Stage
 from scaraspec.client.operations import Text
 from scaraspec.client.transfer import Download, Transfer, Upload
@@ -179,6 +179,20 @@ class ForeverAtFirst(Transfer):
     def _be_patient(self, now_s: float) -> None:
         if self.stage is not Stage.ASKED:
             super()._be_patient(now_s)
+
+
+class PutsOff(ClientCore):
+    """Whatever comes puts off the end of the transfers of one kind."""
+
+    way: ClassVar[type[Transfer]]
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        """Wait anew."""
+        events = super().feed(data, now_s)
+        for transfer in self._open:
+            if isinstance(transfer, self.way):
+                transfer._be_patient(now_s)  # noqa: SLF001 - the fault is in there
+        return events
 
 
 class MeetsFiles(AsyncClient):

@@ -1,12 +1,14 @@
 """Patience: silences that a client's transfer has to survive, and others that have to end it."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final
 
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
-from scaraspec.suite.expect import Undecided, Unmet
+from scaraspec.suite.expect import NotRun, Undecided, Unmet
 from scaraspec.suite.limits import Silence, limits_of
 
 _LOOK_S: Final = 0.02
@@ -69,3 +71,29 @@ def given_up(subject: Subject, call: Call, requirement: str) -> None:
         option = "less" if passed_s < limits.early_s else "more"
         message = f"a transfer was given up after {passed_s:.2f} s of silence"
         subject.tolerate(requirement, "xfer_timeout", option, message)
+
+
+def given_up_meanwhile(subject: Subject, line: Line, call: Call, requirement: str) -> None:
+    """Let the client ask for other things until it gives a silent transfer up, in the same time.
+
+    Raises:
+        Unmet: It does not.
+        NotRun: It asks for nothing else as long as a transfer lasts.
+    """
+    limits, silence = limits_of(subject), Silence(subject)
+    name, _ = subject.unpolled("get_version", "get_status", "get_time")
+    asks = True
+    while asks and call.answer is None and silence.passed_s < limits.over_s:
+        asks, query = False, subject.begin(name)
+        with suppress(Unmet):
+            line.request(name, query, within_s=limits.survived_s / 2)
+            line.reply(name, data=REPLIES[name])
+            asks = True
+        subject.pause(limits.survived_s / 4)
+    if not asks and call.answer is None:
+        raise NotRun("the client asks for nothing else while a transfer lasts")
+    try:
+        subject.fails(call, within_s=_GRACE_S)
+    except Unmet as error:
+        error.requirement = requirement
+        raise

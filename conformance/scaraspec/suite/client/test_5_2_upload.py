@@ -33,7 +33,7 @@ from scaraspec.suite.as_controller.files import (
     take,
 )
 from scaraspec.suite.as_controller.line import Line
-from scaraspec.suite.as_controller.patience import given_up, survived
+from scaraspec.suite.as_controller.patience import given_up, given_up_meanwhile, survived
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.chunks import chunk_of
@@ -256,6 +256,13 @@ def test_late_and_missing_answers(subject: Subject, line: Line) -> None:
     survived(subject, line, upload.call, "5.2/9", answer_chunk)
     given_up(subject, upload.call, "5.2/9")
     _stays_ended(subject, line, "upload_chunk")
+
+
+@client_case("5.2/9", name="meanwhile")
+def test_answer_is_missing_amid_others(subject: Subject, line: Line) -> None:
+    """The silence of an upload ends it, whatever else is asked and answered meanwhile."""
+    upload, _ = _up_to(subject, line, 1)
+    given_up_meanwhile(subject, line, upload.call, "5.2/9")
 
 
 @client_case("5.2/9", name="name")

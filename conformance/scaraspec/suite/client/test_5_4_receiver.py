@@ -17,7 +17,7 @@ from scaraspec.suite.as_controller.files import (
     take,
 )
 from scaraspec.suite.as_controller.line import Line
-from scaraspec.suite.as_controller.patience import given_up, survived
+from scaraspec.suite.as_controller.patience import given_up, given_up_meanwhile, survived
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.chunks import chunk_of
@@ -82,6 +82,14 @@ def test_late_and_missing_chunks(subject: Subject, line: Line) -> None:
     survived(subject, line, download.call, "5.4/5", second)
     given_up(subject, download.call, "5.4/5")
     _recovered(subject, line, download, 2)
+
+
+@client_case("5.4/5", name="meanwhile")
+def test_chunk_is_missing_amid_others(subject: Subject, line: Line) -> None:
+    """The silence of a download ends it, whatever else is asked and answered meanwhile."""
+    download = fetch(subject, line)
+    download.give(_CHUNKS[0])
+    given_up_meanwhile(subject, line, download.call, "5.4/5")
 
 
 @client_case("5.4/5", name="promised")
