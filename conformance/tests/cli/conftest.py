@@ -100,6 +100,13 @@ def address_in(process: subprocess.Popen[str]) -> tuple[str, int]:
     return found[1], int(found[2])
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _interruptible() -> None:
+    """Tests that a shell runs in the background ignore SIGINT, and so would all that they start."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.fixture
 def processes() -> Iterator[Processes]:
     """A starter of processes."""
