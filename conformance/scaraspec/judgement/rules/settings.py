@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection
 from typing import Any, Final
 
 from scaraspec.judgement.happenings import Ending, Exchange
-from scaraspec.judgement.rounding import reads_back
+from scaraspec.judgement.rounding import read_back
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
 from scaraspec.judgement.rules.text import observed
 from scaraspec.judgement.scene import Scene
@@ -102,7 +102,7 @@ def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
     deletion = scene.memory.asked.get("delete_program")
     if setting is None or (deletion and deletion.place.time_ns >= setting.time_ns):
         return None
-    if _may_be_an_unknown_opcode(x, scene):
+    if _may_be_an_unknown_opcode(x, scene, since_ns=setting.time_ns):
         message = f"0x{x.request.frame.opcode:02X} is answered 0, perhaps because it is not known"
         return tolerated("on_unknown", "0", message)
     return _read_back(
@@ -110,21 +110,25 @@ def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
     )
 
 
-def _may_be_an_unknown_opcode(x: Exchange, scene: Scene) -> bool:
-    """Whether this is "0" to that of the two opcodes which never named a program (A-4.12-1)."""
+def _may_be_an_unknown_opcode(x: Exchange, scene: Scene, since_ns: int) -> bool:
+    """Whether this is "0" to that of the two opcodes which never named a program (A-4.12-1).
+
+    One of them is known: where the other was answered "0", too, since then, it is not.
+    """
     if x.reply is None or x.reply.frame.data != b"0":
         return False
-    return not any(
-        y.request.frame.opcode == x.request.frame.opcode and y.reply and y.reply.frame.data != b"0"
-        for y in scene.memory.recent.get(x.name, ())
-    )
+    answered = [y for y in scene.memory.recent.get(x.name, ()) if y.reply]
+    same = [y for y in answered if y.request.frame.opcode == x.request.frame.opcode]
+    others = [y for y in answered if y not in same and y.time_ns > since_ns]
+    named = any(y.reply and y.reply.frame.data != b"0" for y in same)
+    return not named and not any(y.reply and y.reply.frame.data == b"0" for y in others)
 
 
 # 4.20 and 4.21
 
 
 def _same_numbers(setting: Exchange, answer: Any, count: int) -> bool:
-    return all(map(reads_back, answer[:count], setting.asked[:count]))
+    return read_back(answer[:count], setting.asked[:count])
 
 
 @rule("4.20/3", on=Exchange, names=("get_gripper_center",))

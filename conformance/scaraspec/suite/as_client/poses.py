@@ -1,6 +1,6 @@
 """Poses: the gripper centre and the initial tool position, as they are read and set (4.19-4.22)."""
 
-from scaraspec.judgement.rounding import reads_back
+from scaraspec.judgement.rounding import read_back
 from scaraspec.protocol.commands import Point, Pose
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.expect import Unmet, expect
@@ -41,7 +41,7 @@ def expect_numbers(
         Unmet: They differ.
     """
     expect(
-        all(map(reads_back, shown, wanted)),
+        read_back(shown, wanted),
         message,
         expected="|".join(f"{value:g}" for value in wanted),
         observed="|".join(f"{value:g}" for value in shown),

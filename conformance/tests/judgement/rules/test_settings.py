@@ -96,6 +96,8 @@ CASES = (
         default("a.rob", "0", between="> 13\n< 13 a.rob"),
     ),
     ("4.13/3", "tolerated on_unknown=0", default("a.rob", "0")),
+    # One of the two is served, and a program was named.
+    ("4.13/3", "fail", default("a.rob", "0") + "> 13\n< 13 0"),
     (
         "4.13/3",
         "fail",
