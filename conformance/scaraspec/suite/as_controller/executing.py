@@ -68,6 +68,19 @@ def executing(subject: Subject, line: Line, order: Order) -> Call:
     return call
 
 
+def run_at_will(subject: Subject, line: Line, order: Order) -> None:
+    """Give an order to run a program, and see it through unless the client declines the name.
+
+    Raises:
+        Unmet: It asks for another program, or tells another outcome.
+    """
+    call = subject.begin(order.name, **order.values)
+    with subject.at_will():
+        line.serve(call, data=b"1", sent=order.values["name"].encode())
+        line.result(order.name)
+        finished(subject, call)
+
+
 def is_idle(subject: Subject, line: Line) -> None:
     """Tell it that the robot is idle: none that it takes for faulty need be moved."""
     call = subject.begin("get_status")

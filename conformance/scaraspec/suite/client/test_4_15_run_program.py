@@ -2,11 +2,10 @@
 
 from hypothesis import example, given
 
-from scaraspec.suite.as_controller.executing import failed, finished, refused
+from scaraspec.suite.as_controller.executing import Order, failed, finished, refused, run_at_will
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
-from scaraspec.suite.expect import expect_equal
 from scaraspec.suite.strategies import names
 
 
@@ -29,13 +28,7 @@ def test_names(subject: Subject, line: Line) -> None:
     @example(b"my program (2).txt")
     @given(names)
     def each(name: bytes) -> None:
-        call = subject.begin("run_program", name=name.decode())
-        with subject.at_will():
-            request = line.request("run_program", call)
-            expect_equal(request.seen.text, name, "the program that is run")
-            line.reply("run_program", data=b"1")
-            line.result("run_program")
-            finished(subject, call)
+        run_at_will(subject, line, Order("run_program", {"name": name.decode()}))
 
     each()
 

@@ -2,11 +2,10 @@
 
 from hypothesis import example, given
 
-from scaraspec.suite.as_controller.executing import finished
+from scaraspec.suite.as_controller.executing import Order, finished, run_at_will
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
-from scaraspec.suite.expect import expect_equal
 from scaraspec.suite.strategies import names
 
 
@@ -27,13 +26,7 @@ def test_names(subject: Subject, line: Line) -> None:
     @example(b"a")
     @given(names)
     def each(name: bytes) -> None:
-        call = subject.begin("simulate_program", name=name.decode())
-        with subject.at_will():
-            request = line.request("simulate_program", call)
-            expect_equal(request.seen.text, name, "the program that is simulated")
-            line.reply("simulate_program", data=b"1")
-            line.result("simulate_program")
-            finished(subject, call)
+        run_at_will(subject, line, Order("simulate_program", {"name": name.decode()}))
 
     call = subject.begin("run_program", name="former.rob")
     line.serve(call, data=b"1")
