@@ -1,5 +1,6 @@
 """Controllers that are near to what the document leaves open, and wrong: a case still fails."""
 
+import math
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from scaraspec.controller.behaviour.base import Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Request, Session
 from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
@@ -139,9 +141,27 @@ class TakesPathsLate(Brain):
         return min((due_s for due_s in times_s if due_s is not None), default=None)
 
 
+class MovesLate(Brain):
+    """A move that was refused begins a moment later, and the status says nothing of it."""
+
+    _due_s = math.inf
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Remember when."""
+        super().handle(session, frame, now_s)
+        if frame.opcode == 0x39 and self.robot.task is None:
+            self._due_s = now_s + 0.05
+
+    def get_tool_coordinates(self, request: Request) -> Pose:
+        """Be elsewhere then."""
+        pose = super().get_tool_coordinates(request)
+        return pose._replace(x=pose.x + 5) if request.now_s > self._due_s else pose
+
+
 @pytest.mark.parametrize(
     ("brain", "requirement"),
     [
+        (MovesLate, "4.24/3"),
         (FollowsARefusalUp, "5.3/10"),
         (FollowsAnEndUp, "5.2/13"),
         (HasNoPatience, "5.3/7"),
