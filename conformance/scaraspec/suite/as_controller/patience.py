@@ -8,7 +8,7 @@ from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
-from scaraspec.suite.expect import NotRun, Undecided, Unmet
+from scaraspec.suite.expect import Declined, NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.limits import Silence, limits_of
 
 _LOOK_S: Final = 0.02
@@ -85,7 +85,7 @@ def given_up_meanwhile(subject: Subject, line: Line, call: Call, requirement: st
     asks = True
     while asks and call.answer is None and silence.passed_s < limits.over_s:
         asks, query = False, subject.begin(name)
-        with suppress(Unmet):
+        with suppress(NoAnswer, Declined):
             line.request(name, query, within_s=limits.survived_s / 2)
             line.reply(name, data=REPLIES[name])
             asks = True
