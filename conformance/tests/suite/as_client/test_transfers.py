@@ -212,22 +212,19 @@ class TakesRepeatedChunks(JudgesChunks):
     receiver: ClassVar[type[Receiver]] = _Idempotent
 
 
-@pytest.mark.parametrize(
-    "brain",
-    [
-        Slow,
-        ClosesBrokenLinks,
-        IgnoresStrayChunks,
-        WaitsForABetterChunk,
-        RepeatsRefusedChunks,
-        OneTransferAtATime,
-        NoticesLostLinksLate,
-        StaleBuffers,
-        SmallChunks,
-        ShortNames,
-        TakesRepeatedChunks,
-    ],
-)
+class Cautious(StaleBuffers, SmallChunks, ShortNames, TakesRepeatedChunks, OneTransferAtATime):
+    """Small in everything."""
+
+
+class Forgiving(WaitsForABetterChunk, RepeatsRefusedChunks, NoticesLostLinksLate):
+    """Gives a transfer up late, if at all."""
+
+
+class Strict(ClosesBrokenLinks, IgnoresStrayChunks):
+    """Has no more to do with who sends it what it has not asked for."""
+
+
+@pytest.mark.parametrize("brain", [Slow, Cautious, Forgiving, Strict])
 def test_a_conforming_controller_of_another_kind_passes(brain: type[Brain]) -> None:
     """What the register lists, or the document leaves free, fails no case of clause 5."""
     robot = Robot(brain, DEFAULT)

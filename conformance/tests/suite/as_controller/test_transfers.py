@@ -188,8 +188,35 @@ class SmallChunks(CutsOtherwise):
             self._chunks = (Chunk(size, at, len(piece), piece) for at, piece in pieces)
 
 
-def _of(core: type[ClientCore]) -> type[AsyncClient]:
-    return type(core.__name__, (AsyncClient,), {"core": core})
+class SmallAndMute(SmallChunks, Mute):
+    """Does no more than it must."""
+
+
+class Particular(OnlyFull, LittleOnly):
+    """Knows a chunk in one form only."""
+
+    class receiver(OnlyFull.receiver, LittleOnly.receiver):  # noqa: N801 - as theirs
+        """Takes what both take."""
+
+
+class Touchy(FailsOnOddAnswers, AnswersSignals):
+    """Minds whatever is odd."""
+
+
+class Sparing(Polls):
+    core = SmallAndMute
+
+
+class Picky(KeepsParts):
+    core = Particular
+
+
+class Alert(AsyncClient):
+    core = Touchy
+
+
+class Stubborn(Closes):
+    core = RetriesCore
 
 
 class InTurn(Driver):
@@ -225,18 +252,7 @@ def _verdicts(access: MemoryClient, only: frozenset[str] = ONLY) -> dict[str, st
 
 @pytest.mark.parametrize(
     ("make", "tolerated"),
-    [
-        (Closes, True),
-        (Polls, False),
-        (KeepsParts, True),
-        (_of(RetriesCore), True),
-        (_of(Mute), False),
-        (_of(OnlyFull), True),
-        (_of(LittleOnly), True),
-        (_of(FailsOnOddAnswers), False),
-        (_of(AnswersSignals), False),
-        (_of(SmallChunks), False),
-    ],
+    [(Sparing, False), (Picky, True), (Alert, False), (Stubborn, True)],
     ids=lambda value: value.__name__ if isinstance(value, type) else "",
 )
 def test_no_false_alarm(make: type[AsyncClient], *, tolerated: bool) -> None:
