@@ -69,6 +69,11 @@ class Dialogue:
         self._hung_up: Direction | None = None
         self._begun = False
 
+    @property
+    def transferring(self) -> bool:
+        """Whether a file may be under way."""
+        return self._transfers.unfinished
+
     def feed(self, event: WireEvent) -> Iterator[Happening]:
         """Take the next event of this connection and give what it brought about, in order."""
         self._now_ns = event.time_ns

@@ -86,6 +86,10 @@ class Judge:
         while len(self._dialogues) > _MOST_CONNECTIONS:
             yield from self._end(next(iter(self._dialogues)))
 
+    def transferring(self, connection: str) -> bool:
+        """Whether a file may be under way on this connection, for one of its ends at least."""
+        return connection in self._dialogues and self._dialogues[connection].transferring
+
     def _dialogue(self, connection: str) -> Dialogue:
         """The connection's dialogue, moved behind all others."""
         dialogue = self._dialogues.pop(connection, None) or Dialogue(

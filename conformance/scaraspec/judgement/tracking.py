@@ -76,7 +76,13 @@ class TransferTracker:
         self._active: _Course | None = None
         self._before: dict[bool, _Course] = {}
         self._orders: dict[bool, str] = {}
+        self._broken_off = False  # the last one that was under way
         self._heard_ns = 0
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether one may be under way: one that broke off may go on for its other end."""
+        return bool(self._active or self._named or self._broken_off)
 
     def request(self, exchange: Exchange) -> Iterator[Transfer]:
         """A name or a chunk was sent: place it."""
@@ -226,6 +232,7 @@ class TransferTracker:
         if course:
             self._before[transfer.upload] = course
         transfer.ended_ns = now_ns
+        self._broken_off = transfer.state is not State.DONE and transfer.reason != SILENCE
         return transfer
 
 

@@ -63,6 +63,7 @@ class MemoryNetwork:
         self._epoch_ns = epoch_ns
         self._links: dict[int, MemoryLink] = {}
         self._opened = 0
+        self._line = 0  # the connection of the serial line
 
     @property
     def time_ns(self) -> int:
@@ -70,9 +71,19 @@ class MemoryNetwork:
         return self._epoch_ns + round(self.now_s * 1e9)
 
     def connect(self, link: Literal["tcp", "serial"] = "tcp") -> "MemoryLink":
-        """Open a link, which a machine that refuses it closes at once."""
+        """Open a link, which a machine that refuses it closes at once.
+
+        There is one serial line; that it is opened again the machine does not notice.
+        """
+        end: MemoryLink
+        if link == "serial" and self._line:
+            end = self._links[self._line] = _LineEnd(self, self._line)
+            return end
         self._opened += 1
-        end = self._links[self._opened] = MemoryLink(self, self._opened)
+        if link == "serial":
+            self._line = self._opened
+        end = (_LineEnd if link == "serial" else MemoryLink)(self, self._opened)
+        self._links[self._opened] = end
         self.perform(self._machine.open(self._opened, self.now_s, link))
         return end
 
@@ -100,14 +111,20 @@ class MemoryNetwork:
         if end is not None:
             end.take(None)
 
+    def leave(self, connection: int) -> None:
+        """Bring nothing more to the client's end."""
+        self._links.pop(connection, None)
+
     def perform(self, actions: Sequence[Action]) -> None:
         """Bring about what the machine does."""
         for action in actions:
             end = self._links.get(action.connection)
             if end is not None:
                 end.take(action.data)
-                if action.data is None:
-                    del self._links[action.connection]
+            if action.data is None:
+                self.leave(action.connection)
+                if action.connection == self._line:
+                    self._line = 0
 
 
 class MemoryLink:
@@ -167,3 +184,16 @@ class MemoryLink:
     def reset(self) -> None:
         """Cut the link off, which the machine cannot tell from closing."""
         self.close()
+
+
+class _LineEnd(MemoryLink):
+    """The end of the serial line, which is closed without the machine's notice."""
+
+    def half_close(self) -> None:
+        """Refuse: a serial line has no ends of its own; see `Link.half_close`."""
+        raise LinkError("a serial line cannot be half closed")
+
+    def close(self) -> None:
+        """Close the device."""
+        self._sends = self._receives = False
+        self._network.leave(self._connection)

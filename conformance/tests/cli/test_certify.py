@@ -1,5 +1,6 @@
 """`scaraspec certify controller` as a user runs it, against good, bad and hostile subjects."""
 
+import itertools
 import json
 import os
 import signal
@@ -7,6 +8,7 @@ import socket
 import subprocess
 import sys
 import threading
+import tty
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -136,6 +138,41 @@ def test_a_wrong_password_is_not_held_against_the_subject(processes: Any) -> Non
     assert done.returncode == 3
     assert "the login was refused" in done.stdout
     assert "Traceback" not in done.stderr
+
+
+@pytest.fixture
+def null_modem() -> Iterator[tuple[str, str]]:
+    """Two serial devices, each of which gets what is written to the other."""
+    pairs = [os.openpty() for _ in range(2)]
+    for _, line in pairs:
+        tty.setraw(line)
+    ends = [robot for robot, _ in pairs]
+
+    def relay(source: int, target: int) -> None:
+        with suppress(OSError):
+            while data := os.read(source, 4096):
+                os.write(target, data)
+
+    for source, target in (ends, ends[::-1]):
+        threading.Thread(target=relay, args=(source, target), daemon=True).start()
+    first, second = (os.ttyname(line) for _, line in pairs)
+    yield first, second
+    for descriptor in itertools.chain(*pairs):
+        os.close(descriptor)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs pseudo terminals")
+def test_a_serial_line(processes: Any, null_modem: tuple[str, str]) -> None:
+    """Conformant as over TCP, though the robot notices no end of what a case has begun."""
+    pytest.importorskip("serial")
+    robot, ours = null_modem
+    processes.controller("--serial", robot, "--reading", "xfer_timeout=0.1")
+    done = processes.run(
+        *("certify", "controller", f"serial://{ours}", "--only", "4.8/1,5.1/7", *ALL),
+        *("--transfer-timeout", "0.1", "--examples", "3"),
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "conformant: serial://" in done.stdout
 
 
 def test_an_absent_subject(processes: Any) -> None:

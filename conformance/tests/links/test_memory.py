@@ -73,6 +73,30 @@ def test_a_link_may_be_refused() -> None:
     assert arrival.what is Ending.CLOSED
 
 
+class _Line(_Echo):
+    def open(self, connection: int, now_s: float, link: str) -> list[_Act]:
+        self.told.append(f"{connection} opened at {now_s:g} over {link}")
+        return []
+
+
+def test_a_serial_line_is_one_connection() -> None:
+    """That it is closed and opened again is not noticed; what comes meanwhile is lost."""
+    machine = _Line()
+    network = MemoryNetwork(machine)
+    with pytest.raises(LinkError, match="cannot be half closed"):
+        network.connect("serial").half_close()
+    for wait_s in (2.0, 0.0):
+        link = network.connect("serial")
+        link.send(b"?")
+        link.close()
+        network.run_until(network.now_s + wait_s)
+    arrival = network.connect("serial").receive(100.0)
+    assert arrival is not None
+    assert arrival.what == b"?"
+    assert network.now_s == 3.0
+    assert machine.told == ["1 opened at 0 over serial"]
+
+
 def test_links_share_a_machine_and_its_clock() -> None:
     """What one waits for happens to all; each receives its own."""
     network = MemoryNetwork(_Echo())

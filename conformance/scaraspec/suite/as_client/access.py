@@ -12,7 +12,7 @@ from typing import Final, Protocol
 from scaraspec.links.connect import connect
 from scaraspec.links.link import Link
 from scaraspec.links.memory import MemoryNetwork
-from scaraspec.links.url import Tcp, parse
+from scaraspec.links.url import Serial, Tcp, parse
 from scaraspec.protocol.port import DEFAULT_PORT
 
 _LOCAL: Final = ("127.0.0.1", "::1", "localhost")
@@ -28,6 +28,10 @@ class Access(Protocol):
     @property
     def several(self) -> bool:
         """Whether it can carry more than one connection at once."""
+
+    @property
+    def ends(self) -> bool:
+        """Whether the subject notices that a connection ends: a serial line only falls silent."""
 
     @property
     def port(self) -> int | None:
@@ -74,6 +78,11 @@ class UrlAccess:
         return self.needs_login
 
     @property
+    def ends(self) -> bool:
+        """All links do but a serial line."""
+        return not isinstance(parse(self.url), Serial)
+
+    @property
     def port(self) -> int | None:
         """That of the URL."""
         where = parse(self.url)
@@ -109,6 +118,11 @@ class MemoryAccess:
     port: int | None = DEFAULT_PORT
     patience_s: float = math.inf
     readdressable: bool = True
+
+    @property
+    def ends(self) -> bool:
+        """A serial line does not."""
+        return self.needs_login
 
     @property
     def now_ns(self) -> int:

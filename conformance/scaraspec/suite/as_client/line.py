@@ -5,14 +5,17 @@ timed and kept until somebody asks for it, so that nothing that a subject sends 
 answer is right is not known here.
 """
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.judgement.tracking import NAMES
 from scaraspec.links.link import Link
 from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame
 from scaraspec.suite.expect import Unmet
+from scaraspec.suite.limits import limits_of
 from scaraspec.suite.wire import Answer, Wire
 
 if TYPE_CHECKING:
@@ -28,6 +31,7 @@ class Line(Wire):
     def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
         super().__init__(name, link, subject, A2C, judged=judged)
         self._subject = subject
+        self._names_files = False
 
     # ------------------------------------------------------------------ sending
 
@@ -148,3 +152,39 @@ class Line(Wire):
             if not self._more(deadline_s):
                 self.heard[:0] = before
                 raise self.no_answer("get_status was not answered")
+
+    # ------------------------------------------------------------------ ending
+
+    def close(self) -> None:
+        """End the connection in order."""
+        self._clear()
+        super().close()
+
+    def reset(self) -> None:
+        """Cut the connection off."""
+        self._clear()
+        super().reset()
+
+    def _clear(self) -> None:
+        """Leave nothing half done where the subject does not notice that the connection ends.
+
+        A frame that was begun is spoilt, a transfer is over after its time-out (L763, L795), and
+        what is still being answered comes.
+        """
+        if self._subject.access.ends or self.over:
+            return
+        with suppress(Unmet):
+            if self.mid_frame:
+                self.send_bytes(bytes(MAX_FRAME_BYTES))
+            if self._may_transfer:
+                self.wait(limits_of(self._subject).over_s)
+            self.fence()
+
+    @property
+    def _may_transfer(self) -> bool:
+        if self._judged:
+            return self._subject.observer.judge.transferring(self.name)
+        return self._names_files
+
+    def _sent(self, seen: FrameSeen) -> None:
+        self._names_files = self._names_files or seen.name in NAMES

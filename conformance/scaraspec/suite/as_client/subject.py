@@ -137,7 +137,7 @@ class Subject:
             NoAnswer: The subject cannot be reached, or does not answer.
         """
         alone = all(line.closed or line.ending for line in self._lines)
-        patience = _RECONNECTS if alone and self._may_serve_one else 1
+        patience = _RECONNECTS if alone and self.access.ends and self._may_serve_one else 1
         while True:
             line = self._open(judged=judged)
             patience -= 1
@@ -234,6 +234,15 @@ class Subject:
             raise NotRun("this link carries one connection at a time")
         if self.dialect["max_clients"] != "many":
             raise NotRun("the subject serves one client at a time (max_clients)")
+
+    def notices_leaving(self) -> None:
+        """Go on only where the subject notices that a client is gone.
+
+        Raises:
+            NotRun: It does not.
+        """
+        if not self.access.ends:
+            raise NotRun("this link ends without its subject's notice")
 
     def has_hook(self, name: str) -> bool:
         """Whether the statement of conformance names this hook."""

@@ -40,6 +40,7 @@ def test_port(subject: Subject) -> None:
 @case("2/13")
 def test_one_after_the_other(subject: Subject) -> None:
     """A hundred clients connect one after the other, ask something, and close."""
+    subject.notices_leaving()
     for _ in range(_TIMES):
         line = _connect(subject)
         line.ask("get_status")
@@ -49,6 +50,7 @@ def test_one_after_the_other(subject: Subject) -> None:
 @case("2/13", name="leaving")
 def test_ways_of_leaving(subject: Subject) -> None:
     """A hundred clients leave in ways that are not orderly; the next is served all the same."""
+    subject.notices_leaving()
     for number in range(_TIMES):
         _leave(_connect(subject), number % 5)
     _connect(subject).ask("get_status")
@@ -67,7 +69,7 @@ def _leave(line: Line, way: int) -> None:
             line.reset()
         case 3:  # listening on, which a subject need not know
             line.send("get_status")
-            with suppress(Undecided):  # a serial link cannot
+            with suppress(Undecided):  # no link but TCP can
                 line.half_close()
             line.close()
         case _:  # having done nothing

@@ -287,6 +287,7 @@ def test_bystander(subject: Subject) -> None:
 @case("3/29")
 def test_half_frames(subject: Subject) -> None:
     """A connection stops in the middle of a frame; the next is served, and gets none of it."""
+    subject.notices_leaving()
     for part in _PARTS:
         line = subject.open(judged=False)
         line.send_bytes(part)
@@ -302,6 +303,7 @@ def test_half_frames(subject: Subject) -> None:
 @case("3/29", name="reset")
 def test_cut_off_in_a_frame(subject: Subject) -> None:
     """A connection is cut off in the middle of a frame; the next is served."""
+    subject.notices_leaving()
     for part in _PARTS:
         line = subject.open(judged=False)
         line.send_bytes(part)

@@ -212,6 +212,7 @@ def test_to_the_limit(subject: Subject, line: Line) -> None:
 @case("4.28/5", "4.17/6", name="lost-link", hazards=_MOTION)
 def test_lost_link(subject: Subject, line: Line) -> None:
     """When its client is gone a jog ends, or the next client can stop it (A-2-8)."""
+    subject.notices_leaving()
     attentive(subject, line)
     other = subject.open() if subject.takes_several else None
     with returning(subject, other or line):

@@ -447,6 +447,7 @@ def test_lost_link(subject: Subject, line: Line) -> None:
 
     So it is where the program has come to its end, and there was nobody to be told so.
     """
+    subject.notices_leaving()
     attentive(subject, line)
     for end in (line.close, None):
         lone = line if end else subject.open()

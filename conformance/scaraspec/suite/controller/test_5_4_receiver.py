@@ -334,12 +334,14 @@ def _broken_off(subject: Subject, end: Callable[[Line], None]) -> None:
 @case("5.4/7", "5.4/1", name="closed")
 def test_connection_closed(subject: Subject) -> None:
     """An upload whose connection was closed, at any chunk, leaves nothing but what was sent."""
+    subject.notices_leaving()
     _broken_off(subject, Line.close)
 
 
 @case("5.4/7", "5.4/1", name="reset")
 def test_connection_reset(subject: Subject) -> None:
     """An upload whose connection was cut off, at any chunk, leaves nothing but what was sent."""
+    subject.notices_leaving()
     _broken_off(subject, Line.reset)
 
 
