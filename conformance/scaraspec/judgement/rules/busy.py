@@ -31,8 +31,11 @@ it the frames of two connections may be in another order than they were sent in.
 def surely_executes(y: Exchange, x: Exchange, scene: Scene) -> bool:
     """Whether a command of `x.during` executed when `x` was answered, not only by its place.
 
-    On one connection the order of frames is sure; on two the end must come clearly later.
+    On one connection the order of frames is sure; on two the end must come clearly later. Where a
+    status 00 came meanwhile, it has ended or that status is wrong, which is told for itself.
     """
+    if y.idle:
+        return False
     if y.request.place.connection == x.request.place.connection:
         return True
     now = next((z for z in scene.memory.accepted if z.request is y.request), y)

@@ -39,6 +39,19 @@ ELSEWHERE = """
     <90 run_program 11
     2<90 reset 11
 """
+# The end of the program was not seen: its connection's last packets are not in the capture.
+IDLE_ELSEWHERE = """
+    login
+    > run_program a
+    < run_program 1
+    +2
+    2> login password
+    2< login 1
+    2> get_status
+    2< get_status 00
+    2> {second}
+    2< {second} {reply}
+"""
 IDLE = """
     login
     > get_status
@@ -94,6 +107,7 @@ CASES = (
     # On two connections the order of frames need not be that of their sending.
     ("4/6", "none", ELSEWHERE.format(pause="")),
     ("4/6", "fail 4.18/2", ELSEWHERE.format(pause="+2")),
+    ("4/6", "none", IDLE_ELSEWHERE.format(second="reset", reply="1")),
     # A stop is always welcome.
     ("4/6", "none", two(JOG, "emergency_stop", "1", ends("jog", "emergency_stop"))),
     ("4.15/8", "pass", two(RUN, "run_program b", "0|01", ends("run_program"))),
@@ -112,6 +126,7 @@ CASES = (
     ("4.18/2", "none", two("simulate_program a", RESET, "0|02", ends("simulate_program"))),
     ("4.35/4", "pass", two(RUN, "shutdown", "0|01", ends("run_program"))),
     ("4.35/4", "fail", two(RUN, "shutdown", "1", "< close")),
+    ("4.35/4", "none", IDLE_ELSEWHERE.format(second="shutdown", reply="1")),
     ("4/15", "pass", two(JOG, RESET, "0|04", ends("jog"))),
     ("4/15", "fail", two(JOG, RESET, "0|01", ends("jog"))),
     ("4/15", "none", two(JOG, RESET, "0|12", ends("jog"))),
