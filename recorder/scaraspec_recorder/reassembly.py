@@ -221,6 +221,7 @@ class Reassembler:
             self._order += 1
             hole = _Hole(connection, stream, stream.offset_bytes, time_ns, self._order)
             self._holes[stream] = hole
+        hole.since_ns = min(hole.since_ns, time_ns)  # an older packet may tell of it later
         if stream not in self._proven:
             if connection.reset:
                 hole.proof = stream.known_end
@@ -305,9 +306,9 @@ class Reassembler:
 
     def _release(self) -> list[WireEvent]:
         """Tell what is older than the oldest hole."""
-        hole = next(iter(self._holes.values()), None)
+        until_ns = min((hole.since_ns for hole in self._holes.values()), default=None)
         events = []
-        while self._queue and (hole is None or self._queue[0][0] < hole.since_ns):
+        while self._queue and (until_ns is None or self._queue[0][0] < until_ns):
             _, _, event = heappop(self._queue)
             self._held_bytes -= len(event.data) + ITEM_BYTES
             if event.time_ns < self._told_ns:

@@ -188,6 +188,17 @@ def test_a_capture_in_swapped_order_keeps_its_true_times() -> None:
     assert events == [opened(), data(20, A2C, 0, REQUEST), data(30, C2A, 0, REPLY)]
 
 
+def test_a_request_behind_the_next_one_keeps_its_place() -> None:
+    """A reply between two swapped requests waits for the first, which its time shows missing."""
+    swapped = [a2c(40, 4, REQUEST, ack=6), c2a(30, 0, REPLY, ack=4), a2c(20, 0, REQUEST)]
+    assert run([*handshake(), *swapped]) == [
+        opened(),
+        data(20, A2C, 0, REQUEST),
+        data(30, C2A, 0, REPLY),
+        data(40, A2C, 4, REQUEST),
+    ]
+
+
 def test_a_lost_request_is_a_gap_before_its_reply() -> None:
     """What the peer acknowledged and nobody brings is a gap of that length, in its place."""
     segments = [
