@@ -5,9 +5,10 @@ be negative until the stream's start is known. When to stop waiting for a missin
 `reassembly`; nothing here delivers a byte at an offset that is not its own.
 """
 
+from collections import deque
 from collections.abc import Iterator
 from heapq import heappop, heappush
-from typing import Final
+from typing import Final, NamedTuple
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import Direction
@@ -15,6 +16,18 @@ from scaraspec_recorder.segment import FIN, SYN, Segment
 
 ITEM_BYTES: Final = 256  # what a held segment or event costs in memory besides its data
 _MODULUS: Final = 1 << 32
+
+
+class Moment(NamedTuple):
+    """When something happened: by the observer's clock and, where that stands, by the capture.
+
+    Attributes:
+        time_ns: Nanoseconds since the Unix epoch.
+        number: Three times the number of the packet in the capture; less is just before it.
+    """
+
+    time_ns: int
+    number: int
 
 
 class ByteStream:
@@ -26,7 +39,7 @@ class ByteStream:
         start: Position of the stream's first byte; None while it is not known.
         next: Position of the next byte to deliver; the lowest one known while `start` is None.
         acknowledged: Position up to which the receiver has said that it has the bytes.
-        last_ns: Time of the latest event; no later one is earlier.
+        last: Moment of the latest event; no later one is earlier.
         ended: The end (FIN) has been delivered.
         held_bytes: Memory taken by segments that wait for a missing byte.
         beginning: Why the start was not seen, in words.
@@ -38,16 +51,16 @@ class ByteStream:
         self.start: int | None = None
         self.next = 0
         self.acknowledged = 0
-        self.last_ns = 0
+        self.last = Moment(0, 0)
         self.ended = False
         self.held_bytes = 0
         self.beginning = ""
         self._origin: int | None = None  # sequence number of position 0: the first one seen
         self._seen = 0  # up to here bytes passed, captured or not
         self._fin: int | None = None
-        self._fin_ns = 0
-        self._arrivals = 0
-        self._waiting: list[tuple[int, int, int, bytes]] = []  # position, arrival, time, data
+        self._fin_at = self.last
+        self._waiting: list[tuple[int, int, int, bytes]] = []  # position, number, time, data
+        self._promises: deque[tuple[int, Moment]] = deque()  # what is acknowledged, and since when
 
     @property
     def known_end(self) -> int:
@@ -77,11 +90,25 @@ class ByteStream:
         if self.start is None:
             self.start = self.next = self._position(isn + 1)
 
-    def acknowledge(self, ack: int) -> None:
-        """The receiver has every byte before this sequence number."""
-        self.acknowledged = max(self.acknowledged, self._position(ack))
+    def acknowledge(self, ack: int, at: Moment) -> None:
+        """The receiver has every byte before this sequence number, at this moment."""
+        position, promises = self._position(ack), self._promises
+        if position > max(self.next, self.acknowledged):
+            while promises and promises[-1][1] >= at:
+                promises.pop()
+            promises.append((position, at))
+        self.acknowledged = max(self.acknowledged, position)
 
-    def put(self, segment: Segment) -> None:
+    def passed(self, at: Moment) -> Moment:
+        """When the next byte passed that was captured then: no later than it was acknowledged.
+
+        A capture may swap packets, and two of its interfaces may have clocks that differ.
+        """
+        while self._promises and self._promises[0][0] <= self.next:
+            self._promises.popleft()
+        return min(at, self._promises[0][1]) if self._promises else at
+
+    def put(self, segment: Segment, at: Moment) -> None:
         """Take a segment of this stream, in whatever order they were captured."""
         data, fin = segment.payload, segment.flags & FIN
         if self.ended or not (data or segment.cut_bytes or fin):
@@ -93,38 +120,37 @@ class ByteStream:
         end = captured_end + segment.cut_bytes
         self._seen = max(self._seen, end)
         if fin and self._fin is None:
-            self._fin, self._fin_ns = end, segment.time_ns
+            self._fin, self._fin_at = end, at
         if data and captured_end > self.next:
-            self._arrivals += 1
             self.held_bytes += len(data) + ITEM_BYTES
-            heappush(self._waiting, (position, self._arrivals, segment.time_ns, data))
+            heappush(self._waiting, (position, at.number, at.time_ns, data))
 
-    def advance(self) -> Iterator[WireEvent]:
+    def advance(self) -> Iterator[tuple[Moment, WireEvent]]:
         """Deliver what now is in order. Where segments overlap, the one that begins first wins."""
         if self.start is None or self.ended:
             return
         while self._waiting and self._waiting[0][0] <= self.next:
-            position, _, time_ns, data = heappop(self._waiting)
+            position, number, time_ns, data = heappop(self._waiting)
             self.held_bytes -= len(data) + ITEM_BYTES
             if fresh := data[self.next - position :]:
-                yield self._event(Kind.BYTES, time_ns, data=fresh)
+                yield self._event(Kind.BYTES, self.passed(Moment(time_ns, number)), data=fresh)
                 self.next += len(fresh)
         if self._fin is not None and self.next >= self._fin:
             self.ended = True
             self._waiting.clear()
             self.held_bytes = 0
-            yield self._event(Kind.HALF_CLOSED, self._fin_ns)
+            yield self._event(Kind.HALF_CLOSED, self.passed(self._fin_at))
 
-    def concede(self, limit: int, since_ns: int) -> Iterator[WireEvent]:
+    def concede(self, limit: int, since: Moment) -> Iterator[tuple[Moment, WireEvent]]:
         """Give up the bytes missing before position `limit`: gaps take their place.
 
         Args:
             limit: What is missing from here on is still waited for.
-            since_ns: When the first of these gaps showed.
+            since: When the first of these gaps showed.
         """
         if self.start is None:
             self.start = self.next
-            yield self._event(Kind.GAP, since_ns, length_bytes=-1, note=self.beginning)
+            yield self._event(Kind.GAP, since, length_bytes=-1, note=self.beginning)
             yield from self.advance()
         while self.next < (end := min(limit, self.known_end)):
             if self._waiting:
@@ -132,7 +158,7 @@ class ByteStream:
             note = "not captured"
             if end == self.acknowledged > self._seen:
                 note += "; the last byte may have been the end of the stream (FIN)"
-            yield self._event(Kind.GAP, since_ns, length_bytes=end - self.next, note=note)
+            yield self._event(Kind.GAP, since, length_bytes=end - self.next, note=note)
             self.next = end
             yield from self.advance()
 
@@ -144,12 +170,12 @@ class ByteStream:
         return self.next + ahead
 
     def _event(
-        self, kind: Kind, time_ns: int, *, data: bytes = b"", length_bytes: int = 0, note: str = ""
-    ) -> WireEvent:
-        self.last_ns = max(self.last_ns, time_ns)
+        self, kind: Kind, at: Moment, *, data: bytes = b"", length_bytes: int = 0, note: str = ""
+    ) -> tuple[Moment, WireEvent]:
+        self.last = max(self.last, at)
         located = kind in {Kind.BYTES, Kind.GAP}
-        return WireEvent(
-            self.last_ns,
+        event = WireEvent(
+            self.last.time_ns,
             self.connection,
             self.direction,
             kind,
@@ -158,3 +184,4 @@ class ByteStream:
             length_bytes,
             note,
         )
+        return self.last, event

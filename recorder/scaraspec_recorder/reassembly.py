@@ -19,7 +19,7 @@ from heapq import heappop, heappush
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec_recorder.bytestream import ITEM_BYTES, ByteStream
+from scaraspec_recorder.bytestream import ITEM_BYTES, ByteStream, Moment
 from scaraspec_recorder.segment import ACK, RST, SYN, Endpoint, Segment
 
 
@@ -48,7 +48,7 @@ class _Connection:
     streams: tuple[ByteStream, ByteStream]  # what ends[0] sends, what ends[1] sends
     oriented: bool = False  # who is the controller is settled
     under_way: bool = False  # something other than the opening handshake was seen
-    reset: tuple[ByteStream, int] | None = None  # whose RST, and when
+    reset: tuple[ByteStream, Moment] | None = None  # whose RST, and when
     over: bool = False
     counted_bytes: int = 0  # what it adds to the memory in use
 
@@ -77,8 +77,7 @@ class _Hole:
     connection: _Connection
     stream: ByteStream
     offset_bytes: int
-    since_ns: int
-    order: int  # its place among events of the same time
+    since: Moment
     proof: int = 0  # once proven: position before which nothing will be sent again
     proven_at: int = 0  # number of the segment that proved it
 
@@ -106,13 +105,13 @@ class Reassembler:
         self._ports = ports
         self._limits = limits or Limits()
         self._received = 0
-        self._order = 0
+        self._enqueued = 0
         self._told_ns = 0
         self._held_bytes = 0
         self._followed: dict[tuple[Endpoint, Endpoint], _Connection] = {}  # silent ones first
         self._holes: dict[ByteStream, _Hole] = {}  # oldest first
         self._proven: dict[ByteStream, _Hole] = {}  # first proven first
-        self._queue: list[tuple[int, int, WireEvent]] = []  # time, order
+        self._queue: list[tuple[Moment, int, WireEvent]] = []  # in the order of their making
 
     def receive(self, segment: Segment) -> list[WireEvent]:
         """Take the next segment of the capture.
@@ -173,23 +172,30 @@ class Reassembler:
     def _take(self, connection: _Connection, segment: Segment) -> None:
         at = connection.ends.index(segment.src)
         sender, receiver = connection.streams[at], connection.streams[1 - at]
+        now = Moment(segment.time_ns, 3 * self._received)
+        heard, sent = (Moment(segment.time_ns, now.number - n) for n in (2, 1))
         if segment.flags & SYN:
-            self._open(connection, segment, sender, receiver)
+            self._open(connection, segment, sender, receiver, now)
         if segment.flags & ACK:
-            receiver.acknowledge(segment.ack)
+            receiver.acknowledge(segment.ack, heard)
         if segment.flags & RST:
-            connection.reset = connection.reset or (sender, segment.time_ns)
+            connection.reset = connection.reset or (sender, now)
         elif not segment.flags & SYN:
             connection.under_way = True
         # The receiver first: what it lost, it lost before this segment answered it.
-        self._progress(connection, receiver, segment.time_ns)
+        self._progress(connection, receiver, heard)
         if not segment.flags & RST:  # the payload of a RST is a diagnostic text
-            sender.put(segment)
-        self._progress(connection, sender, segment.time_ns)
+            sender.put(segment, now)
+        self._progress(connection, sender, sent)
         self._conclude(connection)
 
     def _open(
-        self, connection: _Connection, segment: Segment, sender: ByteStream, receiver: ByteStream
+        self,
+        connection: _Connection,
+        segment: Segment,
+        sender: ByteStream,
+        receiver: ByteStream,
+        now: Moment,
     ) -> None:
         """A SYN, first or repeated, or the answer to one."""
         sender.begin(segment.seq)
@@ -201,13 +207,13 @@ class Reassembler:
         note = connection.orient(segment.src if answers else segment.dst)
         opener = receiver if answers else sender
         for stream in connection.streams:
-            stream.last_ns = max(stream.last_ns, segment.time_ns)
+            stream.last = max(stream.last, now)
             stream.beginning = "the answer to the SYN was not captured"
-        self._enqueue(
-            [WireEvent(opener.last_ns, connection.name, opener.direction, Kind.OPENED, note=note)]
-        )
+        time_ns, name = opener.last.time_ns, connection.name
+        opened = WireEvent(time_ns, name, opener.direction, Kind.OPENED, note=note)
+        self._enqueue([(opener.last, opened)])
 
-    def _progress(self, connection: _Connection, stream: ByteStream, time_ns: int) -> None:
+    def _progress(self, connection: _Connection, stream: ByteStream, now: Moment) -> None:
         """Deliver what is in order, and watch what is missing."""
         self._enqueue(stream.advance())
         missing = connection.is_missing(stream)
@@ -217,11 +223,10 @@ class Reassembler:
             hole = None
         if not missing:
             return
+        since = stream.passed(now)
         if hole is None:
-            self._order += 1
-            hole = _Hole(connection, stream, stream.offset_bytes, time_ns, self._order)
-            self._holes[stream] = hole
-        hole.since_ns = min(hole.since_ns, time_ns)  # an older packet may tell of it later
+            hole = self._holes[stream] = _Hole(connection, stream, stream.offset_bytes, since)
+        hole.since = min(hole.since, since)  # an older packet may tell of it later
         if stream not in self._proven:
             if connection.reset:
                 hole.proof = stream.known_end
@@ -237,10 +242,10 @@ class Reassembler:
         a, b = connection.streams
         if not (connection.over or connection.is_missing(a) or connection.is_missing(b)):
             if a.ended and b.ended:
-                self._end(connection, Kind.CLOSED, max(a, b, key=lambda stream: stream.last_ns))
+                self._end(connection, Kind.CLOSED, max(a, b, key=lambda stream: stream.last))
             elif connection.reset:
-                cutter, time_ns = connection.reset
-                cutter.last_ns = max(cutter.last_ns, time_ns)
+                cutter, at = connection.reset
+                cutter.last = max(cutter.last, at)
                 note = "the connection was refused" if cutter.start is None else ""
                 self._end(connection, Kind.RESET, cutter, note)
         self._held_bytes += a.held_bytes + b.held_bytes - connection.counted_bytes
@@ -248,8 +253,9 @@ class Reassembler:
 
     def _end(self, connection: _Connection, kind: Kind, stream: ByteStream, note: str = "") -> None:
         connection.over = True
-        time_ns = max(each.last_ns for each in connection.streams)
-        self._enqueue([WireEvent(time_ns, connection.name, stream.direction, kind, note=note)])
+        at = max(each.last for each in connection.streams)
+        event = WireEvent(at.time_ns, connection.name, stream.direction, kind, note=note)
+        self._enqueue([(at, event)])
 
     def _concede(self, hole: _Hole, limit: int) -> None:
         """Let gaps take the place of what is missing before position `limit`."""
@@ -258,9 +264,9 @@ class Reassembler:
             addresses = connection.orient(self._guess_controller(connection))
             for each in connection.streams:
                 each.beginning = f"capture begins mid-stream ({addresses})"
-        self._enqueue(stream.concede(limit, hole.since_ns), hole.order)
+        self._enqueue(stream.concede(limit, hole.since))
         self._forget(stream)
-        self._progress(connection, stream, hole.since_ns)
+        self._progress(connection, stream, hole.since)
         self._conclude(connection)
 
     def _guess_controller(self, connection: _Connection) -> Endpoint:
@@ -296,19 +302,18 @@ class Reassembler:
             events += self._release()
         return events
 
-    def _enqueue(self, events: Iterable[WireEvent], order: int = 0) -> None:
-        """Put events in their place; `order` is that of the first of them, 0 the next."""
-        for event in events:
-            self._order += 1
-            heappush(self._queue, (event.time_ns, order or self._order, event))
+    def _enqueue(self, events: Iterable[tuple[Moment, WireEvent]]) -> None:
+        """Put events in their place."""
+        for at, event in events:
+            self._enqueued += 1
+            heappush(self._queue, (at, self._enqueued, event))
             self._held_bytes += len(event.data) + ITEM_BYTES
-            order = 0
 
     def _release(self) -> list[WireEvent]:
         """Tell what is older than the oldest hole."""
-        until_ns = min((hole.since_ns for hole in self._holes.values()), default=None)
+        until = min((hole.since for hole in self._holes.values()), default=None)
         events = []
-        while self._queue and (until_ns is None or self._queue[0][0] < until_ns):
+        while self._queue and (until is None or self._queue[0][0] < until):
             _, _, event = heappop(self._queue)
             self._held_bytes -= len(event.data) + ITEM_BYTES
             if event.time_ns < self._told_ns:

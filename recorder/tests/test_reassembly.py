@@ -199,6 +199,40 @@ def test_a_request_behind_the_next_one_keeps_its_place() -> None:
     ]
 
 
+@pytest.mark.parametrize("ahead_ns", [-25, 0, 25])
+def test_two_clocks_that_differ_change_no_order(ahead_ns: int) -> None:
+    """Sorted by the clocks of two interfaces, what was acknowledged still comes before that."""
+    requests = [a2c(20, 0, REQUEST), a2c(40, 4, REQUEST, ack=6), a2c(60, 8, REQUEST, ack=12)]
+    replies = [
+        c2a(30 + ahead_ns, 0, REPLY, ack=4),
+        c2a(50 + ahead_ns, 6, REPLY, ack=8),
+        c2a(70 + ahead_ns, 12, REPLY, ack=12),
+    ]
+    skewed = sorted(requests + replies, key=lambda segment: segment.time_ns)
+    events = run([*handshake(), *skewed])
+    check_order(events)
+    assert kinds(events) == ["A2C opened", *["A2C bytes", "C2A bytes"] * 3]
+
+
+def test_without_times_the_order_is_that_of_the_capture() -> None:
+    """Behind a lost request each packet has its place, though all bear the same time."""
+    segments = [
+        *handshake(),
+        c2a(0, 0, REPLY, ack=4),
+        a2c(0, 4, REQUEST, ack=6),
+        c2a(0, 6, REPLY, ack=8),
+        a2c(0, 8, REQUEST, ack=12),
+    ]
+    assert run(segments) == [
+        opened(),
+        gap(0, A2C, 0, 4),
+        data(0, C2A, 0, REPLY),
+        data(0, A2C, 4, REQUEST),
+        data(0, C2A, 6, REPLY),
+        data(0, A2C, 8, REQUEST),
+    ]
+
+
 def test_a_lost_request_is_a_gap_before_its_reply() -> None:
     """What the peer acknowledged and nobody brings is a gap of that length, in its place."""
     segments = [
