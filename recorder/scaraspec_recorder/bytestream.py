@@ -18,6 +18,9 @@ ITEM_BYTES: Final = 256  # what a held segment or event costs in memory besides 
 _MODULUS: Final = 1 << 32
 
 
+UNHEARD: Final = -(1 << 63)  # before every position
+
+
 class Moment(NamedTuple):
     """When something happened: by the observer's clock and, where that stands, by the capture.
 
@@ -30,6 +33,22 @@ class Moment(NamedTuple):
     number: int
 
 
+class Ready(NamedTuple):
+    """An event in its place.
+
+    Attributes:
+        at: Its moment.
+        heard: Position up to which its sender had heard the other stream by then.
+        end: Position up to which this stream has passed with it.
+        event: The event.
+    """
+
+    at: Moment
+    heard: int
+    end: int
+    event: WireEvent
+
+
 class ByteStream:
     """The bytes that one endpoint sends.
 
@@ -40,6 +59,8 @@ class ByteStream:
         next: Position of the next byte to deliver; the lowest one known while `start` is None.
         acknowledged: Position up to which the receiver has said that it has the bytes.
         last: Moment of the latest event; no later one is earlier.
+        ready: Events that are in order and not told yet.
+        told: Position up to which events have been told.
         ended: The end (FIN) has been delivered.
         held_bytes: Memory taken by segments that wait for a missing byte.
         beginning: Why the start was not seen, in words.
@@ -52,6 +73,8 @@ class ByteStream:
         self.next = 0
         self.acknowledged = 0
         self.last = Moment(0, 0)
+        self.ready: deque[Ready] = deque()
+        self.told = UNHEARD
         self.ended = False
         self.held_bytes = 0
         self.beginning = ""
@@ -59,8 +82,7 @@ class ByteStream:
         self._seen = 0  # up to here bytes passed, captured or not
         self._fin: int | None = None
         self._fin_at = self.last
-        self._waiting: list[tuple[int, int, int, bytes]] = []  # position, number, time, data
-        self._promises: deque[tuple[int, Moment]] = deque()  # what is acknowledged, and since when
+        self._waiting: list[tuple[int, Moment, int, bytes]] = []  # position, moment, heard, data
 
     @property
     def known_end(self) -> int:
@@ -88,28 +110,22 @@ class ByteStream:
     def begin(self, isn: int) -> None:
         """Take the start of the stream from a SYN that `may_begin`."""
         if self.start is None:
-            self.start = self.next = self._position(isn + 1)
+            self.start = self.next = self.told = self._position(isn + 1)
 
-    def acknowledge(self, ack: int, at: Moment) -> None:
-        """The receiver has every byte before this sequence number, at this moment."""
-        position, promises = self._position(ack), self._promises
-        if position > max(self.next, self.acknowledged):
-            while promises and promises[-1][1] >= at:
-                promises.pop()
-            promises.append((position, at))
+    def acknowledge(self, ack: int) -> int:
+        """The receiver has every byte before this sequence number, whose position is returned."""
+        position = self._position(ack)
         self.acknowledged = max(self.acknowledged, position)
+        return position
 
-    def passed(self, at: Moment) -> Moment:
-        """When the next byte passed that was captured then: no later than it was acknowledged.
+    def put(self, segment: Segment, at: Moment, heard: int) -> None:
+        """Take a segment of this stream, in whatever order they were captured.
 
-        A capture may swap packets, and two of its interfaces may have clocks that differ.
+        Args:
+            segment: The segment.
+            at: When it was captured.
+            heard: Position of the other stream that it acknowledges.
         """
-        while self._promises and self._promises[0][0] <= self.next:
-            self._promises.popleft()
-        return min(at, self._promises[0][1]) if self._promises else at
-
-    def put(self, segment: Segment, at: Moment) -> None:
-        """Take a segment of this stream, in whatever order they were captured."""
         data, fin = segment.payload, segment.flags & FIN
         if self.ended or not (data or segment.cut_bytes or fin):
             return
@@ -123,25 +139,26 @@ class ByteStream:
             self._fin, self._fin_at = end, at
         if data and captured_end > self.next:
             self.held_bytes += len(data) + ITEM_BYTES
-            heappush(self._waiting, (position, at.number, at.time_ns, data))
+            heappush(self._waiting, (position, at, heard, data))
 
-    def advance(self) -> Iterator[tuple[Moment, WireEvent]]:
+    def advance(self) -> Iterator[Ready]:
         """Deliver what now is in order. Where segments overlap, the one that begins first wins."""
         if self.start is None or self.ended:
             return
         while self._waiting and self._waiting[0][0] <= self.next:
-            position, number, time_ns, data = heappop(self._waiting)
+            position, at, heard, data = heappop(self._waiting)
             self.held_bytes -= len(data) + ITEM_BYTES
             if fresh := data[self.next - position :]:
-                yield self._event(Kind.BYTES, self.passed(Moment(time_ns, number)), data=fresh)
-                self.next += len(fresh)
+                end = self.next + len(fresh)
+                yield self._ready(Kind.BYTES, at, end, heard, data=fresh)
+                self.next = end
         if self._fin is not None and self.next >= self._fin:
             self.ended = True
             self._waiting.clear()
             self.held_bytes = 0
-            yield self._event(Kind.HALF_CLOSED, self.passed(self._fin_at))
+            yield self._ready(Kind.HALF_CLOSED, self._fin_at, self.next)
 
-    def concede(self, limit: int, since: Moment) -> Iterator[tuple[Moment, WireEvent]]:
+    def concede(self, limit: int, since: Moment) -> Iterator[Ready]:
         """Give up the bytes missing before position `limit`: gaps take their place.
 
         Args:
@@ -150,7 +167,7 @@ class ByteStream:
         """
         if self.start is None:
             self.start = self.next
-            yield self._event(Kind.GAP, since, length_bytes=-1, note=self.beginning)
+            yield self._ready(Kind.GAP, since, self.next, length_bytes=-1, note=self.beginning)
             yield from self.advance()
         while self.next < (end := min(limit, self.known_end)):
             if self._waiting:
@@ -158,7 +175,7 @@ class ByteStream:
             note = "not captured"
             if end == self.acknowledged > self._seen:
                 note += "; the last byte may have been the end of the stream (FIN)"
-            yield self._event(Kind.GAP, since, length_bytes=end - self.next, note=note)
+            yield self._ready(Kind.GAP, since, end, length_bytes=end - self.next, note=note)
             self.next = end
             yield from self.advance()
 
@@ -169,19 +186,19 @@ class ByteStream:
         ahead = (number - self._origin - self.next + _MODULUS // 2) % _MODULUS - _MODULUS // 2
         return self.next + ahead
 
-    def _event(
-        self, kind: Kind, at: Moment, *, data: bytes = b"", length_bytes: int = 0, note: str = ""
-    ) -> tuple[Moment, WireEvent]:
+    def _ready(  # noqa: PLR0913 - an event has so many sides
+        self,
+        kind: Kind,
+        at: Moment,
+        end: int,
+        heard: int = UNHEARD,
+        *,
+        data: bytes = b"",
+        length_bytes: int = 0,
+        note: str = "",
+    ) -> Ready:
         self.last = max(self.last, at)
-        located = kind in {Kind.BYTES, Kind.GAP}
-        event = WireEvent(
-            self.last.time_ns,
-            self.connection,
-            self.direction,
-            kind,
-            data,
-            self.offset_bytes if located else 0,
-            length_bytes,
-            note,
-        )
-        return self.last, event
+        offset_bytes = 0 if kind is Kind.HALF_CLOSED else self.offset_bytes
+        where = (self.last.time_ns, self.connection, self.direction, kind)
+        event = WireEvent(*where, data, offset_bytes, length_bytes, note)
+        return Ready(self.last, heard, end, event)

@@ -19,7 +19,7 @@ from heapq import heappop, heappush
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec_recorder.bytestream import ITEM_BYTES, ByteStream, Moment
+from scaraspec_recorder.bytestream import ITEM_BYTES, UNHEARD, ByteStream, Moment, Ready
 from scaraspec_recorder.segment import ACK, RST, SYN, Endpoint, Segment
 
 
@@ -57,6 +57,11 @@ class _Connection:
         if stream.start is None:
             return self.under_way
         return stream.next < stream.known_end
+
+    def peer_of(self, stream: ByteStream) -> ByteStream:
+        """The other direction's stream."""
+        a, b = self.streams
+        return b if stream is a else a
 
     def orient(self, controller: Endpoint) -> str:
         """Name the directions.
@@ -111,7 +116,7 @@ class Reassembler:
         self._followed: dict[tuple[Endpoint, Endpoint], _Connection] = {}  # silent ones first
         self._holes: dict[ByteStream, _Hole] = {}  # oldest first
         self._proven: dict[ByteStream, _Hole] = {}  # first proven first
-        self._queue: list[tuple[Moment, int, WireEvent]] = []  # in the order of their making
+        self._queue: list[tuple[Moment, int, ByteStream, ByteStream]] = []  # whose event, its peer
 
     def receive(self, segment: Segment) -> list[WireEvent]:
         """Take the next segment of the capture.
@@ -173,20 +178,19 @@ class Reassembler:
         at = connection.ends.index(segment.src)
         sender, receiver = connection.streams[at], connection.streams[1 - at]
         now = Moment(segment.time_ns, 3 * self._received)
-        heard, sent = (Moment(segment.time_ns, now.number - n) for n in (2, 1))
+        heard_at, sent_at = (Moment(segment.time_ns, now.number - n) for n in (2, 1))
         if segment.flags & SYN:
             self._open(connection, segment, sender, receiver, now)
-        if segment.flags & ACK:
-            receiver.acknowledge(segment.ack, heard)
+        heard = receiver.acknowledge(segment.ack) if segment.flags & ACK else UNHEARD
         if segment.flags & RST:
             connection.reset = connection.reset or (sender, now)
         elif not segment.flags & SYN:
             connection.under_way = True
         # The receiver first: what it lost, it lost before this segment answered it.
-        self._progress(connection, receiver, heard)
+        self._progress(connection, receiver, heard_at)
         if not segment.flags & RST:  # the payload of a RST is a diagnostic text
-            sender.put(segment, now)
-        self._progress(connection, sender, sent)
+            sender.put(segment, now, heard)
+        self._progress(connection, sender, sent_at)
         self._conclude(connection)
 
     def _open(
@@ -209,13 +213,11 @@ class Reassembler:
         for stream in connection.streams:
             stream.last = max(stream.last, now)
             stream.beginning = "the answer to the SYN was not captured"
-        time_ns, name = opener.last.time_ns, connection.name
-        opened = WireEvent(time_ns, name, opener.direction, Kind.OPENED, note=note)
-        self._enqueue([(opener.last, opened)])
+        self._mark(connection, opener, Kind.OPENED, opener.last, note)
 
     def _progress(self, connection: _Connection, stream: ByteStream, now: Moment) -> None:
         """Deliver what is in order, and watch what is missing."""
-        self._enqueue(stream.advance())
+        self._enqueue(connection, stream, stream.advance())
         missing = connection.is_missing(stream)
         hole = self._holes.get(stream)
         if hole and (not missing or hole.offset_bytes != stream.offset_bytes):
@@ -223,10 +225,9 @@ class Reassembler:
             hole = None
         if not missing:
             return
-        since = stream.passed(now)
         if hole is None:
-            hole = self._holes[stream] = _Hole(connection, stream, stream.offset_bytes, since)
-        hole.since = min(hole.since, since)  # an older packet may tell of it later
+            hole = self._holes[stream] = _Hole(connection, stream, stream.offset_bytes, now)
+        hole.since = min(hole.since, now)  # an older packet may tell of it later
         if stream not in self._proven:
             if connection.reset:
                 hole.proof = stream.known_end
@@ -254,8 +255,14 @@ class Reassembler:
     def _end(self, connection: _Connection, kind: Kind, stream: ByteStream, note: str = "") -> None:
         connection.over = True
         at = max(each.last for each in connection.streams)
+        self._mark(connection, stream, kind, at, note)
+
+    def _mark(
+        self, connection: _Connection, stream: ByteStream, kind: Kind, at: Moment, note: str
+    ) -> None:
+        """A change of the link takes its place."""
         event = WireEvent(at.time_ns, connection.name, stream.direction, kind, note=note)
-        self._enqueue([(at, event)])
+        self._enqueue(connection, stream, [Ready(at, UNHEARD, UNHEARD, event)])
 
     def _concede(self, hole: _Hole, limit: int) -> None:
         """Let gaps take the place of what is missing before position `limit`."""
@@ -264,7 +271,7 @@ class Reassembler:
             addresses = connection.orient(self._guess_controller(connection))
             for each in connection.streams:
                 each.beginning = f"capture begins mid-stream ({addresses})"
-        self._enqueue(stream.concede(limit, hole.since))
+        self._enqueue(connection, stream, stream.concede(limit, hole.since))
         self._forget(stream)
         self._progress(connection, stream, hole.since)
         self._conclude(connection)
@@ -302,22 +309,41 @@ class Reassembler:
             events += self._release()
         return events
 
-    def _enqueue(self, events: Iterable[tuple[Moment, WireEvent]]) -> None:
+    def _enqueue(
+        self, connection: _Connection, stream: ByteStream, events: Iterable[Ready]
+    ) -> None:
         """Put events in their place."""
-        for at, event in events:
+        for ready in events:
             self._enqueued += 1
-            heappush(self._queue, (at, self._enqueued, event))
-            self._held_bytes += len(event.data) + ITEM_BYTES
+            stream.ready.append(ready)
+            heappush(self._queue, (ready.at, self._enqueued, stream, connection.peer_of(stream)))
+            self._held_bytes += len(ready.event.data) + ITEM_BYTES
 
     def _release(self) -> list[WireEvent]:
-        """Tell what is older than the oldest hole."""
+        """Tell what is older than the oldest hole, and nothing ahead of what it acknowledges.
+
+        So it is where the capture's clock stands still, or two interfaces have different ones.
+        """
         until = min((hole.since for hole in self._holes.values()), default=None)
         events = []
         while self._queue and (until is None or self._queue[0][0] < until):
-            _, _, event = heappop(self._queue)
-            self._held_bytes -= len(event.data) + ITEM_BYTES
-            if event.time_ns < self._told_ns:
-                event = replace(event, time_ns=self._told_ns)
-            self._told_ns = event.time_ns
-            events.append(event)
+            _, _, stream, peer = self._queue[0]
+            if stream.ready and stream.ready[0].heard > peer.told:
+                if peer.ready:
+                    events.append(self._tell(peer))
+                    continue
+                if peer in self._holes:
+                    break
+            heappop(self._queue)
+            if stream.ready:  # else it was told ahead of its turn
+                events.append(self._tell(stream))
         return events
+
+    def _tell(self, stream: ByteStream) -> WireEvent:
+        _, _, end, event = stream.ready.popleft()
+        stream.told = max(stream.told, end)
+        self._held_bytes -= len(event.data) + ITEM_BYTES
+        if event.time_ns < self._told_ns:
+            event = replace(event, time_ns=self._told_ns)
+        self._told_ns = event.time_ns
+        return event

@@ -188,14 +188,16 @@ def test_a_capture_in_swapped_order_keeps_its_true_times() -> None:
     assert events == [opened(), data(20, A2C, 0, REQUEST), data(30, C2A, 0, REPLY)]
 
 
-def test_a_request_behind_the_next_one_keeps_its_place() -> None:
-    """A reply between two swapped requests waits for the first, which its time shows missing."""
-    swapped = [a2c(40, 4, REQUEST, ack=6), c2a(30, 0, REPLY, ack=4), a2c(20, 0, REQUEST)]
+@pytest.mark.parametrize("tick_ns", [10, 0])
+def test_a_request_behind_the_next_one_keeps_its_place(tick_ns: int) -> None:
+    """A reply between two swapped requests waits for the first, whatever the clock says."""
+    one, two, three = (tick_ns * n for n in (2, 3, 4))
+    swapped = [a2c(three, 4, REQUEST, ack=6), c2a(two, 0, REPLY, ack=4), a2c(one, 0, REQUEST)]
     assert run([*handshake(), *swapped]) == [
         opened(),
-        data(20, A2C, 0, REQUEST),
-        data(30, C2A, 0, REPLY),
-        data(40, A2C, 4, REQUEST),
+        data(one, A2C, 0, REQUEST),
+        data(two, C2A, 0, REPLY),
+        data(three, A2C, 4, REQUEST),
     ]
 
 
