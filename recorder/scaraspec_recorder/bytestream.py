@@ -158,6 +158,10 @@ class ByteStream:
             self.held_bytes = 0
             yield self._ready(Kind.HALF_CLOSED, self._fin_at, self.next)
 
+    def doubt(self, at: Moment, note: str) -> Ready:
+        """A gap of no bytes: nothing is missing, but what came before is not to be relied on."""
+        return self._ready(Kind.GAP, at, self.next, note=note)
+
     def concede(self, limit: int, since: Moment) -> Iterator[Ready]:
         """Give up the bytes missing before position `limit`: gaps take their place.
 

@@ -19,7 +19,7 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.reassembly import Reassembler
+from scaraspec_recorder.reassembly import STEP_NS, Reassembler
 from scaraspec_recorder.segment import UnreadablePacket, dissect
 
 _PCAPNG_SECTION: Final = b"\x0a\x0d\x0d\x0a"
@@ -95,7 +95,9 @@ class Capture:
             summary.segments += 1
             if segment.cut_bytes:
                 oddities["cut short by the capture, the rest is a gap"] += 1
-            if segment.time_ns < latest_ns:
+            if latest_ns - segment.time_ns > STEP_NS:
+                latest_ns = segment.time_ns
+            elif segment.time_ns < latest_ns:
                 oddities["captured out of the order of time"] += 1
             latest_ns = max(latest_ns, segment.time_ns)
             yield from reassembler.receive(segment)
@@ -104,6 +106,9 @@ class Capture:
         summary.notes += [
             f"packets {oddity}: {count}" for oddity, count in oddities.most_common(_MAX_REASONS)
         ]
+        if reassembler.steps:
+            times = "once" if reassembler.steps == 1 else f"{reassembler.steps} times"
+            summary.notes.append(f"the capture's clock was set back: {times}")
         if not summary.connections:
             where = "" if self.port is None else f" on port {self.port}"
             summary.notes.append(f"no TCP connection{where} among {summary.packets} packets")

@@ -10,17 +10,24 @@ that passed but was not captured becomes part of a gap, and only when nothing ca
 
 Until then every later event waits, also those of other connections: a reply is never told before
 the request that it answers, even where that request turns out to be lost.
+
+Where the capture's clock is set back, time stands still instead, goes on from there, and a gap of
+no bytes says that nothing may be held against what was before.
 """
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
+from typing import Final
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec_recorder.bytestream import ITEM_BYTES, UNHEARD, ByteStream, Moment, Ready
 from scaraspec_recorder.segment import ACK, RST, SYN, Endpoint, Segment
+
+STEP_NS: Final = 1_000_000_000
+"""By how much times fall where the capture's clock was set back; packets are swapped by less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,16 +108,20 @@ class Reassembler:
 
     Attributes:
         connections: How many connections have appeared.
+        steps: How often the capture's clock was set back.
     """
 
     def __init__(
         self, ports: Collection[int] | None = (DEFAULT_PORT,), limits: Limits | None = None
     ) -> None:
         self.connections = 0
+        self.steps = 0
         self._ports = ports
         self._limits = limits or Limits()
         self._received = 0
         self._enqueued = 0
+        self._latest_ns = 0
+        self._behind_ns = 0  # by how much the capture's clock was set back, in all
         self._told_ns = 0
         self._held_bytes = 0
         self._followed: dict[tuple[Endpoint, Endpoint], _Connection] = {}  # silent ones first
@@ -131,8 +142,29 @@ class Reassembler:
         self._received += 1
         connection = self._connection_of(segment)
         if connection is not None:
+            steps = self.steps
+            segment = self._on_one_clock(segment)
+            if self.steps > steps:
+                self._tell_of_step(connection, segment)
             self._take(connection, segment)
         return self._settle()
+
+    def _on_one_clock(self, segment: Segment) -> Segment:
+        """The segment at a time that does not fall far; where it has none, at the latest one."""
+        time_ns = segment.time_ns + self._behind_ns if segment.time_ns else self._latest_ns
+        back_ns = self._latest_ns - time_ns
+        if back_ns > STEP_NS:
+            self.steps += 1
+            self._behind_ns += back_ns
+            time_ns = self._latest_ns
+        self._latest_ns = max(self._latest_ns, time_ns)
+        return segment if time_ns == segment.time_ns else segment._replace(time_ns=time_ns)
+
+    def _tell_of_step(self, connection: _Connection, segment: Segment) -> None:
+        stream = connection.streams[connection.ends.index(segment.src)]
+        if stream.start is not None:
+            at = Moment(segment.time_ns, 3 * self._received - 2)
+            self._enqueue(connection, stream, [stream.doubt(at, "the capture's clock went back")])
 
     def follows(self, segment: Segment) -> bool:
         """Whether the segment's ports are of interest; `receive` passes over others."""

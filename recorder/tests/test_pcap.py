@@ -430,6 +430,18 @@ def test_packets_out_of_order_are_noted(path: Path) -> None:
     assert capture.summary.notes == ["packets captured out of the order of time: 1"]
 
 
+def test_a_clock_set_back_is_noted(path: Path) -> None:
+    """The packets behind it are in their order, and the file says what happened to its times."""
+    packets = frames(conversation())
+    hour = 3600 * 10**9 // STEP_NS
+    blocks = [enhanced_packet(packet, at - hour * (at > 4)) for at, packet in enumerate(packets)]
+    path.write_bytes(section() + interface() + b"".join(blocks))
+    capture = read_capture(path)
+    bytes_of = [event.data for event in capture if event.data]
+    assert bytes_of == [event.data for event in OVER_IPV4 if event.data]
+    assert capture.summary.notes == ["the capture's clock was set back: once"]
+
+
 def test_each_iteration_reads_anew(path: Path) -> None:
     """A capture can be gone through twice, and its summary is of the last time."""
     path.write_bytes(pcap(frames(conversation())))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec_recorder.reassembly import Limits, Reassembler
+from scaraspec_recorder.reassembly import STEP_NS, Limits, Reassembler
 from scaraspec_recorder.segment import ACK, FIN, RST, SYN, Endpoint, Segment
 
 CLIENT = Endpoint(bytes([192, 0, 2, 1]), 50000)
@@ -565,6 +565,28 @@ def test_the_longest_silent_connection_is_given_up_beyond_the_limit() -> None:
     events = [event for segment in segments for event in reassembler.receive(segment)]
     assert [event.connection for event in events] == ["1", "1", "1", "2", "3"]
     assert len(reassembler._followed) == 2
+
+
+def test_a_clock_that_is_set_back_goes_on_from_there() -> None:
+    """Time stands still for a moment, and nothing is held against what was before it."""
+    at, back = 10 * STEP_NS, 3 * STEP_NS
+    segments = [
+        *handshake(at),
+        a2c(at + 5, 0, REQUEST),
+        c2a(at + 6 - back, 0, REPLY, ack=4),
+        a2c(at + 8 - back, 4, REQUEST, ack=6),
+        c2a(0, 6, REPLY, ack=8),
+    ]
+    reassembler = Reassembler()
+    assert run(segments, reassembler) == [
+        opened(at),
+        data(at + 5, A2C, 0, REQUEST),
+        gap(at + 5, C2A, 0, 0, "the capture's clock went back"),
+        data(at + 5, C2A, 0, REPLY),
+        data(at + 7, A2C, 4, REQUEST),
+        data(at + 7, C2A, 6, REPLY),  # without a time
+    ]
+    assert reassembler.steps == 1
 
 
 def test_times_that_fall_are_raised() -> None:
