@@ -1,10 +1,12 @@
 """Clauses 4.5 and 4.6: the robot's clock, held against the time of the recording."""
 
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Final
 
 from scaraspec.judgement.happenings import Exchange
 from scaraspec.judgement.memory import answered_ns
-from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule
+from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, unsure
 from scaraspec.judgement.rules.settings import in_force
 from scaraspec.judgement.scene import Scene
 
@@ -29,6 +31,29 @@ def off_by_s(advance_s: float, first: Exchange, then: Exchange) -> float:
     return max(least_s - tolerance_s - advance_s, advance_s - most_s - tolerance_s, 0.0)
 
 
+def contradicted(
+    earlier: Sequence[Exchange], x: Exchange, advance_s: Callable[[Exchange, Exchange], float]
+) -> tuple[Exchange, bool] | None:
+    """The earlier reading that `x` contradicts, and whether a single step explains it.
+
+    Held against are the one before and, for slow errors, the first. A single step of a clock that
+    runs may be that of the recording's own; it is told once.
+    """
+    for y in (earlier[-1], earlier[0]):
+        if advance_s(y, x) < 0:
+            return y, False
+        if off_by_s(advance_s(y, x), y, x):
+            break
+    else:
+        return None
+    legs = list(pairwise((*earlier, x)))
+    steps = [leg for leg in legs if off_by_s(advance_s(*leg), *leg)]
+    runs = any(advance_s(*leg) > 0 for leg in legs if leg not in steps)
+    if len(steps) != 1 or not runs:
+        return y, False
+    return (y, True) if steps[0] is legs[-1] else None
+
+
 @rule("4.5/4", on=Exchange, names=("get_time",))
 def clock_as_set(x: Exchange, scene: Scene) -> Judged | None:
     """After "1" 0x07 gives the set time and what has passed since, within 2 s (L169, L186)."""
@@ -48,29 +73,28 @@ def clock_as_set(x: Exchange, scene: Scene) -> Judged | None:
 
 @rule("4.6/4", on=Exchange, names=("get_time",))
 def clock_runs(x: Exchange, scene: Scene) -> Judged | None:
-    """Readings on one connection do not go back and gain a second a second (L186).
-
-    Each is held against the one before and, for slow errors, against the first that is remembered.
-    """
+    """Readings on one connection do not go back and gain a second a second (L186)."""
     earlier = [y for y in scene.memory.recent.get("get_time", ()) if _comparable(y, x, scene)]
     if not earlier or x.answer is None:
         return None
-    for y in (earlier[-1], earlier[0]):
-        advance_s = (x.answer - y.answer).total_seconds()
-        if advance_s < 0:
-            wrong = "went back"
-        elif off_by_s(advance_s, y, x):
-            wrong = "stood still" if not advance_s else "does not run at one second a second"
-        else:
-            continue
-        least_s, most_s = elapsed_s(y, x)
-        return failed(
-            f"the clock {wrong}",
-            expected=f"{least_s:.1f} to {most_s:.1f} s later than {y.answer}",
-            observed=f"{advance_s:.0f} s",
-            at=(*places_of(y), *places_of(x)),
-        )
-    return PASSED
+    found = contradicted(earlier, x, lambda y, z: (z.answer - y.answer).total_seconds())
+    if found is None:
+        return PASSED
+    y, step = found
+    if step:
+        return unsure("the robot's clock or the recording's was set between two readings")
+    advance_s = (x.answer - y.answer).total_seconds()
+    if advance_s < 0:
+        wrong = "went back"
+    else:
+        wrong = "does not run at one second a second" if advance_s else "stood still"
+    least_s, most_s = elapsed_s(y, x)
+    return failed(
+        f"the clock {wrong}",
+        expected=f"{least_s:.1f} to {most_s:.1f} s later than {y.answer}",
+        observed=f"{advance_s:.0f} s",
+        at=(*places_of(y), *places_of(x)),
+    )
 
 
 def _comparable(y: Exchange, x: Exchange, scene: Scene) -> bool:

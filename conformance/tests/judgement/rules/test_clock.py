@@ -26,6 +26,13 @@ HURRIED = "".join(
     f"+1\n> get_time\n< get_time 202601011200{second * 11 // 10:02}\n" for second in range(1, 40)
 )
 
+JUMP = (
+    "> get_time\n< get_time 20260101120000\n"
+    + STEADY
+    + "+{pause}\n"
+    + STEADY.replace("1200", "1201")
+)
+
 CASES = (
     ("4.5/4", "pass", SET.format(value=NOON, reply="1", pause=10, answer=LATER)),
     ("4.5/4", "pass", SET.format(value=NOON, reply="1", pause=0, answer="20260101120002")),
@@ -43,6 +50,10 @@ CASES = (
     ("4.6/4", "fail", READ.format(first=NOON, between="", second=LATER)),
     # Each step is within the tolerance, and their sum is not.
     ("4.6/4", "fail", "login\n" + HURRIED),
+    ("4.6/4", "pass", "login\n" + JUMP.format(pause=20)),
+    # The clock runs, and a single step may be that of the recording's clock.
+    ("4.6/4", "inconclusive", "login\n" + JUMP.format(pause=3600)),
+    ("4.6/4", "inconclusive", "login\n" + JUMP.format(pause=0)),
     ("4.6/4", "none", READ.format(first=LATER, between="> set_time 20260101000000", second=NOON)),
     ("4.6/4", "none", READ.format(first=LATER, between="> shutdown\n< shutdown 1", second=NOON)),
     ("4.6/4", "none", READ.format(first=LATER, between="> gap\n+30", second=NOON)),
