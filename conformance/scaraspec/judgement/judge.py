@@ -1,11 +1,12 @@
 """Judge: wire events in; happenings, findings, the dialect and a conclusion out.
 
 One judge for live recordings, captures from the field and every case of the suite. It joins the
-dialogues of all connections over one scene, asks the rules, and keeps count. What is right stands
-in `rules`; here stands that a gap fails nobody.
+dialogues of all connections of a controller over one scene, asks the rules, and keeps count. What
+is right stands in `rules`; here stands that a gap fails nobody.
 """
 
-from collections import Counter, defaultdict
+import re
+from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -36,6 +37,12 @@ _KEPT_FINDINGS: Final = 50
 _MOST_CONNECTIONS: Final = 4096
 """Connections followed at once; beyond that the one that was silent for longest is given up."""
 
+_MOST_CONTROLLERS: Final = 64
+"""Controllers told apart at once; beyond that the one that was met first is forgotten."""
+
+_CONTROLLER: Final = re.compile(r"[>→] ([^\s)]+)")
+"""The second of the addresses in the note of a beginning."""
+
 _DOUBT: Final = "a gap in the recording or a fault injected on purpose may be why"
 
 
@@ -59,7 +66,7 @@ class Tally:
 
 
 class Judge:
-    """Judges a recording of one controller, all its connections together.
+    """Judges a recording, all connections of one controller together.
 
     Args:
         dialect: What the subject claims about reply and transfer time-outs.
@@ -70,7 +77,8 @@ class Judge:
         self.tallies: dict[str, Tally] = defaultdict(Tally)
         """Requirements on which something was found, by id."""
         self.dialect_seen = DialectSeen()
-        self.scene = Scene()
+        self.scenes: OrderedDict[str, Scene] = OrderedDict()
+        """What is known of each controller, by its address; those of no known address are one."""
         self._dialect = dialect
         self._needs_login = needs_login
         self._dialogues: dict[str, Dialogue] = {}
@@ -78,9 +86,10 @@ class Judge:
 
     def feed(self, event: WireEvent) -> Iterator[Happening | Finding]:
         """Take the next event; give what happened, each followed by what is wrong with it."""
-        for happening in self._dialogue(event.connection).feed(event):
+        dialogue = self._dialogue(event)
+        for happening in dialogue.feed(event):
             yield happening
-            yield from self.judge(happening)
+            yield from self._judge(happening, dialogue.scene)
         if event.kind in (Kind.CLOSED, Kind.RESET):
             del self._dialogues[event.connection]
         while len(self._dialogues) > _MOST_CONNECTIONS:
@@ -90,13 +99,22 @@ class Judge:
         """Whether a file may be under way on this connection, for one of its ends at least."""
         return connection in self._dialogues and self._dialogues[connection].transferring
 
-    def _dialogue(self, connection: str) -> Dialogue:
+    def _dialogue(self, event: WireEvent) -> Dialogue:
         """The connection's dialogue, moved behind all others."""
+        connection = event.connection
         dialogue = self._dialogues.pop(connection, None) or Dialogue(
-            connection, self.scene, self._dialect, needs_login=self._needs_login
+            connection, self._scene(event), self._dialect, needs_login=self._needs_login
         )
         self._dialogues[connection] = dialogue
         return dialogue
+
+    def _scene(self, first: WireEvent) -> Scene:
+        """The scene of the controller that a connection goes to, by the note it begins with."""
+        controller = _CONTROLLER.search(first.note)
+        scene = self.scenes.setdefault(controller[1] if controller else "", Scene())
+        if len(self.scenes) > _MOST_CONTROLLERS:
+            self.scenes.popitem(last=False)
+        return scene
 
     def close(self) -> Iterator[Happening | Finding]:
         """The recording has ended."""
@@ -104,16 +122,17 @@ class Judge:
             yield from self._end(next(iter(self._dialogues)))
 
     def _end(self, connection: str) -> Iterator[Happening | Finding]:
-        for happening in self._dialogues.pop(connection).close():
+        dialogue = self._dialogues.pop(connection)
+        for happening in dialogue.close():
             yield happening
-            yield from self.judge(happening)
+            yield from self._judge(happening, dialogue.scene)
 
-    def judge(self, happening: Happening) -> Iterator[Finding]:
+    def _judge(self, happening: Happening, scene: Scene) -> Iterator[Finding]:
         """Ask every rule that looks at this happening; give the findings that are no pass."""
         self.dialect_seen.add(happening)
         if isinstance(happening, Transfer):
             self.dialect_seen.counts.update(file_sightings(happening))
-        scene, tallies = self.scene, self.tallies
+        tallies = self.tallies
         for check, requirements in self._checks_for(happening):
             judged = check(happening, scene)
             if judged is None:

@@ -36,6 +36,7 @@ from scaraspec.judgement.happenings import (
     Undecodable,
 )
 from scaraspec.judgement.judge import Judge
+from scaraspec.judgement.scene import Scene
 from scaraspec.judgement.verdicts import Finding, Verdict
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.commands import BY_NAME
@@ -156,6 +157,12 @@ class Record:
     judge: Judge
     happenings: list[Happening]
     findings: list[Finding]
+
+    @property
+    def scene(self) -> Scene:
+        """What is known of the only controller."""
+        (scene,) = self.judge.scenes.values()
+        return scene
 
     @property
     def exchanges(self) -> list[Exchange]:

@@ -152,7 +152,7 @@ def test_a_malformed_final_result_ends_the_command(judged: Judged) -> None:
         "login\n> reset\n< reset 1\n< = CC 90 33 04 30 30 7C 31 31 AA\n> reset\n< reset 1"
     )
     assert endings(record) == [("reset", ANSWERED), ("reset", Ending.CUT_OFF)]
-    assert len(record.judge.scene.executing) == 0
+    assert len(record.scene.executing) == 0
 
 
 def test_a_malformed_request_explains_its_answer(judged: Judged) -> None:
@@ -304,7 +304,7 @@ def test_the_end_of_the_link_cuts_off(judged: Judged, line: str) -> None:
     record = judged(f"login\n> reset\n< reset 1\n> get_status\n{line}")
     assert {ending for _, ending in endings(record)} <= {Ending.CUT_OFF, Ending.HUNG_UP}
     assert not record.failed
-    assert not record.judge.scene.executing
+    assert not record.scene.executing
 
 
 def test_who_hangs_up_is_known(judged: Judged) -> None:

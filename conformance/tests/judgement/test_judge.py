@@ -56,7 +56,7 @@ def words(script: Script) -> dict[str, set[Verdict]]:
             if kind not in rules:
                 rules[kind] = [rule for rule in RULES if rule.looks_at(item)]
             for rule in rules[kind]:
-                if word := rule.check(item, judge.scene):
+                if word := rule.check(item, next(iter(judge.scenes.values()))):
                     words[label(rule)].add(word.verdict)
     return words
 
@@ -273,6 +273,44 @@ def test_the_shift_conforms(script: Script, judged: Judged) -> None:
     assert record.judge.conclusion is Conclusion.CONFORMANT
     assert {f.requirement for f in record.findings} <= {"3/18"}
     assert len(record.judge.tallies) > 60
+
+
+TWO = """
+    1> open {one}
+    1> login secret
+    1< login 1
+    2> open {two}
+    2> login other
+    2< login 1
+    1> run_program a
+    1< run_program 1
+    +5
+    2> shutdown
+    2< shutdown 1
+    +5
+    1<90 run_program 11
+"""
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "failed"),
+    [
+        ("10.0.0.9:40000 → 10.0.0.1:8877", "10.0.0.9:40001 → 10.0.0.2:8877", set()),
+        ("10.0.0.9:40000 > 10.0.0.1:8877", "10.0.0.9:40001 > 10.0.0.2:8877", set()),
+        ("10.0.0.8:40000 → 10.0.0.1:8877", "10.0.0.9:40001 → 10.0.0.1:8877", {"4.1/3", "4.35/4"}),
+    ],
+)
+def test_two_controllers_are_told_apart(
+    judged: Judged, one: str, two: str, failed: set[str]
+) -> None:
+    """What one robot says and does is not held against another one of the same recording."""
+    assert judged(TWO.format(one=one, two=two)).failed == failed
+
+
+def test_controllers_beyond_count_are_forgotten(judged: Judged) -> None:
+    """A recording of a thousand robots keeps a bounded number of them in mind."""
+    lines = (f"{n}> open 10.0.0.9:4 → 10.0.{n // 256}.{n % 256}:8877" for n in range(1000))
+    assert len(judged("\n".join(lines)).judge.scenes) < 100
 
 
 @settings(max_examples=80)

@@ -13,13 +13,13 @@ MOVE = "> reset\n< reset 1\n<90 reset 11\n"
 @pytest.fixture
 def memory_of(judged: Callable) -> Callable[[str], Memory]:
     """What is remembered behind a session."""
-    return lambda session: judged("login\n" + session).judge.scene.memory
+    return lambda session: judged("login\n" + session).scene.memory
 
 
 def test_exchanges_are_found_by_time(judged: Callable) -> None:
     """The last one before a time, and those between two."""
     record = judged("login\n" + STATUS.format("00") * 3)
-    memory = record.judge.scene.memory
+    memory = record.scene.memory
     first, second, third = (x for x in record.exchanges if x.name == "get_status")
     assert memory.last("get_status") is third
     assert memory.last("get_status", before_ns=third.time_ns) is second
