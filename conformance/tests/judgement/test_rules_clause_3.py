@@ -285,6 +285,10 @@ CASES = (
         "login\n> get_status\n< = CC\n< get_status 00\n> get_time\n< get_time 20260101000000",
     ),
     ("3/32", "inconclusive", "> gap\n> = 00 00\n> get_status"),
+    # Someone else who knocks at the port, and perhaps is told so in his own language.
+    ("3/32", "none", f"> = {b'GET / HTTP/1.1'.hex()}\n< = {b'HTTP/1.1 400'.hex()}"),
+    ("3/32", "none", f"> = {b'SSH-2.0-x'.hex()}\n< close"),
+    ("3/32", "fail", "> = 68 65 6C 6C 6F\n< close"),
 )
 
 

@@ -1,5 +1,6 @@
 """What is wrong with bytes that are no frame: one diagnosis, so that one fault has one blame."""
 
+import re
 from enum import Enum
 from typing import Final, NamedTuple
 
@@ -11,6 +12,8 @@ from scaraspec.protocol.wrong_lengths import recognise
 
 _SHORTEST_FRAME_BYTES: Final = 4
 _HEAD_BYTES: Final = 3  # start, opcode, length
+_FOREIGN: Final = re.compile(rb"(?:[A-Z]{3,8} [!-~]{1,2048} )?(?:HTTP|RTSP|SIP)/\d|SSH-\d")
+"""How others begin that knock at every port: who speaks so is neither client nor controller."""
 
 
 class Fault(Enum):
@@ -41,6 +44,8 @@ class Diagnosis(NamedTuple):
 def diagnose(found: Undecodable) -> Diagnosis:
     """Name the one thing that is wrong with a run of bytes between frames."""
     data, direction = found.data, found.place.direction
+    if _FOREIGN.match(data):
+        return Diagnosis(Fault.NONE)
     tagged = data[1:2] == bytes((TAG,)) and found.why is not Why.STRAY
     if tagged and direction is A2C and len(data) > _HEAD_BYTES and len(data) == data[3] + 5:
         return Diagnosis(Fault.TAG, "no tag", f"{TAG:02X}")
