@@ -59,6 +59,7 @@ class Dialogue:
 
     def _begin(self) -> None:
         self.logged_in: bool | None = not self._needs_login
+        self._login_sent = False
         self._refused_login: FrameSeen | None = None
         self._streams = {d: Stream(self.connection, d) for d in Direction}
         self._waiting = Waiting(self._dialect)
@@ -182,6 +183,7 @@ class Dialogue:
             seen,
             seen.command,
             logged_in=self.logged_in,
+            behind_login=self._login_sent,
             refused_login=self._refused_login,
             certain=self._certain(seen),
         )
@@ -191,7 +193,9 @@ class Dialogue:
             yield from self._end_listing(Ending.ANSWERED)
         yield from self._waiting.add(exchange)
         self._executing.asked(exchange)
-        if exchange.name == "set_password":
+        if exchange.name == "login":
+            self._login_sent = True
+        elif exchange.name == "set_password":
             self.scene.last.pop("login", None)  # which password is right is open again
         elif exchange.name == "delete_program":
             self.scene.forget(exchange.asked or b"")

@@ -125,6 +125,7 @@ class Exchange:
         ending: How it ended.
         logged_in: Whether the connection had logged in when it asked; None where the capture
             does not show.
+        behind_login: Whether a login had been sent before it on its connection.
         refused_login: The reply that had refused the last login, where none had succeeded.
         certain: No gap could have touched it.
         during: The two-stage commands that were executing when this was asked and, where it was
@@ -156,6 +157,7 @@ class Exchange:
     malformed: Undecodable | None = None
     ending: Ending = Ending.OPEN
     logged_in: bool | None = None
+    behind_login: bool = False
     refused_login: FrameSeen | None = None
     certain: bool = True
     during: tuple["Exchange", ...] = ()

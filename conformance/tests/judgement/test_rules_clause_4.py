@@ -41,6 +41,7 @@ CASES = (
     ("4.1/1", "fail", "> login\n< login 0"),
     ("4.1/2", "pass", RELOGIN.format(password="password", answer=1)),
     ("4.1/2", "fail", RELOGIN.format(password="password", answer=0)),
+    ("4.1/2", "pass", RELOGIN.format(password="password", answer=0).replace("> c", "+61\n> c")),
     # Which password is right is open after a change, and behind a gap.
     (
         "4.1/2",

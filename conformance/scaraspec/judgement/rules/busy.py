@@ -174,12 +174,16 @@ def never_idle_while_executing(x: Exchange, _: Scene) -> Judged | None:
 
 @rule("4/7", on=Exchange, names=_STATUS)
 def idle_after_success(x: Exchange, scene: Scene) -> Judged | None:
-    """After a successful final result the status returns to 00 (L318)."""
+    """After a successful final result the status returns to 00 (L318).
+
+    On another connection the two may have been captured in another order.
+    """
     ended = scene.memory.accepted[-1] if scene.memory.accepted else None
     if ended is None or not ended.result or not ended.outcome or not ended.outcome.done:
         return None
     since_ns = x.time_ns - ended.result.place.time_ns
-    if scene.executing or x.unsettled or not 0 < since_ns <= _SECOND_NS:
+    here = ended.request.place.connection == x.request.place.connection
+    if not here or scene.executing or x.unsettled or not 0 < since_ns <= _SECOND_NS:
         return None
     if x.answer == "00":
         return PASSED

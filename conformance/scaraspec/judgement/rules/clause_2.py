@@ -60,31 +60,23 @@ def readable_bytes(found: Undecodable, _: Scene) -> Judged | None:
 
 
 @rule("2/10", on=Exchange, sender=A2C)
-def login_first(x: Exchange, scene: Scene) -> Judged | None:
+def login_first(x: Exchange, _: Scene) -> Judged | None:
     """The client logs in before any other command (L79, L104); a stop is forgiven."""
     if x.name == "login" or x.logged_in is None or x.refused_login:
         return None  # behind a refused login 4.1/5 says it
-    if x.logged_in or _behind_a_login(x, scene):
+    if x.logged_in or x.behind_login:  # only the answer was not there
         return PASSED
     if x.name == _STOP:
         return None
     return failed(f"{x.name} was sent before a login", expected="login", observed=x.name)
 
 
-def _behind_a_login(x: Exchange, scene: Scene) -> bool:
-    """Whether a login was sent before it on its connection, and only the answer was not there."""
-    answered = (y.request for y in scene.memory.recent.get("login", ()))
-    logins = (*answered, scene.memory.asked.get("login"))
-    own = (y for y in logins if y and y.place.connection == x.request.place.connection)
-    return any(y.place.offset_bytes < x.request.place.offset_bytes for y in own)
-
-
 @rule("2/11", on=Exchange, sender=A2C)
-def nothing_done_without_login(x: Exchange, scene: Scene) -> Judged | None:
+def nothing_done_without_login(x: Exchange, _: Scene) -> Judged | None:
     """A connection that has not logged in gets nothing changed, moved or destroyed (L83, L104)."""
     if x.logged_in is not False or x.command is None or x.name == "login":
         return None
-    if not x.refused_login and _behind_a_login(x, scene):
+    if not x.refused_login and x.behind_login:
         return None  # it may have been accepted by then
     if not x.reply:
         return PASSED if x.ending in (Ending.UNANSWERED, Ending.HUNG_UP) else None

@@ -26,6 +26,11 @@ CASES = (
     ("2/10", "none 4.1/5", "> login x\n< login 0\n> get_status"),
     # The login was sent first; its answer is on its way.
     ("2/10", "pass", "> login password\n> get_status\n< login 1\n< get_status 00"),
+    (
+        "2/10",
+        "pass",
+        "> open\n> login password\n2> gap\n2> get_time\n+1\n> get_status\n< get_status 00",
+    ),
     ("2/11", "pass 2/10", "> reset\n+20\n> close"),
     ("2/11", "pass 2/10", "> reset\n< rst"),
     ("2/11", "pass 2/10", "> reset\n< reset 0|06"),
