@@ -170,6 +170,12 @@ def _real_length(x: Exchange, _: Scene) -> Judged | None:
     return _wrong_length(x.malformed) if x.malformed else None
 
 
+@rule("4.18/5", on=Exchange, names=("reset",))
+def length_of_a_failure(x: Exchange, _: Scene) -> Judged | None:
+    """A failed reset's length is its real number of bytes: 5, not the printed 4 (A-4.18-1)."""
+    return _wrong_length(x.malformed) if x.accepted and x.malformed else None
+
+
 def _wrong_length(found: Undecodable) -> Judged | None:
     diagnosis = diagnose(found)
     if diagnosis.fault is not Fault.LENGTH:

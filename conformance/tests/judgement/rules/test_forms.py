@@ -152,6 +152,11 @@ CASES = (
     ("4.27/2", "none", "login\n> get_joint_angles\n< get_joint_angles 1|2|3|4\\x00"),
     # Without bars nothing can be said of the speed.
     ("4.24/2", "none 4.24/1", "login\n> set_tool_coordinates 60|1|2|3"),
+    (
+        "4.18/5",
+        "fail 3/6 3/7",
+        "login\n> reset\n< reset 1\n< = CC 90 33 04 30 30 7C 31 31 AA\n> get_time",
+    ),
     ("4.21/6", "pass", f"login\n> {SET} 200|300|324|34.6|34.5|0"),
     (
         "4.21/6",
