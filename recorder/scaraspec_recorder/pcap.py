@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
@@ -30,6 +31,8 @@ _MAGICS: Final = {
     b"\xa1\xb2\x3c\x4d",  # big endian, nanoseconds
     b"\x4d\x3c\xb2\xa1",
 }
+_INTERFACE: Final = 1
+_TIME_OFFSET: Final = 14
 _PCAPNG_PACKET_BLOCKS: Final = {2, 3, 6}
 _GZIP_MAGIC: Final = b"\x1f\x8b"
 _MAX_RECORD_BYTES: Final = 16 << 20  # a length beyond it is damage, not a packet
@@ -179,6 +182,24 @@ def _records(path: Path, notes: list[str]) -> Iterator[_Record]:
                 yield record
 
 
+class _Clock(int):
+    """Ticks a second of an interface; the seconds that are to be added to its times."""
+
+    offset_s = 0
+
+
+def _describe(reader: Any, block: bytes, size: int) -> None:
+    """An interface, with what scapy leaves out: its times' offset, and 0 for no snap length."""
+    reader._read_block_idb(block, size)  # noqa: SLF001 - see below
+    link_type, snap_bytes, options = reader.interfaces.pop()
+    clock = _Clock(options["tsresol"])
+    offset = reader._read_options(block[8:]).get(_TIME_OFFSET, b"")  # noqa: SLF001 - see below
+    if len(offset) == struct.calcsize("q"):
+        (clock.offset_s,) = struct.unpack(f"{reader.endian}q", offset)
+    options = {**options, "tsresol": clock}
+    reader.interfaces.append((link_type, snap_bytes or _MAX_RECORD_BYTES, options))
+
+
 # scapy names the two methods below as the way to raw records; iterating over its readers would cut
 # packets at 65,535 bytes, and they are larger where a network card splits them.
 
@@ -202,8 +223,11 @@ def _read_pcapng(reader: Any, source: _Source) -> _Record | None:
             raise ValueError("a packet of an interface that is not described")
         return None
     packet, meta = found
-    ticks = 0 if meta.tshigh is None else meta.tshigh << 32 | meta.tslow
-    time_ns = min(ticks * 10**9 // meta.tsresol, _MAX_TIME_NS)
+    time_ns = 0
+    if meta.tshigh is not None:
+        ticks = meta.tshigh << 32 | meta.tslow
+        time_ns = ticks * 10**9 // meta.tsresol + meta.tsresol.offset_s * 10**9
+    time_ns = min(max(time_ns, 0), _MAX_TIME_NS)
     return _Record(time_ns, meta.linktype, packet, meta.wirelen)
 
 
@@ -227,7 +251,9 @@ def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
             if file.peek(4)[:4] not in _MAGICS:
                 raise CaptureError(f"{path} is no capture: neither MCAP, pcap nor pcapng")
             source = _Source(file)
-            reader = RawPcapReader(source)  # type: ignore[arg-type]  # open files serve as well
+            reader: Any = RawPcapReader(source)  # type: ignore[arg-type]  # open files serve as well
+            if hasattr(reader, "interfaces"):
+                reader.blocktypes[_INTERFACE] = partial(_describe, reader)
             yield reader, source
     except OSError as error:
         raise CaptureError(f"{path} cannot be read: {error.strerror or error}") from None

@@ -266,6 +266,19 @@ def test_pcapng_sections_each_have_their_interfaces(path: Path) -> None:
     assert events_of(path, content) == [*OVER_IPV4[:2], *expected(addresses, 1000)[2:]]
 
 
+def test_pcapng_interfaces_each_have_their_offset_of_time(path: Path) -> None:
+    """What an interface adds to its times is added."""
+    packets, start_s = frames(conversation()), START_NS // 10**9
+    resolution, offset = option(9, b"\x09"), option(14, struct.pack("<q", start_s))
+    described = block(1, struct.pack("<HHI", ETHERNET, 0, 0) + resolution + offset + bytes(4))
+    content = section() + described
+    for number, packet in enumerate(packets):
+        ticks = START_NS % 10**9 + number * STEP_NS
+        size = len(packet)
+        content += block(6, struct.pack("<IIIII", 0, 0, ticks, size, size) + packet)
+    assert events_of(path, content) == OVER_IPV4
+
+
 def test_a_pcapng_packet_of_no_interface_is_damage(path: Path) -> None:
     """Without its interface nobody knows the packet's link type: the file is read up to there."""
     packets = [enhanced_packet(packet, at) for at, packet in enumerate(frames(conversation()))]
@@ -281,7 +294,7 @@ def test_pcapng_packets_without_time(path: Path) -> None:
     """A Simple Packet Block has no time: its events take that of what was told before."""
     first, *others = frames(conversation())
     simple = [block(3, struct.pack("<I", len(packet)) + packet) for packet in others]
-    described = block(1, struct.pack("<HHI", ETHERNET, 0, 1 << 16))
+    described = block(1, struct.pack("<HHI", ETHERNET, 0, 0))  # without a limit of their length
     content = section() + described + enhanced_packet(first, 0, per_second=10**6) + b"".join(simple)
     events = events_of(path, content)
     assert [event.kind for event in events] == [event.kind for event in OVER_IPV4]
