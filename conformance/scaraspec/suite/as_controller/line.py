@@ -141,9 +141,13 @@ class Line(Wire):
 
     def chunk(self, chunk: Chunk) -> None:
         """Send a chunk of a download."""
+        self.send_frame(self.chunk_frame(chunk))
+
+    def chunk_frame(self, chunk: Chunk) -> Frame:
+        """The frame of a chunk of a download."""
         command = BY_NAME["download_chunk"]
         data = command.request.encode(chunk, self._subject.dialect)
-        self.send_frame(Frame(C2A, command.opcode, data))
+        return Frame(C2A, command.opcode, data)
 
     # ------------------------------------------------------------------ both
 

@@ -13,6 +13,7 @@ from scaraspec.suite.expect import NotRun
 
 _CUT_S: Final = 0.005  # longer than a segment waits to be joined with the next
 _SLOW_S: Final = 0.95
+_FULL_PART: Final = 22  # names of 11 bytes each
 
 
 def _send_cut(line: Line, data: bytes, *cuts: int, pause_s: float = _CUT_S) -> None:
@@ -93,11 +94,12 @@ def test_result_with_its_reply(subject: Subject, line: Line) -> None:
 
 @client_case("2/6", name="list")
 def test_parts_of_a_list(subject: Subject, line: Line) -> None:
-    """The parts of a program list come in one segment."""
+    """The parts of a program list, as full as they can be, come in one segment."""
     if subject.dialect["list_cont"] == "request":
         raise NotRun("the client fetches each part of a list")
-    names = [f"pro{number}.rob" for number in range(8)]
-    frames = [line.frame("list_programs", data=part) for part in list_of(*names, per_part=1)]
+    names = [f"pro{number:03}.rob" for number in range(8 * _FULL_PART)]
+    parts = list_of(*names, per_part=_FULL_PART)
+    frames = [line.frame("list_programs", data=part) for part in parts]
     call = subject.begin("list_programs")
     awaited(line, call.name, call)
     line.send_bytes(b"".join(map(Frame.encode, frames)))

@@ -8,12 +8,14 @@ import pytest
 
 from scaraspec.cli.proving_client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, ClientError
+from scaraspec.client.core import Event
 from scaraspec.client.exchange import Exchange
 from scaraspec.client.transfer import Upload
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import MoveTarget, Network, Parsed, Point, Pose
+from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES
-from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_controller.orders import VALUES
 from scaraspec.suite.as_controller.setting import ClientSetting
@@ -109,3 +111,32 @@ class SendsNoLongNames(ClientCore):
 def test_what_is_tried_is_not_declined() -> None:
     """A client that gives up when it has waited for a reply has not declined to ask."""
     assert tried(SendsNoLongNames, "4.11/1")["4.11/1.names"] is Verdict.FAIL
+
+
+class HoldsThreeHundredBytes(ClientCore):
+    """What comes at once and is more than its buffer holds is lost."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        return super().feed(data[:300], now_s)
+
+
+class LooksForFramesInData(ClientCore):
+    """While a frame is not whole it goes on where a frame seems to end and another to begin."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        events = super().feed(data, now_s)
+        held = data[len(data) - self._framer.held_bytes :]
+        _, mark, behind = held.partition(b"\xaa\xcc")
+        if mark:
+            self._framer = Framer(C2A)
+            events += super().feed(mark[1:] + behind, now_s)
+        return events
+
+
+@pytest.mark.parametrize(
+    ("core", "case"),
+    [(HoldsThreeHundredBytes, "2/6.list"), (LooksForFramesInData, "3/9")],
+)
+def test_what_a_stream_may_bring_is_brought(core: type[ClientCore], case: str) -> None:
+    """Several full frames come in one segment; the data of half a frame looks like frames."""
+    assert tried(core, case.split(".", maxsplit=1)[0])[case] is Verdict.FAIL
