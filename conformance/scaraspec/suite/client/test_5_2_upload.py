@@ -260,9 +260,13 @@ def test_late_and_missing_answers(subject: Subject, line: Line) -> None:
 
 @client_case("5.2/9", name="meanwhile")
 def test_answer_is_missing_amid_others(subject: Subject, line: Line) -> None:
-    """The silence of an upload ends it, whatever else is asked and answered meanwhile."""
+    """The silence of an upload ends it, whatever else is asked meanwhile; another one works.
+
+    The answer that is missing never comes, so the next one belongs to the next upload.
+    """
     upload, _ = _up_to(subject, line, 1)
     given_up_meanwhile(subject, line, upload.call, "5.2/9")
+    _another_works(subject, line)
 
 
 @client_case("5.2/9", name="name")
@@ -277,6 +281,10 @@ def _stays_ended(subject: Subject, line: Line, command: str) -> None:
     """An answer that comes too late does not bring an upload back."""
     if line.ending is None:
         line.reply(command)
+    _another_works(subject, line)
+
+
+def _another_works(subject: Subject, line: Line) -> None:
     line = serving(subject, line, "a silence")
     message = "an upload that was given up goes on"
     expect_no_transfer(line, message, "5.2/9", but=gives_up)

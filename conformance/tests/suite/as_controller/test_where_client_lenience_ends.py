@@ -12,7 +12,7 @@ from scaraspec.client.core import Event
 from scaraspec.client.exchange import Exchange
 from scaraspec.client.transfer import Upload
 from scaraspec.judgement.verdicts import Verdict
-from scaraspec.protocol.commands import MoveTarget, Network, Parsed, Point, Pose
+from scaraspec.protocol.commands import BY_NAME, MoveTarget, Network, Parsed, Point, Pose
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.frames import Frame, Framer
@@ -140,3 +140,32 @@ class LooksForFramesInData(ClientCore):
 def test_what_a_stream_may_bring_is_brought(core: type[ClientCore], case: str) -> None:
     """Several full frames come in one segment; the data of half a frame looks like frames."""
     assert tried(core, case.split(".", maxsplit=1)[0])[case] is Verdict.FAIL
+
+
+class WaitsOnForLostAnswers(ClientCore):
+    """The answer that a transfer was given up for is still waited for, and takes the next one."""
+
+    owed = False
+
+    class _Owed(Upload):
+        core: "WaitsOnForLostAnswers"
+
+        def _give_up(self, reason: str) -> None:
+            self.core.owed = True
+            super()._give_up(reason)
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        upload = self._Owed(name, content, DEFAULT)
+        upload.core = self
+        return upload
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        if self.owed and frame.opcode == BY_NAME["upload_chunk"].opcode:
+            self.owed = False
+            return []
+        return super()._dispatch(frame, now_s)
+
+
+def test_an_answer_that_never_came_is_owed_no_more() -> None:
+    """The first answer behind a silence is that of the next transfer."""
+    assert tried(WaitsOnForLostAnswers, "5.2/9")["5.2/9.meanwhile"] is Verdict.FAIL
