@@ -110,8 +110,11 @@ class Line(Wire):
                 self.heard.remove(poll)
                 if poll.name in REPLIES:
                     self._subject.polled.add(poll.frame)
+                fetched = bool(self._subject.known.get("fetches parts"))
+                frames = self.polls.answer(poll, self._subject.programs, fetched=fetched)
                 with suppress(NoAnswer):  # it asks, and hangs up
-                    self.send_frame(self.polls.answer(poll))
+                    for frame in frames:
+                        self.send_frame(frame)
         finally:
             self._answering = False
 

@@ -4,16 +4,17 @@ Nothing forbids a client to ask for more than it was ordered to, as a window doe
 status ten times a second. Only requests that no case waits for are polls, and only queries, whose
 answer changes nothing, the clock's setting, which a client may do when it logs in, and a further
 login (A-4.1-2). Which answer a case gives is not known here; once it has given one, polls are told
-the same, and once something was set, that it is so: a client may read back what it has set.
+the same, and once something was set, that it is so: a client may read back what it has set. A list
+of programs has those that orders in hand are about: a client may look before it asks for one.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame
 
 REPLIES: Final = {
     "get_network": b"192.168.1.2|255.255.255.0|192.168.1.1",
@@ -47,6 +48,7 @@ _SET_OUTPUT: Final = "set_digital_output"
 _OUTPUTS: Final = "get_digital_outputs"
 _ANSWERED: Final = b"1|"
 _YES: Final = b"1"
+_LIST: Final = "list_programs"
 _MORE: Final = b"1"
 _AT_ONCE: Final = 16
 """A client on a simulated clock may ask again at the very instant of its answer, for ever."""
@@ -76,6 +78,9 @@ class Polls:
         self._open: Counter[str] = Counter()
         self._asked: dict[str, FrameSeen] = {}
         self._running: set[str] = set()
+        self._list: list[bytes] = []  # the parts of the last one, and of one that is being told
+        self._telling: list[bytes] = []
+        self._part = 0
 
     @property
     def at_rest(self) -> bool:
@@ -96,8 +101,9 @@ class Polls:
             self._running.discard(name)
             self.answers["get_status"] = REPLIES["get_status"]
             return
-        if name == "list_programs" and data.startswith(_MORE):
-            return  # what it asks before the last part may be the next one (A-4.10-3)
+        if name == _LIST:
+            self._tell(data)
+            return
         self._open[name] = max(self._open[name] - 1, 0)
         if name == "login":
             self.logged_in |= data == _YES
@@ -107,6 +113,15 @@ class Polls:
             self.answers[name] = data
         elif seen.command and seen.command.two_stage and data == _YES:
             self._running.add(name)
+
+    def _tell(self, part: bytes) -> None:
+        """A part of a list was sent; where a case sent it, others are told the same list."""
+        if not self._open[_LIST]:
+            return
+        self._telling.append(part)
+        if not part.startswith(_MORE):  # what it asked before may have been for this (A-4.10-3)
+            self._list, self._telling, self._part = self._telling, [], 0
+            self._open[_LIST] = 0
 
     def _set(self, seen: FrameSeen) -> None:
         """A request was granted: what it set is told from now on."""
@@ -133,6 +148,29 @@ class Polls:
                 return seen
         return None
 
-    def answer(self, poll: FrameSeen) -> Frame:
-        """What a poll is told."""
-        return Frame(C2A, poll.frame.opcode, self.answers[poll.name])
+    def answer(
+        self, poll: FrameSeen, programs: Mapping[bytes, bool], *, fetched: bool
+    ) -> list[Frame]:
+        """What a poll is told.
+
+        Args:
+            poll: What was asked.
+            programs: What a list has, or has not, other than the document's own example.
+            fetched: The client asks for each part of a list (A-4.10-3).
+        """
+        if poll.name != _LIST:
+            return [Frame(C2A, poll.frame.opcode, self.answers[poll.name])]
+        parts = [_listing(programs)] if programs or not self._list else self._list
+        if fetched:
+            parts = [parts[self._part % len(parts)]]
+            self._part += 1
+        return [Frame(C2A, poll.frame.opcode, part) for part in parts]
+
+
+def _listing(programs: Mapping[bytes, bool]) -> bytes:
+    flag, *example = REPLIES[_LIST].split(b"|")
+    has = dict.fromkeys(example, True) | dict(programs)
+    names = [name for name in has if has[name]]
+    while len(data := b"|".join((flag, *names))) > MAX_DATA_BYTES:
+        names.pop(0)
+    return data

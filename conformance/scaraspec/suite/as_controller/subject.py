@@ -217,6 +217,18 @@ class Subject:
             return ""
         return "the client declines by itself whatever is ordered here"
 
+    @property
+    def programs(self) -> dict[bytes, bool]:
+        """The programs that orders in hand are about, and whether the controller has them."""
+        had = {}
+        for order in self._orders:
+            name = order.values.get("remote") or order.values.get("name")
+            if name and order.answer is None:
+                brought = order.came or order.name != "upload"
+                deleted = order.came and order.name == "delete_program"
+                had[name.encode(errors="surrogateescape")] = brought and not deleted
+        return had
+
     def awaits(self, seen: FrameSeen) -> bool:
         """Whether this may be the request of an order whose own has not come yet."""
         return any(

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from contextlib import closing, suppress
 from ipaddress import IPv4Address, IPv4Network
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
@@ -163,6 +164,65 @@ def test_fetched_parts() -> None:
 def test_polls() -> None:
     """What a client asks by itself is served, and taken for nothing else."""
     assert not wrong(Polls, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
+
+
+class ListsProgramsAllTheTime(AsyncClient):
+    """Asks for the list of programs, again and again, one listing after the other."""
+
+    _lister: asyncio.Task[None] | None = None
+
+    async def connect(self) -> None:
+        await super().connect()
+        self._lister = asyncio.get_running_loop().create_task(self._list())
+
+    async def close(self) -> None:
+        if self._lister:
+            self._lister.cancel()
+        await super().close()
+
+    async def _list(self) -> None:
+        while True:
+            with suppress(ClientError):
+                await self.list_programs()
+            await asyncio.sleep(0.1)
+
+
+@pytest.mark.parametrize("how", ["push", "request"])
+def test_lists_that_are_polled(how: str) -> None:
+    """A list of several parts is told whole to whoever asks for it by itself (A-4.10-3)."""
+    dialect = DEFAULT.replace(list_cont=how)
+    assert not wrong(ListsProgramsAllTheTime, frozenset({"4.10/10"}), dialect)
+
+
+class Looks(AsyncClient):
+    """Asks for no program that is not in the list, and looks again when one came or went."""
+
+    async def _look(self, name: Any, *, there: bool) -> None:
+        if (name in await self.list_programs()) != there:
+            raise ClientError("the list says otherwise")
+
+    async def run_program(self, name: Any) -> None:
+        await self._look(name, there=True)
+        await super().run_program(name)
+
+    async def delete_program(self, name: Any) -> None:
+        await self._look(name, there=True)
+        await super().delete_program(name)
+        await self._look(name, there=False)
+
+    async def upload(self, local: Any, remote: Any, *more: Any) -> None:
+        await self._look(remote, there=False)
+        await super().upload(local, remote, *more)
+        await self._look(remote, there=True)
+
+    async def download(self, remote: Any, *where: Any) -> Path:
+        await self._look(remote, there=True)
+        return await super().download(remote, *where)
+
+
+def test_looking_at_the_list() -> None:
+    """A client may hold what it is ordered to do against the list of programs."""
+    assert not wrong(Looks, frozenset({"3/1", "4.11/1", "4.15/1", "5.4/6"}))
 
 
 class LogsInAgain(AsyncClient):
