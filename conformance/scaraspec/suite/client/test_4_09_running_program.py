@@ -49,7 +49,11 @@ def test_running(subject: Subject, line: Line) -> None:
 
 @client_case("T/9", name="running-long-name")
 def test_long_names(subject: Subject, line: Line) -> None:
-    """The running program's name has 30 bytes and more, which it generally has not (A-4.9-5)."""
+    """The running program's name has 30 bytes and more, which it generally has not (A-4.9-5).
+
+    It may have blanks, too.
+    """
+    _tells(subject, line, b"pick and place.rob", 90061)
     for size_bytes in _LONG_BYTES:
         _tells(subject, line, b"n" * (size_bytes - 4) + b".rob", 90061)
 

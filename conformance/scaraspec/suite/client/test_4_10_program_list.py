@@ -66,8 +66,9 @@ def test_many(subject: Subject, line: Line) -> None:
 
 @client_case("4.10/10", "T/9", name="order")
 def test_order(subject: Subject, line: Line) -> None:
-    """The names are in no alphabetical order, differ in case, look like flags, or hidden."""
+    """The names are in no order, differ in case, have blanks, look like flags, or hidden."""
     _lists(subject, line, [".hidden.rob", "~a.rob", "a.rob~", "..rob"], per_part=3)
+    _lists(subject, line, ["pick and place.rob", "a  b.rob"], per_part=2)
     _lists(subject, line, ["z.rob", "a.rob", "m.rob", "A.rob", "Z.ROB", "z.txt"], per_part=2)
     _lists(subject, line, list(_SEEMING), per_part=2)
 

@@ -262,9 +262,9 @@ def test_late_and_missing_answers(subject: Subject, line: Line) -> None:
 def test_answer_is_missing_amid_others(subject: Subject, line: Line) -> None:
     """The silence of an upload ends it, whatever else is asked meanwhile; another one works.
 
-    The answer that is missing never comes, so the next one belongs to the next upload.
+    The answer to the last chunk never comes, so the next one belongs to the next upload.
     """
-    upload, _ = _up_to(subject, line, 1)
+    upload, _ = _up_to(subject, line, _LAST)
     given_up_meanwhile(subject, line, upload.call, "5.2/9")
     _another_works(subject, line)
 

@@ -17,12 +17,14 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.transfer import BUFFER_BYTES
 from scaraspec.suite.as_controller.orders import VALUES
 from scaraspec.suite.as_controller.setting import ClientSetting
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
+_IDLE = Frame(C2A, BY_NAME["get_status"].opcode, b"00").encode()
 _LISTED = ("delete_program", "set_default_program", "run_program", "simulate_program")
 
 
@@ -169,3 +171,52 @@ class WaitsOnForLostAnswers(ClientCore):
 def test_an_answer_that_never_came_is_owed_no_more() -> None:
     """The first answer behind a silence is that of the next transfer."""
     assert tried(WaitsOnForLostAnswers, "5.2/9")["5.2/9.meanwhile"] is Verdict.FAIL
+
+
+class NeedsNoLastAnswer(ClientCore):
+    """An upload is done when its last chunk was sent, answered in time or not."""
+
+    class _Sent(Upload):
+        def expire(self, now_s: float) -> list[Frame]:
+            if self.accepted and self.moved_bytes + BUFFER_BYTES >= len(self._content):
+                self.settle(None)
+                return []
+            return super().expire(now_s)
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        return self._Sent(name, content, DEFAULT)
+
+
+class DoneWhenIdle(ClientCore):
+    """What executes is done when the status is idle, whatever its result will be."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        events = super().feed(data, now_s)
+        for exchange in self._executing() if _IDLE in data else ():
+            exchange.settle(None)
+            events += self._follow(exchange, now_s)
+        return events
+
+
+class DoneWhenLost(ClientCore):
+    """What executes is done when the link is lost."""
+
+    def lose(self, reason: str, now_s: float) -> list[Event]:
+        events = []
+        for exchange in self._executing():
+            exchange.settle(None)
+            events += self._follow(exchange, now_s)
+        return events + super().lose(reason, now_s)
+
+
+@pytest.mark.parametrize(
+    ("core", "case"),
+    [
+        (NeedsNoLastAnswer, "5.2/9.meanwhile"),
+        (DoneWhenIdle, "4/16.while-idle"),
+        (DoneWhenLost, "4/16.reconnected"),
+    ],
+)
+def test_what_was_not_answered_is_not_done(core: type[ClientCore], case: str) -> None:
+    """Neither silence, nor an idle robot, nor the end of the link says how something ended."""
+    assert tried(core, case.rpartition(".")[0])[case] is Verdict.FAIL
