@@ -374,7 +374,7 @@ def test_file_of_a_refused_download(subject: Subject, line: Line) -> None:
     download.expect_done("5.2/19")
 
 
-_ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"no")
+_ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10")
 
 
 @client_case("5.2/19", name="odd-answers")
