@@ -40,7 +40,7 @@ _MOST_CONNECTIONS: Final = 4096
 _MOST_CONTROLLERS: Final = 64
 """Controllers told apart at once; beyond that the one that was met first is forgotten."""
 
-_CONTROLLER: Final = re.compile(r"[>→] ([^\s)]+)")
+_CONTROLLER: Final = re.compile(r"[>→] ([^\s,)]+)")
 """The second of the addresses in the note of a beginning."""
 
 _DOUBT: Final = "a gap in the recording or a fault injected on purpose may be why"

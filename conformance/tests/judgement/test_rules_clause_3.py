@@ -70,7 +70,11 @@ CASES = (
         "fail 3/6",
         "login\n> get_status\n< = CC 09 03 30 30 AA\n> get_time\n< get_time 20260101000000",
     ),
-    ("3/7", "fail 3/6", "login\n> reset\n< reset 1\n< = CC 90 33 04 30 30 7C 31 31 AA\n> get_time"),
+    (
+        "3/7",
+        "fail 3/6 4.18/5",
+        "login\n> reset\n< reset 1\n< = CC 90 33 04 30 30 7C 31 31 AA\n> get_time",
+    ),
     # Nothing comes that would end the frame: the length is one that the document prints (L450).
     (
         "3/7",

@@ -36,8 +36,9 @@ def contradicted(
 ) -> tuple[Exchange, bool] | None:
     """The earlier reading that `x` contradicts, and whether a single step explains it.
 
-    Held against are the one before and, for slow errors, the first. A single step of a clock that
-    runs may be that of the recording's own; it is told once.
+    Held against are the one before and, for slow errors, the first. That a clock which runs lags
+    behind at once may be because the recording's own was set ahead; it is told once. Where that was
+    set back the recording says so.
     """
     for y in (earlier[-1], earlier[0]):
         if advance_s(y, x) < 0:
@@ -49,7 +50,8 @@ def contradicted(
     legs = list(pairwise((*earlier, x)))
     steps = [leg for leg in legs if off_by_s(advance_s(*leg), *leg)]
     runs = any(advance_s(*leg) > 0 for leg in legs if leg not in steps)
-    if len(steps) != 1 or not runs:
+    lags = all(advance_s(*leg) < elapsed_s(*leg)[0] for leg in steps)
+    if len(steps) != 1 or not runs or not lags:
         return y, False
     return (y, True) if steps[0] is legs[-1] else None
 

@@ -78,6 +78,7 @@ DONE_ELSEWHERE = """
     > reset
     < reset 1
     <90 reset 11
+    {pause}
     2> get_status
     2< get_status 03
 """
@@ -160,7 +161,8 @@ CASES = (
     ("4/7", "none", DONE.format(result="11", pause="", status="12")),
     ("4/7", "none", DONE.format(result="00|12", pause="", status="03")),
     ("4/7", "none", DONE.format(result="11", pause="+2", status="01")),
-    ("4/7", "none", DONE_ELSEWHERE),  # the two may have been captured in another order
+    ("4/7", "none", DONE_ELSEWHERE.format(pause="")),  # they may be in another order
+    ("4/7", "fail", DONE_ELSEWHERE.format(pause="+0.2")),
     ("4.18/6", "pass", FAULT.format(status="12", reply="1")),
     ("4.18/6", "tolerated reset_from_error=idle-only", FAULT.format(status="12", reply="0|12")),
     ("4.18/6", "none", FAULT.format(status="00", reply="0|12")),
