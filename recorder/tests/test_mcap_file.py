@@ -556,7 +556,7 @@ def test_a_defect_in_decoding_costs_no_raw_byte(
     """The raw layer goes on when the derived one cannot, and the file says so."""
     path = tmp_path / "defect.mcap"
     judge = Judge()
-    monkeypatch.setattr(judge, "judge", lambda _: 1 / 0)
+    monkeypatch.setattr(judge, "judge", lambda *_: 1 / 0)
     deriver = Deriver([McapSink(path.open("wb"))], judge)
     for event in shift:
         deriver.write(event)

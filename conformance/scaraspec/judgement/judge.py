@@ -89,7 +89,7 @@ class Judge:
         dialogue = self._dialogue(event)
         for happening in dialogue.feed(event):
             yield happening
-            yield from self._judge(happening, dialogue.scene)
+            yield from self.judge(happening, dialogue.scene)
         if event.kind in (Kind.CLOSED, Kind.RESET):
             del self._dialogues[event.connection]
         while len(self._dialogues) > _MOST_CONNECTIONS:
@@ -125,9 +125,9 @@ class Judge:
         dialogue = self._dialogues.pop(connection)
         for happening in dialogue.close():
             yield happening
-            yield from self._judge(happening, dialogue.scene)
+            yield from self.judge(happening, dialogue.scene)
 
-    def _judge(self, happening: Happening, scene: Scene) -> Iterator[Finding]:
+    def judge(self, happening: Happening, scene: Scene) -> Iterator[Finding]:
         """Ask every rule that looks at this happening; give the findings that are no pass."""
         self.dialect_seen.add(happening)
         if isinstance(happening, Transfer):

@@ -1,12 +1,21 @@
 """Clauses 4.5 and 4.6: the robot's clock, held against the time of the recording."""
 
 from collections.abc import Callable, Sequence
+from datetime import timedelta
 from itertools import pairwise
 from typing import Final
 
 from scaraspec.judgement.happenings import Exchange
 from scaraspec.judgement.memory import answered_ns
-from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, unsure
+from scaraspec.judgement.rules.rule import (
+    PASSED,
+    Judged,
+    failed,
+    places_of,
+    rule,
+    tolerated,
+    unsure,
+)
 from scaraspec.judgement.rules.settings import in_force
 from scaraspec.judgement.scene import Scene
 
@@ -14,6 +23,8 @@ _TOLERANCE_S: Final = 2.0
 _DRIFT: Final = 0.01
 _SOON_NS: Final = 60_000_000_000
 """Behind it a wrong rate of the clock shows, which 4.6/4 judges."""
+
+_NIGHT: Final = timedelta(hours=4)
 
 _NS_PER_S: Final = 1_000_000_000
 
@@ -83,6 +94,9 @@ def clock_runs(x: Exchange, scene: Scene) -> Judged | None:
     if found is None:
         return PASSED
     y, step = found
+    if _is_summer_time(y, x):
+        message = "the clock went by an hour in the night to a Sunday, as summer time does"
+        return tolerated("A-4.5-1", "local time", message)
     if step:
         return unsure("the robot's clock or the recording's was set between two readings")
     advance_s = (x.answer - y.answer).total_seconds()
@@ -97,6 +111,18 @@ def clock_runs(x: Exchange, scene: Scene) -> Judged | None:
         observed=f"{advance_s:.0f} s",
         at=(*places_of(y), *places_of(x)),
     )
+
+
+def _is_summer_time(y: Exchange, x: Exchange) -> bool:
+    """Whether the clock is an hour off, and a Sunday began between the two or just before them.
+
+    Local time does so, and whether it is that or UTC is open (A-4.5-1).
+    """
+    midnight = x.answer.replace(hour=0, minute=0, second=0)
+    sunday = midnight - timedelta(days=(midnight.weekday() + 1) % 7)
+    advance_s = (x.answer - y.answer).total_seconds()
+    an_hour = any(not off_by_s(advance_s + hour_s, y, x) for hour_s in (-3600, 3600))
+    return an_hour and bool(y.answer < sunday + _NIGHT)
 
 
 def _comparable(y: Exchange, x: Exchange, scene: Scene) -> bool:

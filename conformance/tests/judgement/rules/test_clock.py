@@ -54,6 +54,18 @@ CASES = (
     # The clock runs; that it lags behind once may be a step of the recording's.
     ("4.6/4", "inconclusive", "login\n" + JUMP.format(pause=3600)),
     ("4.6/4", "fail", "login\n" + JUMP.format(pause=0)),
+    # Summer time ends, and begins; on a Monday it does neither.
+    (
+        "4.6/4",
+        "tolerated A-4.5-1=local time",
+        READ.format(first="20261025025959", between="+1", second="20261025020000"),
+    ),
+    (
+        "4.6/4",
+        "tolerated A-4.5-1=local time",
+        READ.format(first="20260329015959", between="+1", second="20260329030000"),
+    ),
+    ("4.6/4", "fail", READ.format(first="20261026025959", between="+1", second="20261026020000")),
     ("4.6/4", "none", READ.format(first=LATER, between="> set_time 20260101000000", second=NOON)),
     ("4.6/4", "none", READ.format(first=LATER, between="> shutdown\n< shutdown 1", second=NOON)),
     ("4.6/4", "none", READ.format(first=LATER, between="> gap\n+30", second=NOON)),
