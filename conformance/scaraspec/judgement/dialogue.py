@@ -99,6 +99,7 @@ class Dialogue:
             case _:
                 self._hung_up = self._hung_up or event.direction
                 yield LinkChange(event)
+                self._executing.abandon()
                 if event.kind is not Kind.HALF_CLOSED:
                     yield from self.close()
 

@@ -102,6 +102,11 @@ class Executing:
                 return exchange
         return None
 
+    def abandon(self) -> None:
+        """One side has hung up: what executes may be stopped for it (A-2-8)."""
+        for exchange in self._mine():
+            exchange.stop_asked = True
+
     def close(self, ending: Ending, idle_before_ns: int) -> Iterator[Exchange]:
         """Nothing more will be seen of them.
 

@@ -137,7 +137,7 @@ class Exchange:
         overdue: So it was, and its own answer came after the reply time.
         stray: A reply that belonged to no request, and came while this one was unanswered.
         idle: For a two-stage command: the first status 00 that came while it executed.
-        stop_asked: An emergency stop was asked for while it executed.
+        stop_asked: An emergency stop was asked for while it executed, or its client hung up.
         interrupted_by: This stop as it stood when it was accepted; for a jog also the next jog.
         after_stop: Its final result came after the stop's.
         transfer: The file transfer that it begins or belongs to.

@@ -12,6 +12,11 @@ from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, ru
 from scaraspec.judgement.rules.text import observed
 from scaraspec.judgement.scene import Scene
 
+_SOON_NS: Final = 60_000_000_000
+_LATER_NS: Final = 600_000_000_000
+"""Behind it, or on another connection behind the first, the robot may have been switched off, or
+the value set by somebody whom the recording does not show."""
+
 PROGRAMS: Final = ("run_program", "simulate_program")
 """A program's file holds positions of its own (A-6.3-3)."""
 
@@ -19,13 +24,16 @@ PROGRAMS: Final = ("run_program", "simulate_program")
 def in_force(setter: str, x: Exchange, scene: Scene) -> Exchange | None:
     """The accepted setting that is in force while `x` is answered, where that is sure.
 
-    It was accepted before `x` was asked, it was the last that was asked, and the robot was not
-    shut down since: what survives that is open (A-4-6).
+    It was accepted not long before `x` was asked, it was the last that was asked, and the robot
+    was not shut down since: what survives that is open (A-4-6).
     """
     found = scene.memory.last(setter, before_ns=x.time_ns)
     if found is None or not found.accepted or scene.memory.asked.get(setter) is not found.request:
         return None
     if found.request.parsed and found.request.parsed.decoded.complaints:
+        return None
+    same = found.request.place.connection == x.request.place.connection
+    if x.time_ns - found.time_ns > (_LATER_NS if same else _SOON_NS):
         return None
     shutdown = scene.memory.asked.get("shutdown")
     if shutdown and shutdown.place.time_ns > found.time_ns:

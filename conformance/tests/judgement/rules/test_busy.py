@@ -119,6 +119,8 @@ CASES = (
     ("4/6", "none", ELSEWHERE.format(pause="")),
     ("4/6", "fail 4.18/2", ELSEWHERE.format(pause="+2")),
     ("4/6", "none", IDLE_ELSEWHERE.format(second="reset", reply="1")),
+    # Whose client has hung up may have been stopped for it (A-2-8).
+    ("4/6", "none", ELSEWHERE.format(pause="+2").replace("2> reset", "> half-close\n2> reset")),
     # A stop is always welcome.
     ("4/6", "none", two(JOG, "emergency_stop", "1", ends("jog", "emergency_stop"))),
     ("4.15/8", "pass", two(RUN, "run_program b", "0|01", ends("run_program"))),

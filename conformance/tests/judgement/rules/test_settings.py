@@ -110,6 +110,9 @@ CASES = (
     ("4.20/3", "fail", gripper("1|2.5|3", "1|2.6|3")),
     ("4.20/3", "fail", gripper("1.234|0|0", "1.1|0|0")),
     ("4.20/3", "none", gripper("1|2|3", "4|5|6", between=PROGRAM)),
+    # Long after it the robot may have been switched off and on again.
+    ("4.20/3", "fail", gripper("1|2|3", "0|0|0", between="+500")),
+    ("4.20/3", "none", gripper("1|2|3", "0|0|0", between="+700")),
     ("4.21/3", "pass", position("1|2|3|4.5|6|7", "1|2|3|4.5|0|0")),
     ("4.21/3", "fail", position("1|2|3|4.5|0|0", "1|2|3|4|0|0")),
     ("4.21/3", "none", position("1|2|3|4|0|0", "9|2|3|4|0|0", between=PROGRAM)),
