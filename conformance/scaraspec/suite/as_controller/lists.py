@@ -1,5 +1,6 @@
 """Lists: a program list in parts, pushed or fetched as the client has it (A-4.10-3)."""
 
+from collections.abc import Callable
 from typing import Final
 
 from scaraspec.suite.as_controller.call import Call
@@ -25,12 +26,23 @@ def list_of(*names: str | bytes, per_part: int, bar: bytes = b"|") -> list[bytes
 
 
 def serve_list(
-    subject: Subject, line: Line, call: Call, parts: list[bytes], *, pause_s: float = 0.0
+    subject: Subject,
+    line: Line,
+    call: Call,
+    parts: list[bytes],
+    ahead: Callable[[], None] = lambda: None,
 ) -> None:
     """Answer a request for the program list part by part.
 
     A client that asks for a further part by itself is given it as the answer to that; any other
-    has it pushed, after a pause.
+    has it pushed.
+
+    Args:
+        subject: The client.
+        line: Its connection.
+        call: Its order.
+        parts: The data of the parts.
+        ahead: Done ahead of each further part.
 
     Raises:
         Unmet: No request came.
@@ -38,13 +50,13 @@ def serve_list(
     line.request("list_programs", call)
     line.reply("list_programs", data=parts[0])
     for part in parts[1:]:
-        if not _fetched(subject, line) and pause_s:
-            line.wait(pause_s)
+        _await_fetching(subject, line)
+        ahead()
         line.reply("list_programs", data=part)
 
 
-def _fetched(subject: Subject, line: Line) -> bool:
-    """Whether the next part is asked for; what a client is like is found out once."""
+def _await_fetching(subject: Subject, line: Line) -> None:
+    """Await that the next part is asked for; whether a client does is found out once."""
     patience_s = {None: _FETCH_S, False: 0.0, True: subject.answer_s}
     known = subject.known.get("fetches parts")
     try:
@@ -54,4 +66,3 @@ def _fetched(subject: Subject, line: Line) -> bool:
     else:
         subject.known["fetches parts"] = True
         subject.found["list_cont"] = "request"
-    return bool(subject.known["fetches parts"])

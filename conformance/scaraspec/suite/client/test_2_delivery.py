@@ -68,14 +68,17 @@ def test_single_bytes(subject: Subject, line: Line) -> None:
 
 @client_case("2/5", name="slow")
 def test_slow_pieces(subject: Subject, line: Line) -> None:
-    """Almost a second passes between the pieces of a reply, and of a final result."""
+    """Almost a second passes within a reply, and twice within a final result.
+
+    A client may lose patience with a reply as a whole (A-3-15), and not with a final result.
+    """
     call = subject.begin("get_status")
-    awaited(line, call.name, call)
-    _send_cut(line, _reply(line, "get_status"), 1, 4, pause_s=_SLOW_S)
+    awaited(line, "get_status", call)
+    _send_cut(line, _reply(line, "get_status"), 4, pause_s=_SLOW_S)
     subject.gives(call, "00")
     call = order(subject, "run_program")
     line.serve(call, data=b"1")
-    _send_cut(line, line.result_frame("run_program").encode(), 2, pause_s=_SLOW_S)
+    _send_cut(line, line.result_frame("run_program").encode(), 2, 5, pause_s=_SLOW_S)
     accomplished(subject, call)
 
 

@@ -1,6 +1,6 @@
 """4.10: asking for the program list."""
 
-from typing import Final
+from typing import Any, Final
 
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -20,11 +20,9 @@ _SEEMING: Final = ("0.rob", "1.rob", "11", "0", "10.rob", "00")
 """Names that look like flags."""
 
 
-def _lists(
-    subject: Subject, line: Line, names: list[str], per_part: int, pause_s: float = 0.0
-) -> None:
+def _lists(subject: Subject, line: Line, names: list[str], per_part: int, **how: Any) -> None:
     call = subject.begin("list_programs")
-    serve_list(subject, line, call, list_of(*names, per_part=per_part), pause_s=pause_s)
+    serve_list(subject, line, call, list_of(*names, per_part=per_part), **how)
     subject.gives(call, names)
 
 
@@ -51,9 +49,14 @@ def test_parts(subject: Subject, line: Line) -> None:
 
 @client_case("4.10/10", name="late", attended=True)
 def test_late_parts(subject: Subject, line: Line) -> None:
-    """Three parts come with a pause ahead of each."""
+    """Three parts come, with a pause and the result of an old command ahead of each (3/27)."""
+
+    def ahead() -> None:
+        line.wait(_LATE_S)
+        line.result("reset")
+
     listed = [f"pro{number}.rob" for number in range(6)]
-    _lists(subject, line, listed, per_part=2, pause_s=_LATE_S)
+    _lists(subject, line, listed, per_part=2, ahead=ahead)
 
 
 @client_case("4.10/10", name="many")
