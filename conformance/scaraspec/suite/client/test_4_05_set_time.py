@@ -21,6 +21,9 @@ _IMPOSSIBLE: Final = (
     "20140132000000",
     "20140230120000",
     "20140431120000",
+    "20140631120000",
+    "20140931120000",
+    "20141131120000",
     "20150229120000",
     "21000229120000",
     "20141222240000",
@@ -54,8 +57,9 @@ def test_example(subject: Subject, line: Line) -> None:
 
 @client_case("4.5/1", name="times")
 def test_times(subject: Subject, line: Line) -> None:
-    """Times of a century are sent as 14 digits, with zeros where one digit would do."""
+    """Times of two centuries are sent as 14 digits, with zeros where one digit would do."""
 
+    @example(datetime(1999, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2001, 2, 3, 4, 5, 6))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2016, 2, 29))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing
+from datetime import datetime
 from typing import Any
 
 import pytest
@@ -12,7 +13,15 @@ from scaraspec.client.core import Event
 from scaraspec.client.exchange import Exchange
 from scaraspec.client.transfer import Upload
 from scaraspec.judgement.verdicts import Verdict
-from scaraspec.protocol.commands import BY_NAME, MoveTarget, Network, Parsed, Point, Pose
+from scaraspec.protocol.commands import (
+    BY_NAME,
+    MoveTarget,
+    Network,
+    Parsed,
+    PasswordChange,
+    Point,
+    Pose,
+)
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.frames import Frame, Framer
@@ -239,3 +248,20 @@ class DoneWhenLost(ClientCore):
 def test_what_was_not_answered_is_not_done(core: type[ClientCore], case: str) -> None:
     """Neither silence, nor an idle robot, nor the end of the link says how something ended."""
     assert tried(core, case.rpartition(".")[0])[case] is Verdict.FAIL
+
+
+class Tidies(ClientCore):
+    """Takes the blanks off the ends of passwords, and writes years with two digits."""
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if isinstance(value, PasswordChange):
+            value = PasswordChange(value.old.strip(), value.new.strip())
+        elif isinstance(value, datetime):
+            value = value.replace(year=2000 + value.year % 100)
+        return super().command(name, value)
+
+
+def test_what_is_ordered_is_sent_as_it_is() -> None:
+    """Neither the blanks of a password nor the century of a year are the client's to change."""
+    cases = tried(Tidies, "4.2/1", "4.5/1")
+    assert cases["4.2/1.pairs"] is cases["4.5/1.times"] is Verdict.FAIL
