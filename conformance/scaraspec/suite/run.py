@@ -187,6 +187,8 @@ class Run(Generic[P]):
             self.setting.probe(self._subject)
         except (Unmet, Undecided) as error:
             self._subject.close_lines()
+            if isinstance(error, Unmet) and error.requirement and self.setting.role is Role.CLIENT:
+                self.bracket.outcomes.append(_wrong_from_the_start(error))
             self.bracket.give_up(f"the subject was not there to begin with: {error}")
 
     def end(self) -> None:
@@ -337,6 +339,13 @@ def _set_up(name: str, message: str) -> Outcome:
     """What kept a run from being whole."""
     case = cases.Case(f"run.{name}", (), frozenset({Hazard.READ_ONLY}))
     return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message)
+
+
+def _wrong_from_the_start(error: Unmet) -> Outcome:
+    """A client that says of an idle robot that it is not: it is there, and no case can be tried."""
+    case = cases.Case("run.begin", (), frozenset({Hazard.READ_ONLY}))
+    wrong = (error.requirement, Cause.SUBJECT, f"{error}", error.expected, error.observed)
+    return Outcome(case, Verdict.FAIL, *wrong)
 
 
 def _grouped(

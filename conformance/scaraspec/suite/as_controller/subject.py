@@ -494,7 +494,7 @@ class Subject:
         line = self.open()
         call = self.begin("get_status")
         line.serve(call, "00")
-        self.gives(call, "00")
+        self.gives(call, "00", requirement="4.8/11")
         self._hang_up()
         self.close_lines()
         for file in self.access.folder.iterdir():

@@ -62,6 +62,20 @@ def _has_numbers(value: Any) -> bool:
     return isinstance(value, Point | Pose | MoveTarget)
 
 
+class MisreadsIdle(ClientCore):
+    """Takes an idle robot for a resetting one."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        return super().feed(data.replace(_IDLE, _IDLE.replace(b"00", b"03")), now_s)
+
+
+def test_who_is_wrong_from_the_start_fails() -> None:
+    """No case can be tried, and what was wrong is a failure all the same."""
+    verdicts = tried(MisreadsIdle, "4.8/11")
+    assert verdicts.pop("run.begin") is Verdict.FAIL
+    assert set(verdicts.values()) == {Verdict.INCONCLUSIVE}
+
+
 @pytest.mark.parametrize(
     ("core", "requirement"),
     [
