@@ -12,7 +12,7 @@ from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Request, Session
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Pose
-from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import Sender, State
@@ -31,6 +31,18 @@ def failed(brain: type[Brain], only: str) -> set[str]:
     options = Options(only=frozenset({only}), allowed=ALL, examples=2)
     results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
     return {each.id for each in results.requirements if each.verdict is Verdict.FAIL}
+
+
+class TakesALengthForAStart(Brain):
+    """A length byte of 0xAA begins a frame anew, so that the data behind it are searched."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Answer what the data hold, too."""
+        if len(frame.data) != A2C.start or A2C.start not in frame.data:
+            super().handle(session, frame, now_s)
+            return
+        begins = frame.data.index(A2C.start)
+        super().handle(session, Frame(A2C, frame.data[begins + 1]), now_s)
 
 
 class FollowsARefusalUp(Brain):
@@ -161,6 +173,7 @@ class MovesLate(Brain):
 @pytest.mark.parametrize(
     ("brain", "requirement"),
     [
+        (TakesALengthForAStart, "3/6"),
         (MovesLate, "4.24/3"),
         (FollowsARefusalUp, "5.3/10"),
         (FollowsAnEndUp, "5.2/13"),
