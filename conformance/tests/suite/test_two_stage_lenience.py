@@ -175,3 +175,26 @@ def test_slow_replies() -> None:
     options = Options(only=only, allowed=ALL, examples=1)
     results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
     assert {each.verdict for each in results.cases} == {Verdict.PASS}
+
+
+class Loose(Brain):
+    """Switched on, its joints are loose, and nothing moves until they are locked (A-4.25-1)."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.plant.locked = False
+
+
+class Unhomed(Latching):
+    """Switched on, it moves only behind a reset (A-4-1)."""
+
+    latched = True
+
+
+@pytest.mark.parametrize("brain", [Loose, Unhomed])
+def test_what_a_robot_wants_first(brain: type[Brain]) -> None:
+    """A robot that is not ready to move when the run begins is made so."""
+    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    options = Options(only=frozenset({"4.24/5"}), allowed=ALL, examples=1)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    assert {each.verdict for each in results.cases} == {Verdict.PASS}

@@ -334,3 +334,27 @@ def release_latch(subject: Subject, line: Line) -> None:
     if line.ask("reset").accepted:
         line.result("reset")
         line.wait(_POLL_S)
+
+
+def make_ready(subject: Subject) -> None:
+    """Lock, and else reset, an idle robot that will not move (A-4-1, A-4.25-1).
+
+    It may have been switched on with its joints loose, or want to be reset before all else. It is
+    ready when it takes a move to where the arm stands.
+    """
+    line = subject.open()
+    subject.moved = True
+    for remedy in ("lock_joints", "reset"):
+        if status_of(subject, line) != IDLE or _takes_a_move(subject, line):
+            return
+        if remedy not in subject.statement.lacks and line.ask(remedy).accepted:
+            line.result(remedy, within_s=subject.reply_s)
+
+
+def _takes_a_move(subject: Subject, line: Line) -> bool:
+    if "set_tool_coordinates" in subject.statement.lacks:
+        return False
+    answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
+    if not answer.accepted:
+        return False
+    return line.result("set_tool_coordinates", within_s=subject.reply_s).done is True

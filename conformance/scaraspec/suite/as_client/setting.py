@@ -1,15 +1,19 @@
 """Setting: what a run against a controller is about, and how it begins and ends."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
 from scaraspec.suite.as_client import restore
 from scaraspec.suite.as_client.access import Access
+from scaraspec.suite.as_client.motion import make_ready
 from scaraspec.suite.as_client.probes import probe_all
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.plan import Options
 from scaraspec.suite.statement import Statement
@@ -70,6 +74,10 @@ class ControllerSetting:
             Unmet: It is gone.
         """
         probe_all(subject)
+        if Hazard.MOTION in subject.allowed:
+            with suppress(Unmet, Undecided):  # what it does wrong is for the cases to find
+                make_ready(subject)
+                subject.settle()
 
     def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
         """Put everything back; what could not be is told, and stays written down."""
