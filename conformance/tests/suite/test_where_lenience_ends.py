@@ -45,6 +45,33 @@ class TakesALengthForAStart(Brain):
         super().handle(session, Frame(A2C, frame.data[begins + 1]), now_s)
 
 
+class KnowsEverybody(Brain):
+    """One command is served without a login (A-4-4)."""
+
+    opcode: int
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Serve it."""
+        before, session.logged_in = (
+            session.logged_in,
+            session.logged_in or self.opcode == frame.opcode,
+        )
+        super().handle(session, frame, now_s)
+        session.logged_in = before or (session.logged_in and frame.opcode == 0x01)
+
+
+class LetsGo(KnowsEverybody):
+    """The joints are released."""
+
+    opcode = 0x3A
+
+
+class Chooses(KnowsEverybody):
+    """The default program is set."""
+
+    opcode = 0x0E
+
+
 class FollowsARefusalUp(Brain):
     """A name that is refused is followed by a 0 in place of a chunk; nobody has answered one."""
 
@@ -174,6 +201,8 @@ class MovesLate(Brain):
     ("brain", "requirement"),
     [
         (TakesALengthForAStart, "3/6"),
+        (LetsGo, "2/11"),
+        (Chooses, "2/11"),
         (MovesLate, "4.24/3"),
         (FollowsARefusalUp, "5.3/10"),
         (FollowsAnEndUp, "5.2/13"),

@@ -15,7 +15,14 @@ from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of
+from scaraspec.suite.as_client.motion import (
+    SLOWEST_PERCENT,
+    STANDSTILL,
+    farthest,
+    joints_of,
+    pose_of,
+    target,
+)
 from scaraspec.suite.as_client.ports import outputs, outputs_kept
 from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
 from scaraspec.suite.as_client.tasks import stored
@@ -186,11 +193,11 @@ def test_beside_another(subject: Subject) -> None:
 
 @case("2/11", name="motion", hazards=(Hazard.MOTION, Hazard.STATE))
 def test_motion(subject: Subject) -> None:
-    """A run, a jog and an output are asked for without a login; nothing happens."""
+    """All that moves, and an output, is asked for without a login; nothing happens."""
     subject.moved = True
     line = subject.open()
     name = stored(subject, line, _RUNS_S)
-    before, joints = outputs(line), joints_of(line)
+    before, joints, pose = outputs(line), joints_of(line), pose_of(line)
     line.close()
     stranger = _Stranger(subject)
     port = len(before)
@@ -198,6 +205,13 @@ def test_motion(subject: Subject) -> None:
         ("set_digital_output", PortValue(port, int(not before[-1]))), ("run_program", name)
     )
     stranger.ask(("jog", JogDirection.PLUS_X))
+    stranger.ask(
+        ("release_joints", None),
+        ("lock_joints", None),
+        ("set_tool_coordinates", target(pose, SLOWEST_PERCENT)),
+        ("simulate_program", name),
+        ("reset", None),
+    )
     line = subject.open()
     status = line.ask("get_status").value
     moved = farthest(joints_of(line), joints)
@@ -212,7 +226,7 @@ def test_motion(subject: Subject) -> None:
 
 @case("2/11", name="loss", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE))
 def test_loss(subject: Subject) -> None:
-    """A file is deleted, the password and the network are set without a login; all stays."""
+    """A file is deleted, password, network and default are set without a login; all stays."""
     line = subject.open()
     name = subject.new_name()
     upload(line, name, wait_program(subject.dialect, 1))
@@ -220,7 +234,12 @@ def test_loss(subject: Subject) -> None:
     line.close()
     stranger = _Stranger(subject)
     other = PasswordChange(subject.password, PLAIN_PASSWORD)
-    stranger.ask(("delete_program", name), ("set_network", network), ("set_password", other))
+    stranger.ask(
+        ("set_default_program", name),
+        ("delete_program", name),
+        ("set_network", network),
+        ("set_password", other),
+    )
     line = subject.open(login=False)
     opens = line.ask("login", subject.password).accepted
     if not opens:
