@@ -33,6 +33,7 @@ _EDGES: Final = tuple(
             "20380119031408",  # behind what 32 bits of seconds hold
             "20960229000000",
             "20991231235959",
+            *(f"2026{month:02}31120000" for month in (1, 3, 5, 7, 8, 10, 12)),
         ),
     )
 )
