@@ -5,6 +5,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
 
+# Many tests wait for processes: half as many again as there are processors keep those busy.
+WORKERS ?= $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2)')
+
 # The tests start many processes, and each would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -15,7 +18,7 @@ demo: $(READY)
 	$(BIN)/scaraspec demo --out reports/out/demo
 
 test: check
-	$(BIN)/pytest -n auto --dist worksteal
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal
 
 # The same tests with the oldest versions that pyproject.toml allows, in an environment of their own.
 test-lowest: LOWEST := .venv/lowest/bin/python
@@ -24,7 +27,7 @@ test-lowest: $(READY)
 	$(BIN)/uv venv --quiet --clear .venv/lowest
 	$(BIN)/uv pip install --quiet --python $(LOWEST) --resolution lowest-direct \
 	  --editable '.[all]' 'pytest-xdist>=3.6'
-	$(LOWEST) -m pytest -n auto --dist worksteal
+	$(LOWEST) -m pytest -n $(WORKERS) --dist worksteal
 
 # Kills the recorder's processes at so many random moments under traffic; takes a quarter of an hour.
 test-kill: export SCARASPEC_KILLS ?= 200

@@ -344,6 +344,22 @@ def test_a_network_that_applies_after_a_restart_cannot_be_verified_without_one()
     assert {case.verdict for case in cases.values()} == {Verdict.NONE}
 
 
+@pytest.mark.parametrize(
+    ("key", "option", "requirement"),
+    [
+        ("text_encoding", "utf-8", "T/8"),  # which refuses names that are none
+        ("empty_file", "name-only", "5.4/7"),  # which leaves one of an upload without a chunk
+        ("busy_reply", "queue", "4.28/4"),  # which is silent at first
+    ],
+)
+def test_a_claim_is_held_against_nothing_else(key: str, option: str, requirement: str) -> None:
+    """What a case makes of a refusal, or of a file that is left, contradicts no claim."""
+    spoken = DEFAULT.replace(**{key: option})
+    claimed = frozenset({key, "partial_keep"})
+    made = tried(Brain, requirement, spoken=spoken, dialect=spoken, claimed=claimed)
+    assert not [case for case in made if case.startswith("claim.")]
+
+
 def test_a_claim_is_held_against_silence() -> None:
     """Who claims to refuse while it is busy, and is silent, has made a wrong claim."""
     claims = {"dialect": DEFAULT, "claimed": frozenset({"busy_reply"})}
