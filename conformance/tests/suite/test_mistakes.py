@@ -17,6 +17,7 @@ from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.inlet import Inlet
 from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.frames import Found, Frame
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.readings import DEFAULT
@@ -123,9 +124,29 @@ class OneByteTooMany(Brain):
         return SILENCE
 
 
+class HidesWhatRuns(Brain):
+    """The program that runs is not in the list."""
+
+    def is_program(self, name: bytes) -> bool:
+        """Whether it is listed."""
+        task = self.robot.task
+        return super().is_program(name) and (task is None or task.program != name)
+
+
+class NeverForgets(Brain):
+    """While the arm jogs the last program is told to run."""
+
+    def get_running_program(self, request: Request) -> RunningProgram | None:
+        """Mistake every task for a run."""
+        idle = self.robot.task is None
+        return super().get_running_program(request) or (None if idle else RunningProgram(b"a", 1))
+
+
 @pytest.mark.parametrize(
     ("brain", "requirement"),
     [
+        (HidesWhatRuns, "4.10/11"),
+        (NeverForgets, "4.9/6"),
         (OldTimeOut, "5.4/5"),
         (OldTimeOut, "5.3/7"),
         (SegmentIsFrame, "2/5"),

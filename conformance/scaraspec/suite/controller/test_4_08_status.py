@@ -1,8 +1,10 @@
 """Clause 4.8: the status of the robot (0x09, L205-217)."""
 
+from contextlib import suppress
 from typing import Final
 
 from scaraspec.protocol import errors
+from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.executing import begin, expect_status, finish, store_wait_program
 from scaraspec.suite.as_client.line import Line
@@ -11,7 +13,7 @@ from scaraspec.suite.as_client.queries import known_to
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import JOG, MOVE, RESET, lasting
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect_equal
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect, expect_equal
 
 _IDLE: Final = "00"
 _TIMES: Final = 100
@@ -84,19 +86,19 @@ def _watch_program(subject: Subject, line: Line, command: str, code: str, requir
         quieten(subject, line)
 
 
-@case("4.8/6", "4.8/10")
+@case("4.8/6", "4.8/10", "4.9/6")
 def test_resetting(subject: Subject, line: Line) -> None:
     """While the robot resets the status is 03."""
     _watch(subject, line, RESET, "4.8/6")
 
 
-@case("4.8/7", "4.8/10")
+@case("4.8/7", "4.8/10", "4.9/6")
 def test_moving(subject: Subject, line: Line) -> None:
     """While the arm moves by a step the status is 04."""
     _watch(subject, line, MOVE, "4.8/7")
 
 
-@case("4.8/7", "4.8/10", name="jogging")
+@case("4.8/7", "4.8/10", "4.9/6", name="jogging")
 def test_jogging(subject: Subject, line: Line) -> None:
     """While the arm jogs the status is 04, until it is stopped."""
     _watch(subject, line, JOG, "4.8/7")
@@ -108,4 +110,13 @@ def _watch(subject: Subject, line: Line, command: str, requirement: str) -> None
             raise NotRun(f"{command} was over before the status could be asked for")
         line.wait(subject.statement.motion.jog_s / 2)
         expect_status(subject, line, command, task.state, requirement)
+        with suppress(NoAnswer):  # a robot that executes need not answer (A-4-3)
+            told = line.ask("get_running_program")
+            expect(
+                not isinstance(told.value, RunningProgram),
+                f"a program is told to run during {command}",
+                expected="0",
+                observed=f"{told}",
+                requirement="4.9/6",
+            )
     _expect_idle(line, f"the robot is not idle although {command} is over")

@@ -3,7 +3,7 @@
 from typing import Final
 
 from scaraspec.protocol.commands import RunningProgram
-from scaraspec.protocol.fields import NAME_MAX_BYTES
+from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.suite.as_client.executing import (
     ask_busy,
     begin,
@@ -16,8 +16,8 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import quieten
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect, expect_equal
-from scaraspec.suite.programs.listed import long_name, store_program
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect, expect_equal
+from scaraspec.suite.programs.listed import long_name, program_names, store_program
 from scaraspec.suite.wire import Answer
 
 _NONE: Final = (b"0", b"0||", b"\0", b"\0||")
@@ -102,10 +102,10 @@ def test_none(subject: Subject, line: Line) -> None:
     _expect_none(subject.open(), "a program is told to another connection although none runs")
 
 
-@case("4.9/2", "4.9/3", "4.9/4", "4.9/5", "4.9/6", "4.9/8", "4.9/9", "4.9/10")
+@case("4.9/2", "4.9/3", "4.9/4", "4.9/5", "4.9/6", "4.9/8", "4.9/9", "4.9/10", "4.10/11")
 def test_running(subject: Subject, line: Line) -> None:
     """One of two programs runs: it is told, all 30 bytes of its name, and its run time grows."""
-    store_program(subject, line)
+    other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
     try:
         begin(subject, line, "run_program", name)
@@ -115,9 +115,10 @@ def test_running(subject: Subject, line: Line) -> None:
             if told is None:
                 break
             now = told.run_time_s, _now_s(subject)
-            if first is not None:
-                _expect_grown(subject, first, now, "")
-            first = first or now
+            if first is None:
+                first = now
+                _expect_listed_beside(subject, line, other, name)
+            _expect_grown(subject, first, now, "")
             _expect_flag_and_status(line)
             line.wait(_STEP_S / subject.statement.time_scale)
         else:
@@ -128,6 +129,21 @@ def test_running(subject: Subject, line: Line) -> None:
             raise NotRun("the program was over before it could be asked about")
     finally:
         quieten(subject, line)
+
+
+def _expect_listed_beside(subject: Subject, line: Line, other: bytes, running: bytes) -> None:
+    """The program that runs is in a list that has another one."""
+    try:
+        names = program_names(subject, line)
+    except NoAnswer:  # a robot that executes need not answer (A-4-3)
+        return
+    expect(
+        running in names or other not in names,
+        "a program is not listed while it runs",
+        expected=show(running),
+        observed=", ".join(map(show, names)),
+        requirement="4.10/11",
+    )
 
 
 def _expect_flag_and_status(line: Line) -> None:
