@@ -15,6 +15,7 @@ from hypothesis.errors import Flaky
 
 from scaraspec.judgement.happenings import FrameSeen, Undecodable
 from scaraspec.judgement.verdicts import Cause, Verdict
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
 from scaraspec.suite.case import Case, case_of, declare_mark, is_case
 from scaraspec.suite.drawing import Drawing
@@ -70,6 +71,7 @@ class Bracket:
         announce: Called with each case that begins.
         over: The ids of cases that are over since an earlier sitting.
         before_last: Called ahead of the first case behind which the subject may be gone.
+        before_motion: Called ahead of the first case that may move it, also behind a new start.
     """
 
     def __init__(
@@ -91,9 +93,10 @@ class Bracket:
         self.announce: Callable[[Case], None] = lambda _case: None
         self.over: frozenset[str] = frozenset()
         self.before_last: Callable[[], None] = lambda: None
+        self.before_motion: Callable[[], None] = lambda: None
         self._dead = ""
         self._drawing = Drawing(options.examples)
-        self._at_last = False
+        self._at_last = self._ready = False
         self._failed: set[str] = set()
         self._raised: BaseException | None = None
 
@@ -205,6 +208,9 @@ class Bracket:
         if case.last and not self._at_last:
             self._at_last = True
             self.before_last()
+        if Hazard.MOTION in case.hazards and not self._ready:
+            self._ready = True
+            self.before_motion()
         begun_ns = subject.now_ns
         subject.tolerated.clear()
         self._raised = None
@@ -289,6 +295,7 @@ class Bracket:
         subject = self.subject
         try:
             subject.revive()
+            self._ready = False
             subject.settle()
         except (Unmet, Undecided):
             self.give_up(f"the subject was dead before this case, since case {case.id}")

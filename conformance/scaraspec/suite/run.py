@@ -8,7 +8,7 @@ import os
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Final, Generic, Protocol, TypeVar
 
@@ -105,6 +105,9 @@ class Setting(Protocol[P]):
             Undecided: It cannot be dealt with.
         """
 
+    def make_ready(self, subject: P) -> None:
+        """Make it ready to move."""
+
     def put_back(self, subject: P, state: Mapping[str, Any]) -> list[str]:
         """Leave all as it was found; what could not be is told."""
 
@@ -144,6 +147,7 @@ class Run(Generic[P]):
         self._subject = setting.subject(self._observer)
         self.bracket = Bracket(self._subject, setting.role, setting.options, tell, loud=loud)
         self.bracket.before_last = self._put_back
+        self.bracket.before_motion = partial(setting.make_ready, self._subject)
         cases_before = earlier.cases if earlier else ()
         self._earlier = {
             c.id: c for c in cases_before if c.verdict is not Verdict.NONE and c.requirements

@@ -170,11 +170,7 @@ def test_no_false_alarm(brain: type[Brain]) -> None:
 
 def test_slow_replies() -> None:
     """A program that is to be interrupted outlasts what is asked meanwhile, slow as that may be."""
-    only = frozenset({"4.15/8", "4.18/2"})
-    access = MemoryAccess(Robot(Slow, DEFAULT).network)
-    options = Options(only=only, allowed=ALL, examples=1)
-    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
-    assert {each.verdict for each in results.cases} == {Verdict.PASS}
+    assert _run(Slow, "4.15/8", "4.18/2") == {Verdict.PASS}
 
 
 class Loose(Brain):
@@ -191,10 +187,29 @@ class Unhomed(Latching):
     latched = True
 
 
+def _run(brain: type[Brain], *only: str) -> set[Verdict]:
+    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    options = Options(only=frozenset(only), allowed=ALL, examples=1)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    return {each.verdict for each in results.cases}
+
+
 @pytest.mark.parametrize("brain", [Loose, Unhomed])
 def test_what_a_robot_wants_first(brain: type[Brain]) -> None:
-    """A robot that is not ready to move when the run begins is made so."""
-    access = MemoryAccess(Robot(brain, DEFAULT).network)
-    options = Options(only=frozenset({"4.24/5"}), allowed=ALL, examples=1)
-    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
-    assert {each.verdict for each in results.cases} == {Verdict.PASS}
+    """A robot that is not ready to move is made so, ahead of the first case that moves it."""
+    assert _run(brain, "4.24/5") == {Verdict.PASS}
+
+
+def test_who_need_not_move_is_not_moved() -> None:
+    """Where no case moves anything, nothing is moved, allowed or not: the plan says so."""
+    asked = set()
+
+    class Watched(Unhomed):
+        def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+            asked.add(frame.opcode)
+            super().handle(session, frame, now_s)
+
+    assert _run(Watched, "4.6/2") == {Verdict.PASS}
+    assert asked.isdisjoint({0x30, 0x31, 0x33, 0x39, 0x3A, 0x3B, 0x3D})
+    _run(Watched, "4.24/5")
+    assert 0x33 in asked

@@ -3,12 +3,11 @@
 from scaraspec.judgement.happenings import Exchange, FrameSeen
 from scaraspec.judgement.rules.flag import one_flag
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, rule
+from scaraspec.judgement.rules.settings import UNSEEN_NS
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol.direction import A2C
 
 _LOGIN = ("login",)
-_SOON_NS = 60_000_000_000
-"""Later somebody whom the recording does not show may be logged in, or have set another one."""
 
 
 @rule("4.1/1", on=FrameSeen, names=_LOGIN, sender=A2C)
@@ -43,7 +42,7 @@ def right_password_accepted(x: Exchange, scene: Scene) -> Judged | None:
     if x.accepted:
         return PASSED
     before = scene.last.get("login")
-    if before is None or x.time_ns - before.time_ns > _SOON_NS:
+    if before is None or x.time_ns - before.time_ns > UNSEEN_NS:
         return None
     others = scene.sessions - {x.request.place.connection}
     if others or not _right_before(x, scene):

@@ -5,7 +5,7 @@ from typing import Final
 from scaraspec.judgement.happenings import Exchange, FrameSeen
 from scaraspec.judgement.memory import KEPT_EXCHANGES, answered_ns
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule
-from scaraspec.judgement.rules.settings import executed_since, in_force
+from scaraspec.judgement.rules.settings import UNSEEN_NS, executed_since, in_force
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol.direction import A2C
 
@@ -14,8 +14,6 @@ _GET: Final = ("get_digital_outputs",)
 _OUTPUTS: Final = 16
 _CHANGERS: Final = ("run_program", "simulate_program", "emergency_stop", "reset")
 """Commands that may set outputs themselves."""
-_SOON_NS: Final = 60_000_000_000
-"""Later another output may have been set by someone whom the recording does not show."""
 
 
 @rule("4.32/2", on=FrameSeen, names=(_SET,), sender=A2C)
@@ -57,7 +55,7 @@ def _with(bits: str, port: int, value: int) -> str:
 def _before(x: Exchange, scene: Scene) -> Exchange | None:
     """The reading before this one, where only settings can have changed the outputs since."""
     before = scene.memory.last(x.name, before_ns=x.time_ns)
-    if before is None or before.answer is None or x.time_ns - before.time_ns > _SOON_NS:
+    if before is None or before.answer is None or x.time_ns - before.time_ns > UNSEEN_NS:
         return None
     return None if executed_since(before.time_ns, scene, _CHANGERS) else before
 

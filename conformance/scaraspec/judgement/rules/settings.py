@@ -12,10 +12,11 @@ from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, ru
 from scaraspec.judgement.rules.text import observed
 from scaraspec.judgement.scene import Scene
 
-_SOON_NS: Final = 60_000_000_000
-_LATER_NS: Final = 600_000_000_000
-"""Behind it, or on another connection behind the first, the robot may have been switched off, or
-the value set by somebody whom the recording does not show."""
+UNSEEN_NS: Final = 60_000_000_000
+"""Later the robot may have been switched off, or somebody whom the recording does not show may be
+logged in or have set something else."""
+_UNSEEN_HERE_NS: Final = 10 * UNSEEN_NS
+"""The same on one connection: only a serial line survives that a robot is switched off."""
 
 PROGRAMS: Final = ("run_program", "simulate_program")
 """A program's file holds positions of its own (A-6.3-3)."""
@@ -33,7 +34,7 @@ def in_force(setter: str, x: Exchange, scene: Scene) -> Exchange | None:
     if found.request.parsed and found.request.parsed.decoded.complaints:
         return None
     same = found.request.place.connection == x.request.place.connection
-    if x.time_ns - found.time_ns > (_LATER_NS if same else _SOON_NS):
+    if x.time_ns - found.time_ns > (_UNSEEN_HERE_NS if same else UNSEEN_NS):
         return None
     shutdown = scene.memory.asked.get("shutdown")
     if shutdown and shutdown.place.time_ns > found.time_ns:

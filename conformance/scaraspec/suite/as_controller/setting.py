@@ -52,6 +52,9 @@ class ClientSetting:
     def probe(self, subject: Subject) -> None:
         """Nothing: what a client takes shows by itself."""
 
+    def make_ready(self, subject: Subject) -> None:
+        """Nothing: a client moves nothing."""
+
     def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
         """Tell what makes its driver doubtful."""
         problems = []
