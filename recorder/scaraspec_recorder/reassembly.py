@@ -125,7 +125,7 @@ class Reassembler:
         self._told_ns = 0
         self._held_bytes = 0
         self._followed: dict[tuple[Endpoint, Endpoint], _Connection] = {}  # silent ones first
-        self._holes: dict[ByteStream, _Hole] = {}  # oldest first
+        self._holes: dict[ByteStream, _Hole] = {}
         self._proven: dict[ByteStream, _Hole] = {}  # first proven first
         self._queue: list[tuple[Moment, int, ByteStream, ByteStream]] = []  # whose event, its peer
 
@@ -335,11 +335,13 @@ class Reassembler:
                 break
             self._concede(hole, hole.proof)
         events = self._release()
-        while self._holes and self._held_bytes > self._limits.held_bytes:
-            hole = next(iter(self._holes.values()))
-            self._concede(hole, hole.stream.known_end)
+        while self._held_bytes > self._limits.held_bytes and (oldest := self._oldest_hole()):
+            self._concede(oldest, oldest.stream.known_end)
             events += self._release()
         return events
+
+    def _oldest_hole(self) -> _Hole | None:
+        return min(self._holes.values(), key=lambda hole: hole.since, default=None)
 
     def _enqueue(
         self, connection: _Connection, stream: ByteStream, events: Iterable[Ready]
@@ -356,9 +358,9 @@ class Reassembler:
 
         So it is where the capture's clock stands still, or two interfaces have different ones.
         """
-        until = min((hole.since for hole in self._holes.values()), default=None)
+        oldest = self._oldest_hole()
         events = []
-        while self._queue and (until is None or self._queue[0][0] < until):
+        while self._queue and (oldest is None or self._queue[0][0] < oldest.since):
             _, _, stream, peer = self._queue[0]
             if stream.ready and stream.ready[0].heard > peer.told:
                 if peer.ready:
