@@ -119,13 +119,14 @@ class Reassembler:
         self._ports = ports
         self._limits = limits or Limits()
         self._received = 0
-        self._enqueued = 0
+        self._serial = 0
         self._latest_ns = 0
         self._behind_ns = 0  # by how much the capture's clock was set back, in all
         self._told_ns = 0
         self._held_bytes = 0
         self._followed: dict[tuple[Endpoint, Endpoint], _Connection] = {}  # silent ones first
         self._holes: dict[ByteStream, _Hole] = {}
+        self._ages: list[tuple[Moment, int, _Hole]] = []  # of holes, also of some that are filled
         self._proven: dict[ByteStream, _Hole] = {}  # first proven first
         self._queue: list[tuple[Moment, int, ByteStream, ByteStream]] = []  # whose event, its peer
 
@@ -259,7 +260,10 @@ class Reassembler:
             return
         if hole is None:
             hole = self._holes[stream] = _Hole(connection, stream, stream.offset_bytes, now)
-        hole.since = min(hole.since, now)  # an older packet may tell of it later
+            self._date(hole)
+        elif now < hole.since:  # an older packet tells of it later
+            hole.since = now
+            self._date(hole)
         if stream not in self._proven:
             if connection.reset:
                 hole.proof = stream.known_end
@@ -341,16 +345,25 @@ class Reassembler:
         return events
 
     def _oldest_hole(self) -> _Hole | None:
-        return min(self._holes.values(), key=lambda hole: hole.since, default=None)
+        while self._ages:
+            since, _, hole = self._ages[0]
+            if self._holes.get(hole.stream) is hole and hole.since == since:
+                return hole
+            heappop(self._ages)
+        return None
+
+    def _date(self, hole: _Hole) -> None:
+        self._serial += 1
+        heappush(self._ages, (hole.since, self._serial, hole))
 
     def _enqueue(
         self, connection: _Connection, stream: ByteStream, events: Iterable[Ready]
     ) -> None:
         """Put events in their place."""
         for ready in events:
-            self._enqueued += 1
+            self._serial += 1
             stream.ready.append(ready)
-            heappush(self._queue, (ready.at, self._enqueued, stream, connection.peer_of(stream)))
+            heappush(self._queue, (ready.at, self._serial, stream, connection.peer_of(stream)))
             self._held_bytes += len(ready.event.data) + ITEM_BYTES
 
     def _release(self) -> list[WireEvent]:
