@@ -1,8 +1,9 @@
 """Line: one connection to the subject, on which the suite plays the client.
 
 Requests are made from the command table, or are whatever bytes a case wants. What comes is framed,
-timed and kept until somebody asks for it, so that nothing that a subject sends goes unseen. Which
-answer is right is not known here.
+timed and kept until somebody asks for it, so that nothing that a subject sends goes unseen. Where a
+subject does not notice that it ends, nothing is left half done on it. Which answer is right is not
+known here.
 """
 
 from contextlib import suppress

@@ -78,28 +78,40 @@ class RefusesLongNames(ClientCore):
         return super().command(name, value)
 
 
-class Polls(AsyncClient):
-    """Shows status, coordinates and inputs, ten times a second from its login on."""
+class Ceaseless(AsyncClient):
+    """Does something over and over, from its login on."""
 
-    _poller: asyncio.Task[None] | None = None
+    pause_s = 0.1
+    _doing: asyncio.Task[None] | None = None
+
+    async def once(self) -> None:
+        """What it does."""
+        raise NotImplementedError
 
     async def connect(self) -> None:
         await super().connect()
-        self._poller = asyncio.get_running_loop().create_task(self._poll())
+        self._doing = asyncio.get_running_loop().create_task(self._go_on())
 
     async def close(self) -> None:
-        if self._poller:
-            self._poller.cancel()
+        if self._doing:
+            self._doing.cancel()
         await super().close()
 
-    async def _poll(self) -> None:
+    async def _go_on(self) -> None:
         while True:
             with suppress(ClientError):
-                await self.get_status()
-                await self.get_tool_coordinates()
-                await self.get_digital_inputs()
-                await self.get_analog_input(3)
-            await asyncio.sleep(0.1)
+                await self.once()
+            await asyncio.sleep(self.pause_s)
+
+
+class Polls(Ceaseless):
+    """Shows status, coordinates and inputs, ten times a second."""
+
+    async def once(self) -> None:
+        await self.get_status()
+        await self.get_tool_coordinates()
+        await self.get_digital_inputs()
+        await self.get_analog_input(3)
 
 
 class TakesNamesFromLists(ClientCore):
@@ -166,32 +178,20 @@ def test_polls() -> None:
     assert not wrong(Polls, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
 
 
-class ListsProgramsAllTheTime(AsyncClient):
-    """Asks for the list of programs, again and again, one listing after the other."""
+class Lists(Ceaseless):
+    """Asks for the list of programs, one listing after the other."""
 
-    _lister: asyncio.Task[None] | None = None
+    pause_s = 1.0
 
-    async def connect(self) -> None:
-        await super().connect()
-        self._lister = asyncio.get_running_loop().create_task(self._list())
-
-    async def close(self) -> None:
-        if self._lister:
-            self._lister.cancel()
-        await super().close()
-
-    async def _list(self) -> None:
-        while True:
-            with suppress(ClientError):
-                await self.list_programs()
-            await asyncio.sleep(1.0)
+    async def once(self) -> None:
+        await self.list_programs()
 
 
 @pytest.mark.parametrize("how", ["push", "request"])
 def test_lists_that_are_polled(how: str) -> None:
     """A list of several parts is told whole to whoever asks for it by itself (A-4.10-3)."""
     dialect = DEFAULT.replace(list_cont=how)
-    assert not wrong(ListsProgramsAllTheTime, frozenset({"4.10/10"}), dialect)
+    assert not wrong(Lists, frozenset({"4.10/10"}), dialect)
 
 
 class Looks(AsyncClient):
