@@ -11,7 +11,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2
 # The tests start many processes, and each would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-lowest test-kill test-net test-net-full test-browser check bench soak pictures prove format lock wheel clean
+.PHONY: demo test test-lowest test-kill test-net test-net-full test-browser test-viewer check bench soak pictures prove format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -48,6 +48,10 @@ test-net test-net-full: $(READY)
 test-browser: $(READY)
 	@command -v chromium >/dev/null || { echo "make $@ wants Chromium installed" >&2; exit 1; }
 	$(BIN)/pytest -m browser conformance/tests/report
+
+# The Rerun viewer without a screen; it wants a driver of Vulkan, of which Mesa has one in software.
+test-viewer: $(READY)
+	$(BIN)/pytest -m viewer conformance/tests/cli
 
 check: $(READY)
 	$(BIN)/ruff check

@@ -107,6 +107,7 @@ def test_what_is_no_capture(processes: Any, tmp_path: Path) -> None:
     assert "No such file" in done.stderr
 
 
+@pytest.mark.viewer
 def test_a_moment(
     processes: Any, fixtures_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
