@@ -360,6 +360,14 @@ def test_a_claim_is_held_against_nothing_else(key: str, option: str, requirement
     assert not [case for case in made if case.startswith("claim.")]
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+def test_what_names_may_be_written_in_is_told(encoding: str) -> None:
+    """Of the names refused some are no text in the encoding that is taken (A-T-2)."""
+    case = tried(Brain, "T/8", spoken=DEFAULT.replace(text_encoding=encoding))["T/8"]
+    assert case.verdict is Verdict.TOLERATED
+    assert case.observed == f"text_encoding = {encoding}"
+
+
 def test_a_claim_is_held_against_silence() -> None:
     """Who claims to refuse while it is busy, and is silent, has made a wrong claim."""
     claims = {"dialect": DEFAULT, "claimed": frozenset({"busy_reply"})}
