@@ -142,9 +142,20 @@ class NeverForgets(Brain):
         return super().get_running_program(request) or (None if idle else RunningProgram(b"a", 1))
 
 
+class SumsItUp(Brain):
+    """Of a password it has kept nothing but the sum of its bytes."""
+
+    def login(self, request: Request) -> bool:
+        """Compare that."""
+        right = sum(request.value) == sum(self.store.settings.password)
+        request.session.logged_in |= right
+        return right
+
+
 @pytest.mark.parametrize(
     ("brain", "requirement"),
     [
+        (SumsItUp, "4.1/3"),
         (HidesWhatRuns, "4.10/11"),
         (NeverForgets, "4.9/6"),
         (OldTimeOut, "5.4/5"),

@@ -1,10 +1,23 @@
-"""Passwords: what opens the subject, changed by whoever knows it."""
+"""Passwords: what opens the subject, changed by whoever knows it, and what must not open it."""
 
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import ODD_PASSWORDS
 from scaraspec.suite.expect import expect
 from scaraspec.suite.wire import Answer
+
+
+def altered(password: bytes) -> bytes:
+    """A wrong one of the same length, in other letter case where that differs."""
+    swapped = password.swapcase()
+    last = (password or b"0")[-1]
+    return swapped if swapped != password else password[:-1] + bytes((last ^ 1,))
+
+
+def turned(password: bytes) -> bytes:
+    """A wrong one of the same letters, the first of them last; altered if that is no other."""
+    rotated = password[1:] + password[:1]
+    return rotated if rotated != password else altered(password)
 
 
 def change(line: Line, old: bytes, new: bytes) -> Answer:

@@ -23,6 +23,7 @@ from scaraspec.suite.as_client.motion import (
     pose_of,
     target,
 )
+from scaraspec.suite.as_client.passwords import turned
 from scaraspec.suite.as_client.ports import outputs, outputs_kept
 from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
 from scaraspec.suite.as_client.tasks import stored
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 _AHEAD: Final = timedelta(days=3000)
 _BETWEEN_S: Final = 0.02
 _CENTRE: Final = Point(11.5, -7.5, 3.5)
-_WRONG: Final = b"zs-wrong"
 _RUNS_S: Final = 60
 
 Requests = list[tuple[str, Any]]
@@ -74,7 +74,7 @@ class _Stranger:
         line = self._subject.open(login=False)
         if self._wrong_login:
             self._wrong_login = False  # once is enough (A-4.1-2)
-            said = line.ask("login", _WRONG)
+            said = line.ask("login", turned(self._subject.password))
             expect(said.accepted is False, "a wrong password opens", requirement="4.1/3")
         return line
 
@@ -171,7 +171,7 @@ def _clock_kept(subject: Subject) -> Iterator[datetime]:
     expect(not was_set, "the clock was set without a login", observed=f"{after}")
 
 
-@case("2/11", name="wrong-login", hazards=(Hazard.STATE,))
+@case("2/11", "4.1/3", name="wrong-login", hazards=(Hazard.STATE,))
 def test_wrong_login(subject: Subject) -> None:
     """After a wrong password a setting is tried; it does not take effect."""
     with _unchanged(subject, _GRIPPER):

@@ -3,6 +3,7 @@
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.keeping import needs_login
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.passwords import altered
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
@@ -45,12 +46,6 @@ def _expect_refused(subject: Subject, wrong: bytes, what: str) -> Line:
     return line
 
 
-def _altered(password: bytes) -> bytes:
-    """A wrong password of the same length, in other letter case where that differs."""
-    swapped = password.swapcase()
-    return swapped if swapped != password else password[:-1] + bytes((password[-1] ^ 1,))
-
-
 @case("4.1/2", "4.1/4")
 def test_right_password(subject: Subject) -> None:
     """The right password is answered 1, with nothing more, also when it is sent again."""
@@ -85,7 +80,7 @@ def test_again(subject: Subject) -> None:
 def test_wrong_password(subject: Subject) -> None:
     """A wrong password is answered 0, and the right one still opens this and a new connection."""
     needs_login(subject)
-    line = _expect_refused(subject, _altered(subject.password), "another password")
+    line = _expect_refused(subject, altered(subject.password), "another password")
     line.pump()
     if line.ending is None:
         message = "after a wrong password the right one was refused on the same connection"

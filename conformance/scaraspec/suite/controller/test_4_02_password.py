@@ -5,7 +5,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.suite.as_client.keeping import password_kept
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
-from scaraspec.suite.as_client.passwords import change, expect_changed
+from scaraspec.suite.as_client.passwords import altered, change, expect_changed
 from scaraspec.suite.as_client.subject import ODD_PASSWORDS, PLAIN_PASSWORD, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect
@@ -56,7 +56,7 @@ def test_wrong_old_password(subject: Subject, line: Line) -> None:
     """With a wrong old password the change is refused and the password remains."""
     right = subject.password
     with password_kept(subject):
-        for wrong in (right.swapcase() if right.swapcase() != right else right + b"x", right[:-1]):
+        for wrong in (altered(right), right[:-1]):
             if not wrong:
                 continue
             answer = change(line, wrong, PLAIN_PASSWORD)
