@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import logging
 import os
 import signal
@@ -202,7 +203,8 @@ def _reason(error: OSError | UnicodeError) -> str:
     """Why, without the address that asyncio repeats."""
     if isinstance(error, socket.gaierror) or not isinstance(error, OSError):
         return "the host name is unknown"
-    return os.strerror(error.errno or 0)
+    # From 3.13 on all addresses of a name are tried, and where none can be had no number is given.
+    return os.strerror(error.errno or errno.EADDRNOTAVAIL)
 
 
 def _announce(ready_file: Path, where: str) -> None:
