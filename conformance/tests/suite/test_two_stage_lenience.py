@@ -3,7 +3,7 @@
 The register lists them as conforming: no case of the suite may fail of them.
 """
 
-from typing import Any
+from typing import Any, Final
 
 import pytest
 
@@ -17,6 +17,7 @@ from scaraspec.controller.robot import DONE
 from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.requirements import REQUIREMENTS
 from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import JointValues, Pose
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.readings import DEFAULT
@@ -154,7 +155,31 @@ class Deaf(Brain):
             super().handle(session, frame, now_s)
 
 
-@pytest.mark.parametrize("brain", [Latching, Late, Quick, Deaf])
+class Trembles(Brain):
+    """At the ends of its travel it stands, the last digits of its readings are never still, and
+    every second one lies beyond; what does is refused (A-4.24-5)."""
+
+    at: Final = arm.Joints(arm.UPPER[0], 100.0, arm.LOWER[2], 0.0)
+    _odd = False
+
+    def __init__(self, plant: Plant, *arguments: Any, **named: Any) -> None:
+        super().__init__(Plant(plant.clock.time(0.0), 0.0, self.at), *arguments, **named)
+
+    def _trembling(self, request: Request) -> arm.Joints:
+        self._odd = not self._odd
+        by = 0.012 if self._odd else -0.012
+        inner, outer, wrist, rotation = self.plant.joints(request.now_s)
+        return arm.Joints(inner + by, outer + by, wrist - by, rotation + by)
+
+    def get_joint_angles(self, request: Request) -> JointValues:
+        return JointValues(*(round(value, 3) for value in self._trembling(request)))
+
+    def get_tool_coordinates(self, request: Request) -> Pose:
+        shown = (round(value, 3) for value in arm.forward(self._trembling(request)))
+        return Pose(*shown, theta_y=0.0, theta_z=0.0)
+
+
+@pytest.mark.parametrize("brain", [Latching, Late, Quick, Deaf, Trembles])
 def test_no_false_alarm(brain: type[Brain]) -> None:
     """No case of the two-stage commands fails of what the register lets a controller do."""
     only = frozenset(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES)

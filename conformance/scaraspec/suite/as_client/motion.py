@@ -4,8 +4,10 @@ Nothing is assumed of the arm: where it stands it says itself, how far it may go
 statement of conformance says. Whether a move was right is for the cases to say.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
+from itertools import product
 from typing import Final
 
 from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
@@ -35,6 +37,8 @@ _NS: Final = 1e9
 _STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
 _LATCHES: Final = "latches"
 _TURN: Final = 360.0
+_LOCK, _RESET = "lock_joints", "reset"
+_READINGS: Final = 5
 
 
 # ---------------------------------------------------------------------- where it is
@@ -337,24 +341,58 @@ def release_latch(subject: Subject, line: Line) -> None:
 
 
 def make_ready(subject: Subject) -> None:
-    """Lock, and else reset, an idle robot that will not move (A-4-1, A-4.25-1).
+    """Make an idle robot ready that will not move where it stands (A-4-1, A-4.25-1, A-4.24-5).
 
-    It may have been switched on with its joints loose, or want to be reset before all else. It is
-    ready when it takes a move to where the arm stands.
+    It may have been switched on with its joints loose, or want to be reset before all else. Or it
+    stands at an end of its travel, and what its unsteady readings say lies beyond, now and then.
     """
     line = subject.open()
     subject.moved = True
-    for remedy in ("lock_joints", "reset"):
+    for remedy in (partial(_command, _LOCK), _step_aside, partial(_command, _RESET)):
         if status_of(subject, line) != IDLE or _takes_a_move(subject, line):
-            return
-        if remedy not in subject.statement.lacks and line.ask(remedy).accepted:
-            line.result(remedy, within_s=subject.reply_s)
+            break
+        remedy(subject, line)
+    if _is_unsteady(line) and not _has_room(subject, line):
+        _step_aside(subject, line)
+
+
+def _command(name: str, subject: Subject, line: Line) -> None:
+    if name not in subject.statement.lacks and line.ask(name).accepted:
+        line.result(name)
 
 
 def _takes_a_move(subject: Subject, line: Line) -> bool:
-    if "set_tool_coordinates" in subject.statement.lacks:
+    return _goes(subject, line, pose_of(line), SLOWEST_PERCENT)
+
+
+def _goes(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = None) -> bool:
+    lacks = "set_tool_coordinates" in subject.statement.lacks
+    if lacks or not ask_move(subject, line, pose, speed_percent).accepted:
         return False
-    answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
-    if not answer.accepted:
-        return False
-    return line.result("set_tool_coordinates", within_s=subject.reply_s).done is True
+    return line.result("set_tool_coordinates").done is True
+
+
+def _is_unsteady(line: Line) -> bool:
+    return len({pose_of(line) for _ in range(_READINGS)}) > 1
+
+
+def _has_room(subject: Subject, line: Line) -> bool:
+    """Whether it goes as far as readings may differ, along each axis and either way, and back."""
+    here = pose_of(line)
+    aside = [_beside(here, {axis: by}) for axis in AXES for by in (STANDSTILL, -STANDSTILL)]
+    ways = [there for there in aside if _in_box(subject, there)]
+    return all(_goes(subject, line, there) for there in (*ways, here))
+
+
+def _step_aside(subject: Subject, line: Line) -> None:
+    """Go a step away from the ends of its travel, wherever they are."""
+    step_mm = subject.statement.motion.step_mm
+    for signs in sorted(product((1, -1, 0), repeat=len(AXES)), key=lambda s: s.count(0)):
+        steps = {axis: sign * step_mm for axis, sign in zip(AXES, signs, strict=True)}
+        there = _beside(pose_of(line), steps)
+        if any(signs) and _in_box(subject, there) and _goes(subject, line, there):
+            break
+
+
+def _beside(pose: Pose, steps: Mapping[str, float]) -> Pose:
+    return pose._replace(**{axis: round(getattr(pose, axis) + by, 3) for axis, by in steps.items()})

@@ -3,6 +3,7 @@
 All moves are steps from where the arm stands, one value at a time, and back.
 """
 
+from itertools import product
 from typing import Final
 
 from scaraspec.suite.as_client.arm import Arm, arm, near
@@ -51,10 +52,10 @@ def test_point(subject: Subject, line: Line) -> None:
 def test_curve(subject: Subject, line: Line) -> None:
     """So does one whose last move is a curve."""
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
-        for share in (1, -1):
+        for share, lift in product((1, -1), repeat=2):  # a limit may be near
             corner = moved.step(moved.home, 0, share)
-            last = moved.step(moved.home, 2, share)
-            points = [corner, moved.step(corner, 2, share), last]
+            last = moved.step(moved.home, 2, lift)
+            points = [corner, moved.step(corner, 2, lift), last]
             if moved.goes(curve(moved.speed_percent, points)):
                 _expect_at(moved, last)
                 return
