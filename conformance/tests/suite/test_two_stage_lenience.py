@@ -54,6 +54,17 @@ class Latching(Brain):
         return super().reset(request)
 
 
+class Away(Latching):
+    """It is slow, and its initial tool position elsewhere: every reset takes its time."""
+
+    def __init__(self, plant: Plant, *arguments: Any, **named: Any) -> None:
+        stands = arm.inverse(arm.Pose(296.0, 0.0, 250.0, 0.0), near=arm.UPPER)
+        super().__init__(Plant(plant.clock.time(0.0), 0.0, stands), *arguments, **named)
+
+    def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
+        return super()._way(pose, min(speed_percent, 2), now_s)
+
+
 class Late(Brain):
     """What is missing or out of reach is found out late (A-4.15-1, A-4.24-5); a release ends when
     the joints are locked again (A-4.25-2); locked joints are not locked again (A-4.25-3)."""
@@ -179,7 +190,7 @@ class Trembles(Brain):
         return Pose(*shown, theta_y=0.0, theta_z=0.0)
 
 
-@pytest.mark.parametrize("brain", [Latching, Late, Quick, Deaf, Trembles])
+@pytest.mark.parametrize("brain", [Latching, Away, Late, Quick, Deaf, Trembles])
 def test_no_false_alarm(brain: type[Brain]) -> None:
     """No case of the two-stage commands fails of what the register lets a controller do."""
     only = frozenset(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES)
@@ -191,6 +202,19 @@ def test_no_false_alarm(brain: type[Brain]) -> None:
     bad = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
     assert [f"{c.id}: {c.message}" for c in results.cases if c.verdict in bad] == []
     assert results.counts[Verdict.PASS] > 60
+
+
+def test_a_latch_is_released_by_a_reset_that_ends() -> None:
+    """The result of the reset that was stopped is none of the reset that follows."""
+    stops = []
+
+    class Watched(Away):
+        def emergency_stop(self, request: Request) -> Acceptance:
+            stops.append(request.now_s)
+            return super().emergency_stop(request)
+
+    assert _run(Watched, "4.8/6") == {Verdict.PASS}
+    assert len(stops) == 1
 
 
 def test_slow_replies() -> None:

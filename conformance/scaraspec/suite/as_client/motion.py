@@ -294,7 +294,7 @@ def status_of(subject: Subject, line: Line) -> str | None:
     """The status; None where a robot that executes answers nothing (A-4-3)."""
     deaf = subject.known.get(DEAF)
     if deaf:
-        _drop_late_replies(line)
+        _drop(line, "get_status", tagged=False)
     try:
         answer = line.ask("get_status", within_s=_POLL_S if deaf else None)
     except NoAnswer:
@@ -305,11 +305,11 @@ def status_of(subject: Subject, line: Line) -> str | None:
     return status
 
 
-def _drop_late_replies(line: Line) -> None:
-    """Drop what was answered only when the robot had ended: it tells of then, not of now."""
-    opcode = BY_NAME["get_status"].opcode
+def _drop(line: Line, name: str, *, tagged: bool) -> None:
+    """Drop what came late, or was left: it tells of then, not of now."""
+    dropped = (tagged, BY_NAME[name].opcode)
     line.pump()
-    line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode != opcode]
+    line.heard[:] = [s for s in line.heard if (s.frame.tagged, s.frame.opcode) != dropped]
 
 
 def await_rest(subject: Subject, line: Line) -> None:
@@ -335,8 +335,9 @@ def release_latch(subject: Subject, line: Line) -> None:
                 subject.known[LATCHED] = False
             return
     subject.known[_LATCHES] = True
-    if line.ask("reset").accepted:
-        line.result("reset")
+    _drop(line, _RESET, tagged=True)  # it may be a reset that was stopped
+    if line.ask(_RESET).accepted:
+        line.result(_RESET)
         line.wait(_POLL_S)
 
 
