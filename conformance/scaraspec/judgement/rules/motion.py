@@ -14,6 +14,7 @@ from scaraspec.judgement.rules.arm import (
     POSE,
     STANDSTILL,
     STOP,
+    angle,
     changed,
     differ,
     ended_ns,
@@ -45,11 +46,6 @@ _REACHED: Final = 1.0
 _BEYOND_ALL_REACH_MM: Final = 1_000_000
 
 
-def _angle(a: float, b: float) -> float:
-    """The difference of two angles, by the shorter way, in degrees."""
-    return abs((a - b + 180) % 360 - 180)
-
-
 # Moves
 
 
@@ -65,7 +61,7 @@ def pose_is_reached(x: Exchange, scene: Scene) -> Judged | None:
     if max(abs(value) for value in target[:3]) >= _BEYOND_ALL_REACH_MM:
         return None  # 4.24/9 says it
     off_mm = max(abs(p - q) for p, q in zip(target[:3], x.answer[:3], strict=True))
-    if off_mm <= _REACHED and _angle(target[3], x.answer.theta_x) <= _REACHED:
+    if off_mm <= _REACHED and angle(target[3], x.answer.theta_x) <= _REACHED:
         return PASSED
     gripper = _gripper(x, scene)
     if gripper is None or any(gripper):

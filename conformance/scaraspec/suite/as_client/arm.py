@@ -14,6 +14,7 @@ from typing import Final
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.programs import Node
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import farthest, turned
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.programs.bench import Bench
@@ -119,7 +120,7 @@ class Arm:
 
 def near(a: Values, b: Values) -> bool:
     """Whether two places are the same, as far as can be told."""
-    return all(abs(p - q) <= REACHED for p, q in zip(a, b, strict=True))
+    return farthest(a, b) <= REACHED
 
 
 @contextmanager
@@ -196,7 +197,7 @@ def _turns(made: Arm, share: float) -> bool:
     It is simulated first, then run and watched: when anything else moves, it is stopped.
     """
     line, robot = made.line, made.robot
-    *still, turned = _place(line, Meaning.JOINTS)
+    *still, gripper_before = _place(line, Meaning.JOINTS)
     there = made.step(made.home, _GRIPPER, share)
     for way in ([there], [made.home]):
         name = robot.store(robot.file(straight(made.speed_percent, way)))
@@ -207,7 +208,8 @@ def _turns(made: Arm, share: float) -> bool:
             while (result := robot.ended(command)) is None:
                 *others, gripper = _place(line, Meaning.JOINTS)
                 moved = max(abs(a - b) for a, b in zip(still, others, strict=True))
-                if left_s <= 0 or moved > REACHED or abs(gripper - turned) > _FAR_DEG:
+                far = abs(turned(gripper, gripper_before)) > _FAR_DEG
+                if left_s <= 0 or moved > REACHED or far:
                     robot.stop()
                     return False
                 line.wait(_POLL_S)

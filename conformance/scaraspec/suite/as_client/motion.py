@@ -37,6 +37,7 @@ _NS: Final = 1e9
 _STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
 _LATCHES: Final = "latches"
 _TURN: Final = 360.0
+_TURNS_FROM: Final = 3
 _LOCK, _RESET = "lock_joints", "reset"
 _READINGS: Final = 5
 
@@ -70,20 +71,29 @@ def joints_of(line: Line) -> JointValues:
     return answer.value
 
 
+def turned(a: float, b: float) -> float:
+    """By how many degrees, and which way, b is turned to a; a whole turn is none (A-7-2)."""
+    return (a - b + _TURN / 2) % _TURN - _TURN / 2
+
+
 def farthest(a: tuple[float, ...], b: tuple[float, ...]) -> float:
-    """By how much the two differ where they differ most."""
-    return max(abs(p - q) for p, q in zip(a, b, strict=True))
+    """By how much two poses, or the joints twice, differ where they differ most.
+
+    What stands behind the third value turns without end, and may be told within half a turn of 0.
+    """
+    apart = [abs(p - q) for p, q in zip(a[:_TURNS_FROM], b[:_TURNS_FROM], strict=True)]
+    turns = zip(a[_TURNS_FROM:], b[_TURNS_FROM:], strict=True)
+    return max(*apart, *(abs(turned(p, q)) for p, q in turns))
 
 
 def off_by(pose: Pose, wanted: Pose) -> float:
-    """By how many mm or degrees a pose misses another; a whole turn is none (A-7-2)."""
-    turned = abs((pose.theta_x - wanted.theta_x + _TURN / 2) % _TURN - _TURN / 2)
-    return max(farthest(pose[:3], wanted[:3]), turned)
+    """By how many mm or degrees a pose misses another, as far as it has a meaning."""
+    return farthest(pose[:4], wanted[:4])
 
 
 def same_place(a: Pose, b: Pose) -> bool:
     """Whether the tool has not moved between the two."""
-    return farthest(a[:4], b[:4]) <= STANDSTILL
+    return off_by(a, b) <= STANDSTILL
 
 
 # ---------------------------------------------------------------------- where to go
@@ -107,6 +117,13 @@ def neighbours(subject: Subject, pose: Pose, axis: str) -> list[Pose]:
     steps = (value + motion.step_mm, value - motion.step_mm)
     poses = [pose._replace(**{axis: round(each, 3)}) for each in steps]
     return [each for each in poses if _in_box(subject, each)]
+
+
+def part_way(pose: Pose, there: Pose, part: float) -> Pose:
+    """A pose on the way from one to another, the shorter way round."""
+    ways = [q - p for p, q in zip(pose[:_TURNS_FROM], there[:_TURNS_FROM], strict=True)]
+    ways += [turned(q, p) for p, q in zip(pose[_TURNS_FROM:], there[_TURNS_FROM:], strict=True)]
+    return Pose(*(round(p + way * part, 3) for p, way in zip(pose, ways, strict=True)))
 
 
 def _in_box(subject: Subject, pose: Pose) -> bool:

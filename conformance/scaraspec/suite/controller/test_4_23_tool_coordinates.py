@@ -13,6 +13,7 @@ from scaraspec.suite.as_client.motion import (
     farthest,
     pose_of,
     returning,
+    turned,
 )
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import MOVE, accepted, done, has
@@ -87,7 +88,8 @@ def test_screw_end(subject: Subject, line: Line) -> None:
                 subject.tolerate("4.23/3", "pose_point", "gripper", message)
                 away_mm = 0
             expect(
-                away_mm <= STANDSTILL and abs(shown.theta_x - screw_end.theta_x) <= STANDSTILL,
+                away_mm <= STANDSTILL
+                and abs(turned(shown.theta_x, screw_end.theta_x)) <= STANDSTILL,
                 "the coordinates are neither those of the screw's end nor of the gripper's centre",
                 expected=f"{tuple(screw_end)}, or {offset_mm:g} mm from there",
                 observed=f"{tuple(shown)}",

@@ -23,6 +23,7 @@ from scaraspec.suite.as_client.motion import (
     farthest,
     joints_of,
     off_by,
+    part_way,
     pose_of,
     quieten,
     returning,
@@ -183,8 +184,7 @@ def test_fractions(subject: Subject, line: Line) -> None:
         accepted(MOVE, answer)
         done(subject, line, MOVE)
         for part in (0.25, 0.5, 0.875, 1.0):
-            way = (round(p + (q - p) * part, 3) for p, q in zip(pose, there, strict=True))
-            between = Pose(*way)
+            between = part_way(pose, there, part)
             accepted(MOVE, ask_move(subject, line, between))
             done(subject, line, MOVE)
             _expect_reached(subject, line, between, gripper)

@@ -8,6 +8,7 @@ from typing import Final
 
 from scaraspec.suite.as_client.arm import Arm, arm, near
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.motion import turned
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Undecided, expect
@@ -90,14 +91,14 @@ def test_straight_move(subject: Subject, line: Line) -> None:
                 observed=f"{len(seen)} glances",
             )
             return
-        turned = [values[3] - home[3] for values in seen]
+        turns = [turned(values[3], home[3]) for values in seen]
         step = up[3] - home[3]
-        peak = next((at for at, by in enumerate(turned) if by > step / 2), None)
+        peak = next((at for at, by in enumerate(turns) if by > step / 2), None)
         expect(
-            peak is not None and min(turned[peak:], default=0) < -step / 2,
+            peak is not None and min(turns[peak:], default=0) < -step / 2,
             "a straight move does not pass all points that it counts",
             expected=f"beyond {step / 2:g}, then beyond {-step / 2:g}, then {step / 2:g}",
-            observed=f"from {min(turned):g} to {max(turned):g}",
+            observed=f"from {min(turns):g} to {max(turns):g}",
         )
 
 
