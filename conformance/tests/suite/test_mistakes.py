@@ -75,6 +75,48 @@ class SegmentIsFrame(OtherInlet):
     inlet = _Restarts
 
 
+class _FullBuffer(Inlet):
+    """Reads 256 bytes at once, and has no room for these behind what it has kept."""
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        """Forget the beginning of a frame where a whole buffer follows it."""
+        found: list[Found] = []
+        for begin in range(0, len(data), 256):
+            part = data[begin : begin + 256]
+            if len(part) == 256:
+                self._framer = self._new_framer()
+            found += super().receive(part, now_s)
+        return found
+
+
+class FullBuffer(OtherInlet):
+    """Where one buffer ends inside of a frame, and another is full, the frame is lost."""
+
+    inlet = _FullBuffer
+
+
+class _FewPieces(Inlet):
+    """Puts a frame together of eight pieces."""
+
+    pieces = 0
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        """Give it up at the ninth."""
+        self.pieces += 1
+        if self.pieces > 8:
+            self._framer, self.pieces = self._new_framer(), 0
+        found = super().receive(data, now_s)
+        if found:
+            self.pieces = 0
+        return found
+
+
+class FewPieces(OtherInlet):
+    """What comes in more than eight pieces is no frame."""
+
+    inlet = _FewPieces
+
+
 class HalfAKilobyte(Brain):
     """Of a segment of more than 512 bytes the rest is lost."""
 
@@ -161,6 +203,8 @@ class SumsItUp(Brain):
         (OldTimeOut, "5.4/5"),
         (OldTimeOut, "5.3/7"),
         (SegmentIsFrame, "2/5"),
+        (FewPieces, "2/5"),
+        (FullBuffer, "2/6"),
         (HalfAKilobyte, "2/6"),
         (OneByteTooMany, "4.10/9"),
         (ShortestText, "T/5"),

@@ -28,7 +28,7 @@ _CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
 
 @case("2/5")
 def test_cut_at_every_byte(subject: Subject) -> None:
-    """Every carrier, and the login, is cut at every byte into two segments."""
+    """Every carrier, and the login, is cut at every byte into two segments; a login at all."""
     line = subject.open()
     for name in ("get_time", "get_version", "get_status"):
         frame = line.request(name).encode()
@@ -36,10 +36,13 @@ def test_cut_at_every_byte(subject: Subject) -> None:
             send_in(line, (frame[:cut], frame[cut:]), subject, SEGMENT_S)
             line.reply(name)
     line.close()
-    for cut in range(1, len(_login(subject, line)) if subject.access.needs_login else 0):
+    if not subject.access.needs_login:
+        return
+    login = _login(subject, line)
+    halves = [(login[:cut], login[cut:]) for cut in range(1, len(login))]
+    for parts in (*halves, pieces(login, [1] * len(login))):
         line = subject.open(login=False)
-        frame = _login(subject, line)
-        send_in(line, (frame[:cut], frame[cut:]), subject, SEGMENT_S)
+        send_in(line, parts, subject, SEGMENT_S)
         line.reply("login")
         line.close()
 
@@ -103,9 +106,14 @@ def test_several_in_one_segment(subject: Subject, queries: list[Query]) -> None:
 
 @case("2/6", name="burst")
 def test_burst(subject: Subject, line: Line) -> None:
-    """One segment brings hundreds of requests, and each is answered."""
+    """One segment brings hundreds of requests, and each is answered.
+
+    The first one is longer by half of another: a buffer of 256 bytes, or of any power of two, ends
+    inside of a request.
+    """
     names = ("get_time", "get_version", "get_status")
-    _served_together(subject, line, [Query(names[n % 3]) for n in range(_BURST)])
+    rest = [Query(names[n % 3]) for n in range(_BURST)]
+    _served_together(subject, line, [Query("get_analog_input", 1), *rest])
 
 
 @case("2/6", name="login")
