@@ -194,10 +194,57 @@ class SumsItUp(Brain):
         return right
 
 
+class NoAnglesOnTheWay(Brain):
+    """While the arm jogs its angles are not told."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Leave them out."""
+        task = self.robot.task
+        if frame.opcode != 0x3C or task is None or not task.needs_link:
+            super().emit(session, frame)
+
+
+class VersionOfARun(Brain):
+    """The text of the version is made where the name of a program was put."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Show the one for the other."""
+        task = self.robot.task
+        if frame.opcode == 0x08 and task is not None and task.program:
+            frame = frame._replace(data=task.program)
+        super().emit(session, frame)
+
+
+class OthersRun(Brain):
+    """Whoever is refused because another client has begun something is told that it is a run."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Tell another state."""
+        task = self.robot.task
+        if task is not None and task.request.session is not session and frame.data[:2] == b"0|":
+            frame = frame._replace(data=b"0|01")
+        super().emit(session, frame)
+
+
+class OneBuffer(Brain):
+    """What a program does is written where a chunk is made."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Spoil it."""
+        task = self.robot.task
+        if frame.opcode == 0x56 and task is not None and task.program:
+            frame = frame._replace(data=frame.data[:-1] + b"\1")
+        super().emit(session, frame)
+
+
 @pytest.mark.parametrize(
     ("brain", "requirement"),
     [
         (SumsItUp, "4.1/3"),
+        (NoAnglesOnTheWay, "3/31"),
+        (OthersRun, "4/15"),
+        (OneBuffer, "5.2/12"),
+        (VersionOfARun, "4.7/4"),
         (HidesWhatRuns, "4.10/11"),
         (NeverForgets, "4.9/6"),
         (OldTimeOut, "5.4/5"),

@@ -8,6 +8,7 @@ from hypothesis import given
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Outcome
+from scaraspec.suite.as_client.files import left_behind, upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import (
     BUSY,
@@ -55,11 +56,13 @@ from scaraspec.suite.as_client.tasks import (
     stored,
 )
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_in
+from scaraspec.suite.contents import content_of
+from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal, expect_in
 from scaraspec.suite.wire import Answer
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _SOON_S = 0.5
+_CHUNKS_BYTES = 450
 _OVER_S = 10.0
 _POLLS = 10
 _AT_ONCE_S = 0.05
@@ -215,12 +218,17 @@ def test_code_of_a_refusal(subject: Subject, line: Line) -> None:
 @pytest.mark.parametrize("name", STATES)
 @case("4/6", "4/15", "4/4", hazards=_MOTION)
 def test_busy(subject: Subject, line: Line, name: str) -> None:
-    """While one command executes every other is refused, with the state that 0x09 reports."""
+    """While one command executes every other is refused, with the state that 0x09 reports.
+
+    So it is on another connection.
+    """
     values = harmless(subject, line)
+    beside = subject.open() if subject.takes_several else line
     with lasting(subject, line, name) as task:
         for other, value in values.items():
             if subject.dialect["busy_reply"] != "queue":
                 expect_busy(subject, line, task, other, value)
+                expect_busy(subject, beside, task, other, value)
             task.lasts()
 
 
@@ -265,9 +273,9 @@ def test_idle_afterwards(subject: Subject, line: Line, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", STATES)
-@case("4/8", hazards=_MOTION)
+@case("4/8", "3/31", hazards=_MOTION)
 def test_never_idle_meanwhile(subject: Subject, line: Line, name: str) -> None:
-    """From the first reply to the final result no status is 00."""
+    """From the first reply to the final result no status is 00, and every query is answered."""
     with lasting(subject, line, name) as task:
         for _ in range(_POLLS):
             status = line.ask("get_status")
@@ -280,6 +288,19 @@ def test_never_idle_meanwhile(subject: Subject, line: Line, name: str) -> None:
             if task.over:
                 break
             line.wait(0.01)
+        for query in known_to(subject):
+            if offered(line, *query) is None:
+                _answered_late(subject, line, query, name)
+
+
+def _answered_late(subject: Subject, line: Line, query: Query, name: str) -> None:
+    """A reply may be overtaken (3/24); no arm jogs on while it is waited for."""
+    stop(subject, line)
+    try:
+        line.reply(query.name)
+    except NoAnswer as error:
+        message = f"{error} while {name} executed"
+        raise Unmet(message, observed=error.observed, requirement="3/31") from None
 
 
 @case("4/8", "4/7", "3/18", name="to-the-end", hazards=_MOTION)
@@ -326,9 +347,15 @@ def test_results_between_replies(subject: Subject, line: Line) -> None:
         )
 
 
-@case("4/8", "3/31", "3/32", name="queries", hazards=_MOTION)
+@case("4/8", "3/31", "3/32", "4.7/4", "5.2/12", name="queries", hazards=_MOTION)
 def test_queries_meanwhile(subject: Subject, line: Line) -> None:
-    """Queries in any number and order are answered while a program runs, each with its own."""
+    """Queries in any number and order are answered while a program runs, each with its own.
+
+    The version is the same before, meanwhile and afterwards, and so is a file that can be fetched.
+    """
+    file, content = subject.new_name(), content_of(_CHUNKS_BYTES)
+    upload(line, file, content)
+    versions = [line.ask("get_version").value]
 
     def tried(queries: Sequence[Query]) -> None:
         for query in known_to(subject, list(queries)):
@@ -342,6 +369,14 @@ def test_queries_meanwhile(subject: Subject, line: Line) -> None:
     with lasting(subject, line, RUN):
         tried(QUERIES)
         given(some_queries)(tried)()
+        fetched = left_behind(line, file)
+        versions.append(line.ask("get_version").value)
+    versions.append(line.ask("get_version").value)
+    message = "the version is another one while a program runs, or afterwards"
+    expect_equal(versions, versions[:1] * len(versions), message, requirement="4.7/4")
+    if fetched is not None:
+        message = "a file is fetched otherwise than it was sent while a program runs"
+        expect(fetched == content, message, requirement="5.2/12")
 
 
 # ---------------------------------------------------------------------- when, and for whom
