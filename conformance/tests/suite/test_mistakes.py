@@ -194,6 +194,20 @@ class SumsItUp(Brain):
         return right
 
 
+class NothingToRelease(Brain):
+    """A release of joints that are released is accepted, and never ends."""
+
+    released = False
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Forget the second end."""
+        if frame.tagged and frame.opcode == 0x3A and self.released:
+            return
+        if frame.tagged and frame.opcode in (0x3A, 0x3B):
+            self.released = frame.opcode == 0x3A
+        super().emit(session, frame)
+
+
 class NoAnglesOnTheWay(Brain):
     """While the arm jogs its angles are not told."""
 
@@ -241,6 +255,7 @@ class OneBuffer(Brain):
     ("brain", "requirement"),
     [
         (SumsItUp, "4.1/3"),
+        (NothingToRelease, "4.25/3"),
         (NoAnglesOnTheWay, "3/31"),
         (OthersRun, "4/15"),
         (OneBuffer, "5.2/12"),

@@ -12,6 +12,7 @@ from scaraspec.suite.as_client.tasks import (
     RELEASE,
     RUN,
     STATES,
+    finish,
     has,
     lasting,
     locked_again,
@@ -25,12 +26,12 @@ from scaraspec.suite.expect import expect
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 
 
-@case("4.25/2", hazards=_MOTION)
+@case("4.25/2", "4.25/3", hazards=_MOTION)
 def test_first_reply(subject: Subject, line: Line) -> None:
-    """A release is answered "1", and one of released joints with "1" or "0|code"."""
+    """A release is answered "1", and one of released joints with "1" or "0|code"; each "1" ends."""
     has(subject, RELEASE, LOCK)
     with locked_again(subject, line):
-        answer, _ = release(subject, line)
+        answer, result = release(subject, line)
         expect(
             text_of(answer) == b"1",
             "the first reply to a release is more than the flag 1",
@@ -43,6 +44,8 @@ def test_first_reply(subject: Subject, line: Line) -> None:
             if again.accepted is False:
                 message = "released joints were not released again"
                 subject.tolerate("4.25/2", "A-4.25-3", "0|code", message)
+            elif result is not None:  # not only when the joints are locked (A-4.25-2)
+                finish(subject, line, RELEASE)
 
 
 @case("4.25/3", hazards=_MOTION)
