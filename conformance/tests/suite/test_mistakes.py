@@ -194,6 +194,21 @@ class SumsItUp(Brain):
         return right
 
 
+class _OutputsLast(Inlet):
+    """Settings of outputs wait until the rest of a segment has been served."""
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        """Put them behind it."""
+        found = super().receive(data, now_s)
+        return sorted(found, key=lambda each: isinstance(each, Frame) and each.opcode == 0x43)
+
+
+class OutputsLast(OtherInlet):
+    """The outputs have a task of their own, which comes later than that which answers."""
+
+    inlet = _OutputsLast
+
+
 class NothingToRelease(Brain):
     """A release of joints that are released is accepted, and never ends."""
 
@@ -255,6 +270,7 @@ class OneBuffer(Brain):
     ("brain", "requirement"),
     [
         (SumsItUp, "4.1/3"),
+        (OutputsLast, "3/30"),
         (NothingToRelease, "4.25/3"),
         (NoAnglesOnTheWay, "3/31"),
         (OthersRun, "4/15"),

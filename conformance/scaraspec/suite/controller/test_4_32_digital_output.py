@@ -1,11 +1,13 @@
 """Clause 4.32: setting a digital output (0x43, L653-663), which 0x49 shows (4.34)."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PortValue
+from scaraspec.suite.as_client.delivery import takes_one_at_a_time
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import Malformed, malformed, offer
 from scaraspec.suite.as_client.motion import go_on_if_it_listens
@@ -67,9 +69,9 @@ def test_sequences(line: Line) -> None:
         shows()
 
 
-@case("4.32/6", name="all-at-once")
-def test_all_on_and_off(line: Line) -> None:
-    """All outputs can be on together, and off together."""
+@case("4.32/6", "3/30", name="all-at-once")
+def test_all_on_and_off(subject: Subject, line: Line) -> None:
+    """All outputs can be on together, and off together, and go on in the order of one segment."""
     ports = settable(line)
     with outputs_kept(line) as before:
         now = before
@@ -78,6 +80,24 @@ def test_all_on_and_off(line: Line) -> None:
                 if set_output(line, port, on=on).accepted:
                     now = with_port(now, port, on=on)
             expect_outputs(line, now, f"all outputs were set to {on:d}")
+        if not takes_one_at_a_time(subject):
+            _expect_in_order(line, ports, now)
+
+
+def _expect_in_order(line: Line, ports: Sequence[int], now: Bits) -> None:
+    """What is asked behind each of many settings is answered as of its place, whenever it comes."""
+    due, data = set[str](), b""
+    for port in ports:
+        now = with_port(now, port, on=True)
+        due.add(digits(now))
+        data += line.request("set_digital_output", PortValue(port, 1)).encode()
+        data += line.request("get_digital_outputs").encode()
+    line.send_bytes(data)
+    accepted = [line.reply("set_digital_output").accepted for _ in ports]
+    shown = {line.reply("get_digital_outputs").value for _ in ports}
+    if all(accepted):
+        message = "questions for the outputs were not answered as of their place"
+        expect_equal(shown, due, message, requirement="3/30")
 
 
 @case("4.32/6", name="held")
