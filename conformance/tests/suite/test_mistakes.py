@@ -4,6 +4,7 @@ Each by a case of a requirement that it violates.
 """
 
 import math
+from dataclasses import replace
 from functools import cached_property
 
 import pytest
@@ -17,9 +18,9 @@ from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.inlet import Inlet
 from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.verdicts import Verdict
-from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.commands import Point, RunningProgram
 from scaraspec.protocol.frames import Found, Frame
-from scaraspec.protocol.payloads import NameListPart
+from scaraspec.protocol.payloads import Acceptance, NameListPart
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
@@ -255,6 +256,15 @@ class OthersRun(Brain):
         super().emit(session, frame)
 
 
+class LimitedTenths(Brain):
+    """Numbers are kept as tenths in 16 bits."""
+
+    def set_gripper_center(self, request: Request) -> bool:
+        """Cut them off."""
+        value = request.value and Point(*(min(each, 3276.7) for each in request.value))
+        return super().set_gripper_center(replace(request, value=value))
+
+
 class OneBuffer(Brain):
     """What a program does is written where a chunk is made."""
 
@@ -266,6 +276,27 @@ class OneBuffer(Brain):
         super().emit(session, frame)
 
 
+class SixteenBits(Brain):
+    """Where a move goes is kept in whole millimetres of 16 bits."""
+
+    def set_tool_coordinates(self, request: Request) -> Acceptance:
+        """Cut it off."""
+        target = request.value
+        if target is not None:
+            target = target._replace(x=(target.x + 2**15) % 2**16 - 2**15)
+        return super().set_tool_coordinates(replace(request, value=target))
+
+
+class PointBehind(Brain):
+    """An address may have a point behind it."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Overlook it."""
+        if frame.opcode == 0x05:
+            frame = frame._replace(data=frame.data.replace(b".|", b"|"))
+        super().handle(session, frame, now_s)
+
+
 @pytest.mark.parametrize(
     ("brain", "requirement"),
     [
@@ -274,7 +305,10 @@ class OneBuffer(Brain):
         (NothingToRelease, "4.25/3"),
         (NoAnglesOnTheWay, "3/31"),
         (OthersRun, "4/15"),
+        (PointBehind, "4.4/5"),
+        (SixteenBits, "4.24/9"),
         (OneBuffer, "5.2/12"),
+        (LimitedTenths, "4.20/3"),
         (VersionOfARun, "4.7/4"),
         (HidesWhatRuns, "4.10/11"),
         (NeverForgets, "4.9/6"),

@@ -217,6 +217,7 @@ _ADDRESS: Final = (
     _Class("negative", lambda text, _: text.rpartition(b".")[0] + b".-1"),
     _Class("huge", lambda text, _: text.rpartition(b".")[0] + b".4294967297"),
     _Class("letter-behind", _behind(b"x")),
+    _Class("point-behind", _behind(b".")),
     _Class("commas", lambda text, _: text.replace(b".", b",")),
     _Class("non-ascii", _behind("。".encode())),
     _Class("nul-inside", _behind(b"\x001")),

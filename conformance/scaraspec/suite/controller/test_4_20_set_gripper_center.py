@@ -19,6 +19,7 @@ from scaraspec.suite.expect import expect
 _EXAMPLE: Final = Point(200, 300, 456)  # L438
 _PLAIN: Final = Point(1.5, -2, 30.5)
 _OTHER: Final = Point(7.5, -8, 9)
+_LARGE: Final = Point(123.4, -1234.5, 3276.8)  # the last in tenths is more than 15 bits hold
 _SOON_S: Final = 0.1
 
 _tenths = st.integers(-1000, 1000).map(lambda tenths: tenths / 10)
@@ -64,9 +65,10 @@ def test_set(subject: Subject, line: Line) -> None:
 
 @case("4.20/3", name="decimals")
 def test_decimals(subject: Subject, line: Line) -> None:
-    """Numbers with more decimals, and the example of the document, are read back as set."""
+    """Numbers with more digits, and the example of the document, are read back as set."""
 
     @example(_EXAMPLE)
+    @example(_LARGE)
     @given(st.builds(Point, _thousandths, _thousandths, _thousandths))
     def each(wanted: Point) -> None:
         before = gripper_of(line)

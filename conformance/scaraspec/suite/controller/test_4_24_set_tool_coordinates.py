@@ -39,16 +39,18 @@ from scaraspec.suite.wire import Answer
 
 _MOTION = (Hazard.MOTION,)
 _BEYOND_MM: Final = 1_000_000.0
+_WRAPPED_MM: Final = 2.0**16
 _UNREACHABLE: Final = ("05", "06")
 
 
 def _far(pose: Pose) -> list[Pose]:
-    """Poses beyond all reach, in every direction (4.24/9)."""
-    return [
+    """Poses beyond all reach, in every direction (4.24/9); one is near in a number of 16 bits."""
+    beyond = [
         pose._replace(**{axis: value})
         for axis in ("x", "y", "z")
         for value in (_BEYOND_MM, -_BEYOND_MM)
     ]
+    return [*beyond, pose._replace(x=pose.x + _WRAPPED_MM)]
 
 
 def _told(subject: Subject, line: Line, answer: Answer) -> Answer:
