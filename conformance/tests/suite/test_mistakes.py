@@ -245,6 +245,33 @@ class VersionOfARun(Brain):
         super().emit(session, frame)
 
 
+class SixteenLetters(Brain):
+    """Names are compared by their first 16 bytes."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Take another name for the one that is asked for."""
+        if frame.opcode in self.opcodes and frame.data not in self.store:
+            like = [name for name in self.store.names() if name[:16] == frame.data[:16]]
+            frame = frame._replace(data=(like or [frame.data])[0])
+        super().handle(session, frame, now_s)
+
+    opcodes = frozenset({0x30, 0x0C})
+
+
+class SixteenNew(SixteenLetters):
+    """So they are where a new one is asked for."""
+
+    opcodes = frozenset({0x50})
+
+
+class SixteenKilobytes(Brain):
+    """What is longer than a buffer is no program, and is not listed."""
+
+    def is_program(self, name: bytes) -> bool:
+        """Whether it is listed."""
+        return super().is_program(name) and len(self.store.read(name)) <= 16_384
+
+
 class OthersRun(Brain):
     """Whoever is refused because another client has begun something is told that it is a run."""
 
@@ -276,6 +303,32 @@ class OneBuffer(Brain):
         super().emit(session, frame)
 
 
+class SmallLetters(Brain):
+    """The program that runs is told in small letters."""
+
+    def get_running_program(self, request: Request) -> RunningProgram | None:
+        """Change them."""
+        told = super().get_running_program(request)
+        return told and told._replace(name=told.name.lower())
+
+
+class ShortNamesHideLong(Brain):
+    """A program whose name begins as another's is not listed."""
+
+    def is_program(self, name: bytes) -> bool:
+        """Whether it is listed."""
+        stems = (other.rpartition(b".")[0] for other in self.store.names() if other != name)
+        return super().is_program(name) and not any(name.startswith(stem) for stem in stems)
+
+
+class ThirtyTwo(Brain):
+    """No more than 32 programs are listed."""
+
+    def is_program(self, name: bytes) -> bool:
+        """Whether it is listed."""
+        return super().is_program(name) and name in self.store.names()[:32]
+
+
 class SixteenBits(Brain):
     """Where a move goes is kept in whole millimetres of 16 bits."""
 
@@ -304,9 +357,15 @@ class PointBehind(Brain):
         (OutputsLast, "3/30"),
         (NothingToRelease, "4.25/3"),
         (NoAnglesOnTheWay, "3/31"),
+        (SixteenLetters, "4.15/7"),
+        (SixteenLetters, "4.11/4"),
+        (SixteenKilobytes, "4.10/11"),
         (OthersRun, "4/15"),
         (PointBehind, "4.4/5"),
         (SixteenBits, "4.24/9"),
+        (ShortNamesHideLong, "4.10/11"),
+        (ThirtyTwo, "4.10/11"),
+        (SmallLetters, "4.9/4"),
         (OneBuffer, "5.2/12"),
         (LimitedTenths, "4.20/3"),
         (VersionOfARun, "4.7/4"),
@@ -325,6 +384,11 @@ class PointBehind(Brain):
 def test_it_is_found(brain: type[Brain], requirement: str) -> None:
     """A case of the requirement fails."""
     assert requirement in found(brain, requirement)
+
+
+def test_who_takes_a_new_name_for_an_old_one_is_found() -> None:
+    """Names that differ only at their end are those of different files (5.2/2)."""
+    assert "5.2/2" in found(SixteenNew, "4.10/4")
 
 
 def test_who_never_ends_without_its_client_is_found() -> None:

@@ -287,10 +287,15 @@ class Subject:
         self.known[_MISTAKES] = tried + 1
         return tried < (_MOST_MISTAKES if Hazard.DESTRUCTIVE in self.allowed else 1)
 
-    def new_name(self, stem: str = "") -> bytes:
-        """A file name that is not in use, and that is deleted when the case is over."""
+    def new_name(self, stem: str = "", *, lead: str = "") -> bytes:
+        """A file name that is not in use, and that is deleted when the case is over.
+
+        Args:
+            stem: Stands behind its number.
+            lead: Stands before its number, and ends with a letter: what many names begin with.
+        """
         extension = {".txt": ".txt"}.get(self.dialect["prog_ext"], ".rob")
-        name = f"{STEM}{next(self._names)}{stem}{extension}".encode()
+        name = f"{STEM}{lead}{next(self._names)}{stem}{extension}".encode()
         self.created.append(name)
         return name
 

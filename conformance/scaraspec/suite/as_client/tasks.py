@@ -127,16 +127,17 @@ def layout_in_use(subject: Subject) -> Layout:
     return known_layout(subject) or layout_of(subject.dialect)
 
 
-def stored(subject: Subject, line: Line, seconds: int | None = None) -> bytes:
+def stored(subject: Subject, line: Line, seconds: int | None = None, name: bytes = b"") -> bytes:
     """Upload a program that waits for so many seconds, by our clock; its name.
 
-    Without a number it waits for longer than is asked meanwhile, however slow the replies are.
+    Without a number it waits for longer than is asked meanwhile, however slow the replies are;
+    without a name it gets a new one.
     """
     if seconds is None:
         asked_s = subject.now_ns / _NS
         reply_s = line.ask("get_status").time_s - asked_s
         seconds = max(LASTS_S, int(_ASKED * reply_s))
-    name = subject.new_name()
+    name = name or subject.new_name()
     scaled = math.ceil(seconds * subject.statement.time_scale)
     _upload_wait(subject, line, name, scaled)
     return name

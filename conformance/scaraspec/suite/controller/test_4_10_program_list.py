@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
-from scaraspec.suite.as_client.files import NameRefused
+from scaraspec.suite.as_client.files import NameRefused, upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
@@ -21,15 +21,18 @@ from scaraspec.suite.programs.listed import (
     program_names,
     store_program,
 )
+from scaraspec.suite.programs.writing import program_file, wait
 from scaraspec.suite.strategies import NAME_CHARACTERS
 from scaraspec.suite.wire import Answer
 
 _EMPTY: Final = (b"0", b"0|", b"")
 """The list of an empty store, in the ways to tell it (A-4.10-4)."""
-_MANY: Final = 26
+_MANY: Final = 40  # more than 32
 _FEW: Final = 7  # for which any robot has room
 _LENGTHS_BYTES: Final = (30, 12, 17, 30, 23)
 """Names of these lengths make parts of every length about the longest."""
+_NODES: Final = 258
+"""More than a byte counts, and than a buffer of 16 kilobytes holds."""
 _TOO_LONG_BYTES: Final = 256
 """A part of this length must have been divided."""
 
@@ -196,7 +199,15 @@ def test_names(subject: Subject, line: Line) -> None:
 
 @case("4.10/11", "4.10/2", name="another-connection")
 def test_another_connection(subject: Subject, line: Line) -> None:
-    """What one connection has uploaded another one finds in its list."""
-    name = store_program(subject, line)
+    """What one connection has uploaded another one finds in its list, however long it is.
+
+    So it does where the name of one program begins as that of another does.
+    """
+    name = subject.new_name()
+    stem, dot, extension = name.rpartition(b".")
+    longer = stem + b"a" + dot + extension
+    subject.created.append(longer)
+    upload(line, name, program_file(subject.dialect, wait(0) * _NODES))
+    store_program(subject, line, longer)
     line.close()
-    _expect_listed(_listed(subject, subject.open()), [name])
+    _expect_listed(_listed(subject, subject.open()), [name, longer])

@@ -15,10 +15,12 @@ from scaraspec.suite.as_client.motion import quieten
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.programs.listed import program_names, store_program
+from scaraspec.suite.programs.listed import long_name, program_names, store_program
 from scaraspec.suite.programs.writing import wait_program
 
 _TIMES: Final = 3
+_LONG_BYTES: Final = 25
+"""Of a name: near ones are not longer than names may be (L226)."""
 _STATE: Final = ("get_network", "get_gripper_center", "get_initial_tool_position", "get_version")
 
 
@@ -105,7 +107,8 @@ def test_not_run(subject: Subject, line: Line) -> None:
 @case("4.11/4", "4.11/2")
 def test_missing(subject: Subject, line: Line) -> None:
     """A name that is not stored is not answered 1, however like a stored one it is."""
-    name, content = store_program(subject, line), wait_program(subject.dialect, 1)
+    name = store_program(subject, line, long_name(subject, _LONG_BYTES))
+    content = wait_program(subject.dialect, 1)
     stem, dot, extension = name.rpartition(b".")
     free = subject.new_name()
     subject.created.remove(free)

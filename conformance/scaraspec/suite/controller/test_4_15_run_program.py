@@ -24,9 +24,12 @@ from scaraspec.suite.as_client.tasks import (
 )
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
+from scaraspec.suite.programs.listed import long_name
 from scaraspec.suite.strategies import names
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
+_LONG_BYTES = 25
+"""Of a name: near ones are not longer than names may be (L226)."""
 
 
 @case("4.15/2", name="missing", hazards=_MOTION)
@@ -149,7 +152,7 @@ def test_end_of_a_run(subject: Subject, line: Line) -> None:
 def test_missing_program(subject: Subject, line: Line) -> None:
     """A program whose name is not in use is not run, however near to it another name is."""
     has(subject, RUN)
-    program = stored(subject, line, 0)
+    program = stored(subject, line, 0, long_name(subject, _LONG_BYTES))
     stem, dot, extension = program.rpartition(b".")
     near = [
         stem,

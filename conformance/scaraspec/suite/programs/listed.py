@@ -19,11 +19,14 @@ _MOST_PARTS: Final = 500
 
 
 def long_name(subject: Subject, size_bytes: int) -> bytes:
-    """A new name of so many bytes, or of one more than the shortest if that is more."""
+    """A new name of so many bytes, or of one more than the shortest if that is more.
+
+    It has capitals, and differs from others of its length at its end alone.
+    """
     shortest = subject.new_name()
     subject.created.remove(shortest)
     for padding in (size_bytes - len(shortest), size_bytes - len(shortest) - 1):
-        name = subject.new_name("n" * max(padding, 1))
+        name = subject.new_name(lead=("nN" * size_bytes)[: max(padding, 1)])
         if len(name) <= size_bytes:
             break
         subject.created.remove(name)  # its number has one digit more
