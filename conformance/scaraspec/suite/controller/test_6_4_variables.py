@@ -1,13 +1,15 @@
 """Clause 6.4: user variables, and the value with which each begins (L859-872)."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from scaraspec.protocol.programs import Opt
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.ports import expect_outputs, outputs
+from scaraspec.suite.as_client.ports import expect_outputs, outputs, set_output
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.programs.bench import PROGRAMS, bench
+from scaraspec.suite.expect import expect
+from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench
 from scaraspec.suite.programs.model import (
     Assign,
     Calculate,
@@ -15,12 +17,15 @@ from scaraspec.suite.programs.model import (
     If,
     State,
     Statement,
+    Wait,
     nodes_of,
     variables_of,
 )
 from scaraspec.suite.programs.writing import OUTPUTS, number, variable
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_WAIT_S: Final = 5
+_SOON_S: Final = 1.0
 _VALUES: Final = {5: 1, 0: -1, -7: 0, 2_000_000_000: 40_000, 9: 2_147_483_647, 1: -2_147_483_648}
 """Values by key: small and large, of either sign, under keys in no order."""
 
@@ -49,9 +54,12 @@ def test_many_variables(subject: Subject, line: Line) -> None:
         robot.performs([*_are(few), Flip(_GOOD)], values)
 
 
-@case("6.4/5", name="again", hazards=PROGRAMS)
+@case("6.4/5", "6.5/26", name="again", hazards=PROGRAMS)
 def test_initial_values_again(subject: Subject, line: Line) -> None:
-    """A second run begins with the values of the file again, not with those the first one left."""
+    """A second run begins with the values of the file again, not with those the first one left.
+
+    So it begins with the first node, also where the first run was stopped.
+    """
     values = {3: 10, 4: 20}
     block: list[Statement] = [
         If(variable(3), Opt.EQUAL, number(10), [Flip(OUTPUTS[0])], [Flip(OUTPUTS[1])]),
@@ -67,6 +75,29 @@ def test_initial_values_again(subject: Subject, line: Line) -> None:
         state = State(initial, (), dict(values))
         state.execute(block)
         expect_outputs(line, state.outputs, "the second run of a program differs from the first")
+        _expect_anew(line, robot, block, values)
+
+
+def _expect_anew(
+    line: Line, robot: Bench, block: Sequence[Statement], values: dict[int, int]
+) -> None:
+    """A program that was stopped in its midst does the same when it is run again."""
+    initial = outputs(line)
+    whole = [*block, Flip(OUTPUTS[2]), Wait(robot.theirs_s(_WAIT_S))]
+    state = State(initial, (), dict(values))
+    state.execute(whole)
+    on = not initial[OUTPUTS[2] - 1]
+    name = robot.start(nodes_of(whole, initial), variables_of(values))
+    if robot.listens and robot.until(OUTPUTS[2], on=on, within_s=_SOON_S):
+        robot.stop()
+        for port in OUTPUTS[:3]:
+            set_output(line, port, on=initial[port - 1])
+        robot.restart(name)
+        message = "a program that was stopped does not begin with its first node again"
+        expect(robot.until(OUTPUTS[2], on=on, within_s=_SOON_S), message, requirement="6.5/26")
+        message = "a run behind one that was stopped differs from the first"
+        expect_outputs(line, state.outputs, message)
+    robot.stop()
 
 
 @case("6.4/5", name="of-another", hazards=PROGRAMS)

@@ -106,7 +106,7 @@ _BRANCHES: Final[tuple[Block, ...]] = (
             Opt.EQUAL,
             number(1),
             [If(number(1), Opt.EQUAL, number(2), [Flip(_BAD)], [Flip(OUTPUTS[3])])],
-            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)], [Flip(_BAD)])],
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)], [Flip(_BAD)]), Flip(_BAD)],
         )
     ],
     [
@@ -116,6 +116,23 @@ _BRANCHES: Final[tuple[Block, ...]] = (
             number(1),
             [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)]), Flip(_BAD)],
             [Put(OUTPUTS[4], number(0)), Flip(OUTPUTS[4])],
+        )
+    ],
+    [
+        If(
+            number(1),
+            Opt.GREATER,
+            number(1),
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)], [Flip(_BAD)]), Flip(_BAD)],
+            [Flip(OUTPUTS[5])],
+        )
+    ],
+    [
+        If(
+            number(1),
+            Opt.GREATER,
+            number(1),
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)]), Flip(_BAD)],
         )
     ],
 )

@@ -18,6 +18,8 @@ from scaraspec.suite.programs.writing import Values, curve, straight
 _VALUES: Final = (3, 2, 1, 0)  # the last one turns nothing but the gripper
 _LEAST_SEEN: Final = 8
 """Places seen on a way of which something can be told."""
+_BEGUN_S: Final = 0.05
+_GOES_ON_S: Final = 0.5
 _ERROR_SEEN: Final = 3  # by which the same way may differ
 
 
@@ -104,7 +106,10 @@ def test_straight_move(subject: Subject, line: Line) -> None:
 
 @case("6.5/25", name="moves", hazards=PROGRAMS)
 def test_several_moves(subject: Subject, line: Line) -> None:
-    """Points belong to the move before them: two moves of two points end at the fourth."""
+    """Points belong to the move before them: two moves of two points end at the fourth.
+
+    Behind an emergency stop on the way back the arm stands.
+    """
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         home, speed = moved.home, moved.speed_percent
         points = [moved.step(home, 3, share) for share in (1, 0.5, -0.5, -1)]
@@ -117,3 +122,25 @@ def test_several_moves(subject: Subject, line: Line) -> None:
             expected=f"{points[-1]}",
             observed=f"{place}",
         )
+        robot.start(straight(speed, points[:1]))
+        if robot.listens:
+            _expect_standstill(line, moved)
+        robot.stop()
+
+
+def _expect_standstill(line: Line, moved: Arm) -> None:
+    """Stop the program that moves the arm."""
+    line.wait(_BEGUN_S)
+    if not line.ask("emergency_stop").accepted:
+        return  # it may have come already
+    line.result("emergency_stop")
+    place = moved.place()
+    line.wait(_GOES_ON_S)
+    now = moved.place()
+    expect(
+        near(place, now),
+        "the arm goes on moving although the program that moves it has been stopped",
+        expected=f"{place}",
+        observed=f"{now}",
+        requirement="4.17/7",
+    )
