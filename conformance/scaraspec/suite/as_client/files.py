@@ -72,8 +72,11 @@ def send(line: Line, chunk: Chunk, requirement: str = "5.2/6") -> None:
 
     Raises:
         Unmet: It is not.
+        Undecided: It came so late that the transfer may have been over.
     """
     answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
+    if not answer.accepted:
+        line.in_time()
     expect(
         answer.accepted,
         f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes was refused",

@@ -15,7 +15,7 @@ from scaraspec.links.link import Link
 from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame
-from scaraspec.suite.expect import Unmet
+from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.limits import limits_of
 from scaraspec.suite.wire import Answer, Wire
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _APART_S: Final = 0.05
 _INSTANT_S: Final = 0.001
+_NS: Final = 1e9
 
 
 class Line(Wire):
@@ -33,6 +34,7 @@ class Line(Wire):
         super().__init__(name, link, subject, A2C, judged=judged)
         self._subject = subject
         self._names_files = False
+        self._sent_ns = self._pause_ns = 0
 
     # ------------------------------------------------------------------ sending
 
@@ -54,6 +56,15 @@ class Line(Wire):
         if command.also is not None and dialect["op_get_default"] == "0x13":
             opcode = command.also
         return Frame(A2C, opcode, payload)
+
+    def in_time(self) -> None:
+        """Go on only where the latest two frames followed each other as a transfer needs it.
+
+        Raises:
+            Undecided: A transfer may have been over between them: this machine is too slow.
+        """
+        if (pause_s := self._pause_ns / _NS) > limits_of(self._subject).early_s:
+            raise Undecided(f"this machine is too slow: a frame followed {pause_s:.3f} s late")
 
     # ------------------------------------------------------------------ asking
 
@@ -188,4 +199,6 @@ class Line(Wire):
         return self._names_files
 
     def _sent(self, seen: FrameSeen) -> None:
+        self._pause_ns = seen.place.time_ns - self._sent_ns
+        self._sent_ns = seen.place.time_ns
         self._names_files = self._names_files or seen.name in NAMES

@@ -1,5 +1,6 @@
 """Controllers that transfer files in other ways than ours, and conform, pass clause 5."""
 
+import itertools
 import math
 from functools import cached_property
 from typing import ClassVar
@@ -13,6 +14,7 @@ from scaraspec.controller.faults.transferring import AltersChunkData, JudgesChun
 from scaraspec.controller.session import Action, Carrier, Request, Session, Transfer
 from scaraspec.judgement.requirements import select
 from scaraspec.judgement.verdicts import Verdict
+from scaraspec.links.link import Link
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
@@ -24,6 +26,7 @@ from scaraspec.suite.statement import Statement
 
 CLAUSES = ("5.1", "5.2", "5.3", "5.4")
 ONLY = frozenset(r.id for clause in CLAUSES for r in select(clause)) - {"5.2/16"}  # which is large
+UPLOAD_CHUNK = 0x52
 REFUSED = b"\xcc\x52\x010\xaa"
 
 
@@ -234,3 +237,29 @@ def test_a_conforming_controller_of_another_kind_passes(brain: type[Brain]) -> N
     bad = {Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE}
     assert [(c.id, c.message, c.observed) for c in results.cases if c.verdict in bad] == []
     assert len(results.cases) > len(ONLY) / 4
+
+
+class StallingAccess(MemoryAccess):
+    """A machine that does nothing for a while ahead of the third chunk."""
+
+    def connect(self) -> Link:
+        link, chunks = super().connect(), itertools.count(1)
+        send = link.send
+
+        def stall(data: bytes) -> int:
+            if data[1] == UPLOAD_CHUNK and next(chunks) == 3:
+                self.pause(31)
+            return send(data)
+
+        link.send = stall  # type: ignore[method-assign]
+        return link
+
+
+def test_a_slow_machine_fails_nobody() -> None:
+    """A chunk that comes when the transfer is over is rightly refused."""
+    access = StallingAccess(Robot(Brain, DEFAULT).network)
+    options = Options(only=frozenset({"5.2/16"}), allowed=ALL)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    said = {case.message for case in results.cases if case.verdict is Verdict.INCONCLUSIVE}
+    assert results.counts[Verdict.FAIL] == 0
+    assert said == {"this machine is too slow: a frame followed 31.000 s late"}
