@@ -13,7 +13,7 @@ from scaraspec.controller.brain import Brain
 from scaraspec.controller.robot import DONE
 from scaraspec.controller.session import Action, Carrier, Close, Request, Session
 from scaraspec.judgement.verdicts import Verdict
-from scaraspec.protocol.commands import Network
+from scaraspec.protocol.commands import Network, RunningProgram
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Skipped, Why
 from scaraspec.protocol.payloads import Acceptance
@@ -499,3 +499,50 @@ def test_deaf_while_it_jogs() -> None:
     skipped = [case.id for case in cases.values() if case.verdict is Verdict.NONE]
     assert "4.8/7.jogging" in skipped
     assert all(case.verdict in (*GOOD, Verdict.NONE) for case in cases.values()), wrong(cases)
+
+
+class RunsForOthers(Brain):
+    """Somebody else's program runs on it for ever."""
+
+    name = b"welding.rob"
+
+    def get_status(self, _: Request) -> str:
+        """Say so."""
+        return "01"
+
+    def get_running_program(self, request: Request) -> RunningProgram | None:
+        """Tell which."""
+        return RunningProgram(self.name, int(request.now_s)) if self.name else None
+
+
+class LeavesOursRunning(RunsForOthers):
+    """What it says to run is the suite's."""
+
+    name = b"zs1.rob"
+
+
+class SaysThatItRuns(RunsForOthers):
+    """Nothing is told to run."""
+
+    name = b""
+
+
+def _found_busy(brain: type[Brain]) -> Mapping[str, Case]:
+    options = Options(only=frozenset({"3/31", "4.8/3", "4.9/6"}), examples=2)
+    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    return {case.id: case for case in results.cases if "--allow" not in case.message}
+
+
+def test_a_robot_at_work_is_not_failed_for_it() -> None:
+    """Who asks a robot that others run may find it busy; it is not said to be idle either."""
+    cases = _found_busy(RunsForOthers)
+    skipped = {case.id for case in cases.values() if "welding.rob" in case.message}
+    assert skipped == {"4.8/2", "4.9/6", "3/31.sequences"}
+    assert all(case.verdict in (*GOOD, Verdict.NONE) for case in cases.values()), wrong(cases)
+
+
+@pytest.mark.parametrize("brain", [LeavesOursRunning, SaysThatItRuns])
+def test_what_does_not_look_like_work_is_failed(brain: type[Brain]) -> None:
+    """A status alone is no program, and a program of the suite's own no work of others."""
+    assert _found_busy(brain)["4.8/2"].verdict is Verdict.FAIL

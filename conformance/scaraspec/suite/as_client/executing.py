@@ -3,18 +3,23 @@
 A command may end just before it is asked about: then it is not held against the subject.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Final
 
 from scaraspec.protocol import errors
+from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.fields import show
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.subject import STEM, Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.programs.layout import configured, find_layout
 from scaraspec.suite.programs.writing import wait_program
 from scaraspec.suite.wire import Answer
 
 _IDLE: Final = "00"
+_RUNNING: Final = ("01", "02")  # L1018-1019
 _LAG_S: Final = 0.1  # for how long a result may come behind the status that tells of its end
 _REST_S: Final = 1.0  # within which the status has to follow a result
 
@@ -44,6 +49,27 @@ def begin(subject: Subject, line: Line, command: str, value: Any = None) -> None
     answer = line.ask(command, value)
     if not answer.accepted:
         raise NotRun(f"{command} was refused: {answer}")
+
+
+@contextmanager
+def unless_others_run(subject: Subject) -> Iterator[None]:
+    """Hold nothing against a robot that turns out to run a program of somebody else.
+
+    It has to say so twice, in its status and in what it tells of the program.
+
+    Raises:
+        NotRun: It does.
+    """
+    try:
+        yield
+    except Exception:
+        line = subject.open()
+        status, told = line.ask("get_status").value, line.ask("get_running_program").value
+        others = isinstance(told, RunningProgram) and not told.name.startswith(STEM.encode())
+        if status in _RUNNING and others:
+            message = f"the robot runs {show(told.name)}, which is not the suite's: end it first"
+            raise NotRun(message) from None
+        raise
 
 
 def ended(line: Line, command: str, within_s: float = 0.0) -> Answer | None:

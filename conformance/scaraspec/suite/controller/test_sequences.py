@@ -11,6 +11,7 @@ from typing import Final
 from hypothesis import Phase, given, settings
 
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.executing import unless_others_run
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.model import Step
 from scaraspec.suite.as_client.sequences import (
@@ -107,7 +108,8 @@ def _in_any_order(
             if error := failed.get(tuple(steps)):  # hypothesis asks twice
                 raise error
 
-        each()
+        with unless_others_run(subject):
+            each()
 
 
 @case("3/31", "5.2/12", "4.10/11", name="long-use", hazards=_STATE)
@@ -116,6 +118,7 @@ def test_long_use(subject: Subject, line: Line) -> None:
     acts = [act for act in acts_within(subject, frozenset(_STATE)) if act != "reconnect"]
     count = settings().max_examples * _LONG
     with (
+        unless_others_run(subject),
         state_kept(subject, line, frozenset(_STATE)) as names,
         model_of(subject, acts, names) as model,
     ):
