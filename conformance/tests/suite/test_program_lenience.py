@@ -108,6 +108,20 @@ def test_analog_inputs_may_be_few_coarse_and_noisy() -> None:
     assert not alarms(Converts, "4.33/2", "6.5/9")
 
 
+class HasSensors(Brain):
+    """Half of its inputs change by themselves, one of them quickly."""
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        for port in (2, 4, 6):
+            self.plant.digital_inputs[port] = int(now_s / (0.1 * port)) % 2 == 1
+
+
+def test_inputs_may_change_by_themselves() -> None:
+    """Programs wait by those that are still."""
+    assert not alarms(HasSensors, "6.5/9", "6.5/21")
+
+
 class SetsItsConfiguration(Brain):
     """A run sets the positions of its file for good (A-6.3-3), which must be ones that can be."""
 

@@ -3,7 +3,7 @@
 Digits are turned round here once and for all: the leftmost is the highest port (L651, L684).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
 
@@ -15,6 +15,11 @@ from scaraspec.suite.wire import Answer
 
 ALL_OUTPUTS: Final = range(1, 17)
 """The ports of 0x49 (L687)."""
+
+ALL_INPUTS: Final = range(1, 9)
+"""The ports of 0x42 (L651)."""
+
+_LOOKS, _LOOK_S = 10, 0.1
 
 Bits = tuple[bool, ...]
 """The states of ports in the order of their numbers, that of port 1 first."""
@@ -114,23 +119,37 @@ def outputs_kept(line: Line) -> Iterator[Bits]:
                     set_output(line, port, on=was)
 
 
+def still_inputs(line: Line, ports: Iterable[int]) -> list[int]:
+    """Those of the inputs that do not change by themselves, as far as a moment shows."""
+    seen = [inputs(line)]
+    for _ in range(_LOOKS):
+        line.wait(_LOOK_S)
+        seen.append(inputs(line))
+    return [port for port in ports if len({states[port - 1] for states in seen}) == 1]
+
+
 @contextmanager
-def inputs_steady(line: Line) -> Iterator[Bits]:
-    """Give the states of the inputs; what fails while they change is held against nobody.
+def inputs_steady(line: Line, ports: Iterable[int] = ALL_INPUTS) -> Iterator[Bits]:
+    """Give the states of the inputs; what fails while these change is held against nobody.
 
     Raises:
         Undecided: They have changed meanwhile.
     """
     before = inputs(line)
-    changed = "the inputs changed while programs read them"
+
+    def changed() -> bool:
+        now = inputs(line)
+        return any(now[port - 1] != before[port - 1] for port in ports)
+
+    message = "the inputs changed while programs read them"
     try:
         yield before
     except Unmet:
-        if inputs(line) != before:
-            raise Undecided(changed) from None
+        if changed():
+            raise Undecided(message) from None
         raise
-    if inputs(line) != before:
-        raise Undecided(changed)
+    if changed():
+        raise Undecided(message)
 
 
 class Drive:

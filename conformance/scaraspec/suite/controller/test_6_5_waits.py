@@ -12,6 +12,7 @@ from scaraspec.suite.as_client.ports import (
     inputs_driven,
     inputs_steady,
     outputs,
+    still_inputs,
     with_port,
 )
 from scaraspec.suite.as_client.subject import Subject
@@ -237,8 +238,11 @@ def test_driven_conditions(subject: Subject, line: Line) -> None:
 
 def _pass_and_stand(line: Line, robot: Bench) -> None:
     passed: list[Node] = []
-    with inputs_steady(line) as states:
-        ports = {states[port - 1]: port for port in INPUTS}
+    still = still_inputs(line, INPUTS)
+    if not still:
+        raise Undecided("no input is still, by which a program could wait")
+    with inputs_steady(line, still) as states:
+        ports = {states[port - 1]: port for port in still}
         for condition, value, on, holds in _waits():
             if on not in ports:
                 continue
