@@ -4,7 +4,7 @@ A command may end just before it is asked about: then it is not held against the
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 from scaraspec.protocol import errors
@@ -52,10 +52,14 @@ def begin(subject: Subject, line: Line, command: str, value: Any = None) -> None
 
 
 @contextmanager
-def unless_others_run(subject: Subject) -> Iterator[None]:
+def unless_others_run(subject: Subject, line: Line | None = None) -> Iterator[None]:
     """Hold nothing against a robot that turns out to run a program of somebody else.
 
     It has to say so twice, in its status and in what it tells of the program.
+
+    Args:
+        subject: The subject.
+        line: A connection to it; without one, all are ended for another.
 
     Raises:
         NotRun: It does.
@@ -63,13 +67,22 @@ def unless_others_run(subject: Subject) -> Iterator[None]:
     try:
         yield
     except Exception:
-        line = subject.open()
-        status, told = line.ask("get_status").value, line.ask("get_running_program").value
-        others = isinstance(told, RunningProgram) and not told.name.startswith(STEM.encode())
-        if status in _RUNNING and others:
-            message = f"the robot runs {show(told.name)}, which is not the suite's: end it first"
+        name = b""
+        with suppress(Unmet, Undecided):
+            if line is None:
+                subject.close_lines()
+            name = _program_of_others(line or subject.open())
+        if name:
+            message = f"the robot runs {show(name)}, which is not the suite's: end it first"
             raise NotRun(message) from None
         raise
+
+
+def _program_of_others(line: Line) -> bytes:
+    status, told = line.ask("get_status").value, line.ask("get_running_program").value
+    if status not in _RUNNING or not isinstance(told, RunningProgram):
+        return b""
+    return b"" if told.name.startswith(STEM.encode()) else told.name
 
 
 def ended(line: Line, command: str, within_s: float = 0.0) -> Answer | None:

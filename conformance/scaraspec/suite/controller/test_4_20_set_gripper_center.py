@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.executing import unless_others_run
 from scaraspec.suite.as_client.keeping import kept
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
@@ -26,15 +27,17 @@ _tenths = st.integers(-1000, 1000).map(lambda tenths: tenths / 10)
 _thousandths = st.integers(-100_000, 100_000).map(lambda thousandths: thousandths / 1000)
 
 
-def _set(line: Line, wanted: Point) -> None:
+def _set(subject: Subject, line: Line, wanted: Point) -> None:
+    """Set it; who runs a program may refuse (A-4.20-1)."""
     answer = line.ask("set_gripper_center", wanted)
-    expect(
-        answer.accepted,
-        "a gripper centre was not answered 1",
-        expected="1",
-        observed=f"{answer}",
-        requirement="4.20/2",
-    )
+    with unless_others_run(subject, line):
+        expect(
+            answer.accepted,
+            "a gripper centre was not answered 1",
+            expected="1",
+            observed=f"{answer}",
+            requirement="4.20/2",
+        )
 
 
 def _expect_shown(line: Line, wanted: Point) -> None:
@@ -51,14 +54,14 @@ def test_set(subject: Subject, line: Line) -> None:
     @example(Point(99.9, -99.9, 5))
     @given(st.builds(Point, _tenths, _tenths, _tenths))
     def each(wanted: Point) -> None:
-        _set(line, wanted)
+        _set(subject, line, wanted)
         _expect_shown(line, wanted)
 
     with kept(subject, line, "gripper centre"):
         each()
         line.close()
         fresh = subject.open()
-        _set(fresh, _PLAIN)
+        _set(subject, fresh, _PLAIN)
         fresh.close()
         _expect_shown(subject.open(), _PLAIN)
 
@@ -87,7 +90,7 @@ def test_decimals(subject: Subject, line: Line) -> None:
 def test_malformed(subject: Subject, line: Line) -> None:
     """What is not three numbers is not answered 1, and changes nothing."""
     with kept(subject, line, "gripper centre"):
-        _set(line, _PLAIN)
+        _set(subject, line, _PLAIN)
         for wrong in malformed("set_gripper_center", _OTHER, subject.dialect):
             offered = offer(subject, line, "set_gripper_center", wrong)
             line = offered.line
@@ -98,7 +101,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
                 observed=f"{offered}",
             )
             if offered.accepted:
-                _set(line, _PLAIN)
+                _set(subject, line, _PLAIN)
             message = f"a gripper centre with {wrong} was refused and has changed it"
             expect_numbers(gripper_of(line), _PLAIN, message, "4.20/3")
 
@@ -110,7 +113,7 @@ def test_moves_nothing(subject: Subject, line: Line) -> None:
         for wanted in (Point(0, 0, 50), Point(20, -20, 0)):
             before = joints_of(line)
             subject.moved = True
-            _set(line, wanted)
+            _set(subject, line, wanted)
             line.wait(_SOON_S)
             after = joints_of(line)
             expect(
