@@ -25,6 +25,9 @@ _WITHOUT_DATA: Final = tuple(name for name in _OPERATIONS if name not in VALUES)
 _LENGTHS_BYTES: Final = (127, 128, 129, 170, 200, 204, 254, 255)
 _SIGNED: Final = 127
 _TOO_LONG_BYTES: Final = (256, 257, 300, 511, 512, 600)
+_WIDE: Final = (
+    "程" * 130
+).encode()  # fewer than 255 characters, also in GB18030 more bytes (A-T-2)
 _PAUSE_S: Final = 0.3
 _TWICE: Final = {"get_status": ("00", "01"), "get_version": ("1.0.0", "1.0.1")}
 """Two answers to the same question."""
@@ -90,6 +93,7 @@ def test_too_long(subject: Subject, line: Line) -> None:
     def each(name: str) -> None:
         for size_bytes in _TOO_LONG_BYTES:
             refuses(subject, line, name, b"x" * size_bytes)
+        refuses(subject, line, name, _WIDE)
 
     of_each(("delete_program", "set_default_program", "run_program", "login"), each)
 

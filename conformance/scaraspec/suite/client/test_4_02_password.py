@@ -20,6 +20,8 @@ _BARRED: Final = (
     PasswordChange(b"old", b"new|"),
 )
 _TOO_LONG_BYTES: Final = ((127, 128), (128, 127), (1, 254), (254, 1), (200, 200), (255, 255))
+_WIDE: Final = PasswordChange(("旧" * 60).encode(), ("新" * 70).encode())
+"""131 characters with the bar between them; too long in UTF-8 and in GB18030 (A-T-2)."""
 
 
 @client_case("4.2/1", attended=True)
@@ -59,6 +61,7 @@ def test_bars(subject: Subject, line: Line) -> None:
 
 @client_case("4.2/7", name="long")
 def test_too_long(subject: Subject, line: Line) -> None:
-    """Pairs that exceed 255 bytes are ordered; the client refuses them."""
+    """Pairs of more than 255 bytes are ordered, one of fewer characters; the client refuses."""
     for old, new in _TOO_LONG_BYTES:
         refuses(subject, line, "set_password", PasswordChange(b"o" * old, b"n" * new))
+    refuses(subject, line, "set_password", _WIDE)

@@ -61,10 +61,14 @@ def test_late_parts(subject: Subject, line: Line) -> None:
 
 @client_case("4.10/10", name="many")
 def test_many(subject: Subject, line: Line) -> None:
-    """Hundreds of names come in parts that are as full as they can be, and in small ones."""
+    """Hundreds of names come in full parts, in small ones, and but for the last: that fails."""
     listed = [f"pro{number:03}.rob" for number in range(_MANY)]
     for per_part in (22, 10):  # of 11 bytes each
         _lists(subject, line, listed, per_part=per_part)
+    call = subject.begin("list_programs")
+    serve_list(subject, line, call, list_of(*listed, per_part=22)[:-1])
+    line.close()
+    subject.fails(call, requirement="T/9")
 
 
 @client_case("4.10/10", "T/9", name="order")

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from scaraspec.cli.proving_client import MemoryClient
-from scaraspec.client import AsyncClient, ClientCore, ClientError
+from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
 from scaraspec.client.core import Event
-from scaraspec.client.exchange import Exchange
+from scaraspec.client.exchange import Exchange, Listing
 from scaraspec.client.transfer import Upload
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import (
@@ -24,7 +24,7 @@ from scaraspec.protocol.commands import (
 )
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES
-from scaraspec.protocol.frames import Frame, Framer
+from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame, Framer
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import BUFFER_BYTES
 from scaraspec.suite.as_controller.orders import VALUES
@@ -279,3 +279,41 @@ def test_what_is_ordered_is_sent_as_it_is() -> None:
     """Neither the blanks of a password nor the century of a year are the client's to change."""
     cases = tried(Tidies, "4.2/1", "4.5/1")
     assert cases["4.2/1.pairs"] is cases["4.5/1.times"] is Verdict.FAIL
+
+
+class CountsCharacters(ClientCore):
+    """Takes what has few enough characters for short enough, and sends what fits of it."""
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if isinstance(value, PasswordChange) and len(b"|".join(value).decode()) <= MAX_DATA_BYTES:
+            value = value._replace(new=value.new[: MAX_DATA_BYTES - len(value.old) - 1])
+        elif isinstance(value, bytes) and len(value.decode()) <= MAX_DATA_BYTES:
+            value = value[:NAME_MAX_BYTES]
+        return super().command(name, value)
+
+
+@pytest.mark.parametrize("requirement", ["3/28", "4.2/7"])
+def test_characters_are_no_bytes(requirement: str) -> None:
+    """255 bytes are the limit, not 255 characters."""
+    assert Verdict.FAIL in tried(CountsCharacters, requirement).values()
+
+
+class TellsHalfAList(ClientCore):
+    """What has come of a program list when the connection ends is told as the list."""
+
+    class _Half(Listing):
+        def fail(self, problem: ClientError) -> None:
+            if self._names and isinstance(problem, LinkLost):
+                self.settle(tuple(self._names))
+            else:
+                super().fail(problem)
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if name != "list_programs":
+            return super().command(name, value)
+        return self._Half(BY_NAME[name], value, self.dialect)
+
+
+def test_half_a_list_is_none() -> None:
+    """A list whose last part has not come is not told as one."""
+    assert tried(TellsHalfAList, "4.10/10")["4.10/10.many"] is Verdict.FAIL
