@@ -113,12 +113,13 @@ def test_parts_of_a_list(subject: Subject, line: Line) -> None:
 def test_two_replies(subject: Subject, line: Line) -> None:
     """The replies to two requests come in one segment, and so do their requests perhaps."""
     subject.concurrent(line)
-    calls = [subject.begin(name) for name in ("get_status", "get_version")]
+    names = subject.unpolled("get_status", "get_version", "get_time")
+    calls = [subject.begin(name) for name in names]
     for call in calls:
         awaited(line, call.name, call)
     line.send_bytes(b"".join(_reply(line, call.name) for call in calls))
-    subject.gives(calls[0], "00")
-    subject.gives(calls[1], "1.0.0")
+    for call in calls:
+        subject.gives(call, REPLIES[call.name].decode())
 
 
 @client_case("2/6", name="behind-others")

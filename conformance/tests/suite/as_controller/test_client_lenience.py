@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Iterable
 from contextlib import closing, suppress
+from datetime import datetime
 from ipaddress import IPv4Address, IPv4Network
 from pathlib import Path
 from typing import Any, TypeVar
@@ -176,6 +177,23 @@ def test_fetched_parts() -> None:
 def test_polls() -> None:
     """What a client asks by itself is served, and taken for nothing else."""
     assert not wrong(Polls, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
+
+
+class AsksFirst(AsyncClient):
+    """Asks for the status ahead of the version and the time, and waits for it."""
+
+    async def get_version(self) -> str:
+        await self.get_status()
+        return await super().get_version()
+
+    async def get_time(self) -> datetime:
+        await self.get_status()
+        return await super().get_time()
+
+
+def test_asking_first() -> None:
+    """No case withholds the reply to a poll and waits for what the client does behind it."""
+    assert not wrong(AsksFirst, frozenset({"2/6", "3/27", "3/33"}))
 
 
 class Lists(Ceaseless):
