@@ -336,10 +336,11 @@ def _asked_elsewhere(unasked: Unasked, scene: Scene) -> bool:
 def result_out_of_the_blue(unasked: Unasked, scene: Scene) -> Judged | None:
     """A final result without an accepted request before it."""
     if _asked_elsewhere(unasked, scene) and not unasked.late:
+        what = "a final result of" if unasked.seen.frame.tagged else "a reply to"
         return tolerated(
             "A-2-9",
             "elsewhere",
-            f"a final result of {unasked.seen.name} came on a connection that had not asked for it",
+            f"{what} {unasked.seen.name} came on a connection that had not asked for it",
         )
     if not _misplaced(unasked):
         return None
