@@ -217,6 +217,15 @@ def _within_half_a_turn(angle_deg: float) -> float:
     return 180 - (180 - angle_deg) % 360
 
 
+@pytest.mark.parametrize("requirement", ["4.17/7", "6.5/25"])
+def test_deafness_is_found_out_by_whoever_has_to_know(requirement: str) -> None:
+    """Who answers nothing while it executes (A-4-3) is failed by no case that is tried alone."""
+    options = Options(only=frozenset({requirement}), allowed=ALL)
+    access = MemoryAccess(Robot(Deaf, DEFAULT).network)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    assert not results.counts[Verdict.FAIL]
+
+
 @pytest.mark.parametrize("brain", [Latching, Away, Late, Quick, Deaf, Trembles, Turns])
 def test_no_false_alarm(brain: type[Brain]) -> None:
     """No case of the two-stage commands fails of what the register lets a controller do."""

@@ -16,6 +16,7 @@ from scaraspec.protocol.programs import Node
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import farthest, turned
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import attentive
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.programs.bench import Bench
 from scaraspec.suite.programs.writing import Values, straight
@@ -173,6 +174,7 @@ def _place(line: Line, meaning: Meaning) -> Values:
 def _meaning(subject: Subject, line: Line, robot: Bench) -> Meaning:
     """What the values of a point are, found out once in a run by turning the gripper a little."""
     if _KEY not in subject.known:
+        attentive(subject, line)  # who cannot watch it does not move what is not known
         subject.known[_KEY] = None
         claimed = subject.dialect[_KEY]
         for meaning in sorted(Meaning, key=lambda each: each != claimed):

@@ -38,7 +38,7 @@ _STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
 _LATCHES: Final = "latches"
 _TURN: Final = 360.0
 _TURNS_FROM: Final = 3
-_LOCK, _RESET = "lock_joints", "reset"
+_LOCK, _MOVE, _RESET = "lock_joints", "set_tool_coordinates", "reset"
 _READINGS: Final = 5
 
 
@@ -135,7 +135,7 @@ def ask_move(subject: Subject, line: Line, pose: Pose, speed_percent: int | None
     """Ask for a move, by default at the speed that the statement of conformance allows."""
     subject.moved = True
     speed = subject.statement.motion.speed_percent if speed_percent is None else speed_percent
-    return line.ask("set_tool_coordinates", target(pose, speed))
+    return line.ask(_MOVE, target(pose, speed))
 
 
 def begin_step(
@@ -210,7 +210,7 @@ def _go_back(subject: Subject, line: Line, pose: Pose) -> None:
     answer = ask_move(subject, line, pose)
     if not answer.accepted:
         raise Unmet("the way back is refused", expected="1", observed=f"{answer}")
-    line.result("set_tool_coordinates")
+    line.result(_MOVE)
 
 
 # ---------------------------------------------------------------------- while it executes
@@ -311,7 +311,7 @@ def status_of(subject: Subject, line: Line) -> str | None:
     """The status; None where a robot that executes answers nothing (A-4-3)."""
     deaf = subject.known.get(DEAF)
     if deaf:
-        _drop(line, "get_status", tagged=False)
+        _drop_late_replies(line)
     try:
         answer = line.ask("get_status", within_s=_POLL_S if deaf else None)
     except NoAnswer:
@@ -322,11 +322,24 @@ def status_of(subject: Subject, line: Line) -> str | None:
     return status
 
 
-def _drop(line: Line, name: str, *, tagged: bool) -> None:
-    """Drop what came late, or was left: it tells of then, not of now."""
-    dropped = (tagged, BY_NAME[name].opcode)
+def _drop_late_replies(line: Line) -> None:
+    """Drop what was answered only when the robot had ended: it tells of then, not of now."""
+    opcode = BY_NAME["get_status"].opcode
     line.pump()
-    line.heard[:] = [s for s in line.heard if (s.frame.tagged, s.frame.opcode) != dropped]
+    line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode != opcode]
+
+
+@contextmanager
+def _set_aside(line: Line, name: str) -> Iterator[None]:
+    """Take no final result of an earlier request of this command for that of the next."""
+    opcode = BY_NAME[name].opcode
+    line.pump()
+    earlier = [s for s in line.heard if s.frame.tagged and s.frame.opcode == opcode]
+    line.heard[:] = [s for s in line.heard if s not in earlier]
+    try:
+        yield
+    finally:
+        line.heard[:0] = earlier
 
 
 def await_rest(subject: Subject, line: Line) -> None:
@@ -345,17 +358,19 @@ def release_latch(subject: Subject, line: Line) -> None:
     if not subject.known.get(LATCHED):
         return
     if line.ask("get_status").value == IDLE:
-        answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
+        with _set_aside(line, _MOVE):
+            answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
+            if answer.accepted:
+                line.result(_MOVE)
         if answer.accepted:
-            line.result("set_tool_coordinates")
             if _LATCHES not in subject.known:
                 subject.known[LATCHED] = False
             return
     subject.known[_LATCHES] = True
-    _drop(line, _RESET, tagged=True)  # it may be a reset that was stopped
-    if line.ask(_RESET).accepted:
-        line.result(_RESET)
-        line.wait(_POLL_S)
+    with _set_aside(line, _RESET):
+        if line.ask(_RESET).accepted:
+            line.result(_RESET)
+            line.wait(_POLL_S)
 
 
 def make_ready(subject: Subject) -> None:
@@ -384,10 +399,10 @@ def _takes_a_move(subject: Subject, line: Line) -> bool:
 
 
 def _goes(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = None) -> bool:
-    lacks = "set_tool_coordinates" in subject.statement.lacks
+    lacks = _MOVE in subject.statement.lacks
     if lacks or not ask_move(subject, line, pose, speed_percent).accepted:
         return False
-    return line.result("set_tool_coordinates").done is True
+    return line.result(_MOVE).done is True
 
 
 def _is_unsteady(line: Line) -> bool:

@@ -22,6 +22,7 @@ from scaraspec.suite.as_client.motion import (
     IDLE,
     SLOWEST_PERCENT,
     begin_step_somewhere,
+    go_on_if_it_listens,
     knows_whether_it_listens,
     listens,
     pose_of,
@@ -307,6 +308,8 @@ def lasting(subject: Subject, line: Line, name: str, *, queries: bool = True) ->
         Unmet: The idle robot refuses it.
         NotRun: The robot answers nothing while it executes (A-4-3), or cannot do it here.
     """
+    if not queries:  # what ends it asks all the same
+        find_out_whether_it_listens(subject, line)
     with returning(subject, line):
         task = Task(name, line)
         with _BEGIN[name](subject, line, task):
@@ -324,6 +327,9 @@ def attentive(subject: Subject, line: Line) -> None:
     Raises:
         NotRun: It does not (A-4-3).
     """
+    if knows_whether_it_listens(subject):
+        go_on_if_it_listens(subject, line)
+        return
     with lasting(subject, line, RUN):
         pass
 
