@@ -34,7 +34,7 @@ CAPTURE: Final = "capture.mcap"
 _RISKS: Final = {
     Hazard.READ_ONLY: "ask only",
     Hazard.STATE: "change the clock, settings, sessions and stored files, and put them back",
-    Hazard.MOTION: "MOVE the arm, its brakes or its outputs",
+    Hazard.MOTION: "MOVE the arm, its brakes or its outputs, and stop what the robot is doing",
     Hazard.DESTRUCTIVE: "DELETE files, change password and network, or shut the robot down",
 }
 

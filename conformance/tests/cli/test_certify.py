@@ -111,6 +111,7 @@ def test_a_plan_sends_nothing(processes: Any) -> None:
     done = processes.run("certify", "controller", *ALL, "--dry-run")
     assert done.returncode == 0
     assert "MOVE the arm" in done.stdout
+    assert "stop what the robot is doing" in done.stdout
 
 
 @pytest.mark.parametrize(
