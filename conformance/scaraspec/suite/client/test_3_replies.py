@@ -274,18 +274,36 @@ def test_reply_of_another(subject: Subject, line: Line) -> None:
         subject.gives(call, "00")
 
 
+_YES_TO_OTHERS: Final = {
+    "set_time": (0x03, 0x0C, 0x35),
+    "run_program": (0x31,),
+    "simulate_program": (0x30,),
+}
+"""Opcodes of others under which a 1 is no answer to this."""
+
+
 @client_case("3/33", name="flag")
 def test_flag_of_another(subject: Subject, line: Line) -> None:
-    """A yes to another command comes ahead of the no to this one."""
-    for opcode in (0x03, 0x0C, 0x35):
-        call = order(subject, "set_time")
-        awaited(line, "set_time", call)
-        why = "the client took the reply to another command for its own"
-        if not _ignored(subject, line, call, Frame(C2A, opcode, b"1"), why=why):
-            line = _given_up(subject, line, "3/33")
-            continue
-        line.reply("set_time", data=b"0")
+    """A yes to another command comes ahead of the no to this one; or the connection ends."""
+
+    def each(name: str) -> None:
+        nonlocal line
+        for opcode in _YES_TO_OTHERS[name]:
+            call = order(subject, name)
+            awaited(line, name, call)
+            why = "the client took the reply to another command for its own"
+            if not _ignored(subject, line, call, Frame(C2A, opcode, b"1"), why=why):
+                line = _given_up(subject, line, "3/33")
+                continue
+            line.reply(name, data=b"0")
+            subject.fails(call)
+        call = order(subject, name)
+        awaited(line, name, call)
+        line.close()
         subject.fails(call)
+        line = subject.open()
+
+    of_each(_YES_TO_OTHERS, each)
 
 
 @client_case("3/33", name="result-first")

@@ -3,7 +3,7 @@
 from contextlib import suppress
 from typing import Final
 
-from hypothesis import given
+from hypothesis import example, given
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import NAME_MAX_BYTES
@@ -55,6 +55,8 @@ def test_unanswered(subject: Subject, line: Line) -> None:
 def test_names(subject: Subject, line: Line) -> None:
     """Default programs of many names, long ones too, are handed on; and that there is none."""
 
+    @example(b"1.rob")
+    @example(b"0.rob")
     @given(names)
     def each(name: bytes) -> None:
         _tells(subject, line, name, name.decode())

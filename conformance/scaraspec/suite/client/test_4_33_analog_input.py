@@ -79,6 +79,7 @@ def test_values(subject: Subject, line: Line) -> None:
     @example(-0.125)
     @example(1.0)
     @example(4095.0)
+    @example(65535.0)
     @given(st.integers(-10_000_000, 10_000_000).map(lambda thousandths: thousandths / 1000))
     def each(value: float) -> None:
         call = subject.begin(_GET, port=2)

@@ -311,10 +311,18 @@ def test_every_order_refused(subject: Subject, line: Line) -> None:
 
 @client_case("4/13", name="bare")
 def test_bare_refusal(subject: Subject, line: Line) -> None:
-    """A move that is refused with 0 alone, as its row prints the length, is refused (A-4.24-3)."""
-    call = ordered(subject, line, MOVE)
-    line.reply(MOVE.name, data=b"0")
-    refused(subject, call)
+    """A move is refused with 0 alone, as its row prints the length (A-4.24-3), behind a reason."""
+    for data, code in ((b"0|05", "05"), (b"0", "")):
+        call = ordered(subject, line, MOVE)
+        line.reply(MOVE.name, data=data)
+        refused(subject, call, code)
+    expect(
+        code_of(call) != "05",
+        "the code of a refusal is told of the next one, which has none",
+        expected="no code",
+        observed=f"{call}",
+        requirement="T/9",
+    )
 
 
 @client_case("4/13", "4/12", name="unknown")

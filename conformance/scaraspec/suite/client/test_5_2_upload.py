@@ -6,6 +6,7 @@ A file arrives whole or is told as failed: what the client says is checked as mu
 import itertools
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 import pytest
 from hypothesis import example, given
@@ -39,6 +40,7 @@ from scaraspec.suite.case import client_case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import expect, expect_equal, expect_in
+from scaraspec.suite.limits import limits_of
 from scaraspec.suite.strategies import NAME_CHARACTERS
 
 _WHOLE = content_of(650)
@@ -362,7 +364,8 @@ def test_refused_download(subject: Subject, line: Line) -> None:
 
 @client_case("5.2/19", name="download-refused-then-sent")
 def test_file_of_a_refused_download(subject: Subject, line: Line) -> None:
-    """A download that was refused does not keep the same file from being fetched later."""
+    """A download that was refused, or had nowhere to go, keeps no file from being fetched later."""
+    line = _fetched_to_nowhere(subject, line)
     download = Download(subject, line, "zs-again.rob")
     line.reply("download_name", value=False)
     download.expect_failed()
@@ -374,7 +377,21 @@ def test_file_of_a_refused_download(subject: Subject, line: Line) -> None:
     download.expect_done("5.2/19")
 
 
-_ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10")
+def _fetched_to_nowhere(subject: Subject, line: Line) -> Line:
+    """Order a file into a folder that cannot be; the connection afterwards."""
+    local = Path(subject.file(b"no folder")) / "zs-again.rob"
+    call = subject.begin("download", remote="zs-again.rob", local=str(local))
+    if reaction(subject, line, call, "download_name") is not None:
+        line.reply("download_name")
+        line.chunk(Chunk(1, 0, 1, b"!"))
+        reaction(subject, line, call, "download_chunk", subject.silence_s)
+    subject.settled(call, within_s=limits_of(subject).over_s)
+    message = "a download is told as done, and there is no file"
+    expect(not call.ok or local.exists(), message, expected="an error", observed=f"{call}")
+    return serving(subject, line, "a file that cannot be written")
+
+
+_ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10", b"01", b"")
 
 
 @client_case("5.2/19", name="odd-answers")

@@ -1,8 +1,9 @@
 """Clients that are near to what the document leaves open, and wrong; or that show nothing."""
 
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -34,12 +35,13 @@ from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
 _IDLE = Frame(C2A, BY_NAME["get_status"].opcode, b"00").encode()
+_REFUSED_THEN_SENT = "5.2/19.download-refused-then-sent"
 _LISTED = ("delete_program", "set_default_program", "run_program", "simulate_program")
 
 
-def tried(core: type[ClientCore], *only: str) -> Mapping[str, Verdict]:
+def tried(make: type[ClientCore] | type[AsyncClient], *only: str) -> Mapping[str, Verdict]:
     """What comes of the cases of these requirements."""
-    shell = type("Made", (AsyncClient,), {"core": core})
+    shell = make if issubclass(make, AsyncClient) else type("Made", (AsyncClient,), {"core": make})
     with closing(MemoryClient(shell, DEFAULT)) as access:
         options = Options(only=frozenset(only), allowed=ALL, examples=3, exhaustive=True)
         results = Run(ClientSetting(access, Statement(), options)).results()
@@ -317,3 +319,65 @@ class TellsHalfAList(ClientCore):
 def test_half_a_list_is_none() -> None:
     """A list whose last part has not come is not told as one."""
     assert tried(TellsHalfAList, "4.10/10")["4.10/10.many"] is Verdict.FAIL
+
+
+class TakesLossForYes(ClientCore):
+    """What was set when the connection ended is told as done."""
+
+    class _Sent(Exchange):
+        def fail(self, problem: ClientError) -> None:
+            if isinstance(problem, LinkLost):
+                self.settle(None)
+            else:
+                super().fail(problem)
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if name != "set_time":
+            return super().command(name, value)
+        return self._Sent(BY_NAME[name], value, self.dialect)
+
+
+class WritesNowhere(AsyncClient):
+    """A download that cannot be written is told as done."""
+
+    async def download(self, remote: Any, *where: Any) -> Path:
+        with suppress(OSError):
+            return await super().download(remote, *where)
+        return Path()
+
+
+@pytest.mark.parametrize(
+    ("make", "case"), [(TakesLossForYes, "3/33.flag"), (WritesNowhere, _REFUSED_THEN_SENT)]
+)
+def test_nothing_is_no_success(make: type[ClientCore] | type[AsyncClient], case: str) -> None:
+    """Neither a missing reply nor a missing file is told as done."""
+    assert tried(make, case.rpartition(".")[0])[case] is Verdict.FAIL
+
+
+def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCore]:
+    """A client that takes one frame for another."""
+    sent = Frame(C2A, BY_NAME[name].opcode, data).encode()
+    read = Frame(C2A, BY_NAME[other].opcode, taken).encode()
+
+    class Misreads(ClientCore):
+        def feed(self, data: bytes, now_s: float) -> list[Event]:
+            return super().feed(data.replace(sent, read), now_s)
+
+    return Misreads
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "other", "taken", "case"),
+    [
+        ("simulate_program", b"1", "run_program", b"1", "3/33.flag"),
+        ("set_tool_coordinates", b"0", "set_tool_coordinates", b"0|05", "4/13.bare"),
+        ("get_analog_input", b"1|65535", "get_analog_input", b"1|-1", "4.33/4.values"),
+        ("upload_chunk", b"", "upload_chunk", b"1", "5.2/19.odd-answers"),
+        ("get_default_program", b"1.rob", "get_default_program", b".rob", "T/9.default-program"),
+    ],
+)
+def test_what_is_told_is_what_was_sent(
+    name: str, data: bytes, other: str, taken: bytes, case: str
+) -> None:
+    """Another's reply, an earlier code, 16 bits with a sign, nothing, and a name are told apart."""
+    assert tried(misreads(name, data, other, taken), case.rpartition(".")[0])[case] is Verdict.FAIL
