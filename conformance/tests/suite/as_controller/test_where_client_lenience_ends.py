@@ -12,7 +12,7 @@ from scaraspec.cli.proving_client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
 from scaraspec.client.core import Event
 from scaraspec.client.exchange import Exchange, Listing
-from scaraspec.client.transfer import Upload
+from scaraspec.client.transfer import Download, Upload
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import (
     BY_NAME,
@@ -27,7 +27,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame, Framer
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.protocol.transfer import BUFFER_BYTES
+from scaraspec.protocol.transfer import BUFFER_BYTES, Receiver, State
 from scaraspec.suite.as_controller.orders import VALUES
 from scaraspec.suite.as_controller.setting import ClientSetting
 from scaraspec.suite.plan import ALL, Options
@@ -381,3 +381,28 @@ def test_what_is_told_is_what_was_sent(
 ) -> None:
     """Another's reply, an earlier code, 16 bits with a sign, nothing, and a name are told apart."""
     assert tried(misreads(name, data, other, taken), case.rpartition(".")[0])[case] is Verdict.FAIL
+
+
+class _EndsEarly(Receiver):
+    """Holds the bytes received against the low half of the size."""
+
+    def take(self, data: bytes, now_s: float) -> bool | None:
+        taken = super().take(data, now_s)
+        if self.size_bytes and self.received_bytes == self.size_bytes % 2**16:
+            self.state = State.DONE
+        return taken
+
+
+class CountsIn16Bits(ClientCore):
+    """A download has ended where its size seems to be reached."""
+
+    class _Short(Download):
+        receiver = _EndsEarly
+
+    def download(self, name: bytes, limit_bytes: int = 2**20) -> Download:
+        return self._Short(name, limit_bytes, self.dialect)
+
+
+def test_no_download_is_over_too_early() -> None:
+    """A small sum does not end a large file."""
+    assert tried(CountsIn16Bits, "5.3/11")["5.3/11.large"] is Verdict.FAIL
