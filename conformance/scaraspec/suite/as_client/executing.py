@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, Final
 
+from hypothesis.errors import Flaky
+
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import show
@@ -66,7 +68,7 @@ def unless_others_run(subject: Subject, line: Line | None = None) -> Iterator[No
     """
     try:
         yield
-    except Exception:
+    except (Unmet, Undecided, Flaky):
         name = b""
         with suppress(Unmet, Undecided):
             if line is None:

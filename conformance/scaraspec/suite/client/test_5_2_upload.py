@@ -392,6 +392,7 @@ def _fetched_to_nowhere(subject: Subject, line: Line) -> Line:
 
 
 _ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10", b"01", b"")
+"""In turn to the name, the first chunk and the last one; nothing at all is said to two of them."""
 
 
 @client_case("5.2/19", name="odd-answers")

@@ -251,7 +251,7 @@ class StallingAccess(MemoryAccess):
                 self.pause(31)
             return send(data)
 
-        link.send = stall  # type: ignore[method-assign]
+        link.send = stall  # type: ignore[method-assign]  # of this one link
         return link
 
 

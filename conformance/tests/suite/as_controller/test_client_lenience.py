@@ -3,6 +3,7 @@
 import asyncio
 import math
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from contextlib import closing, suppress
 from datetime import datetime
@@ -79,15 +80,15 @@ class RefusesLongNames(ClientCore):
         return super().command(name, value)
 
 
-class Ceaseless(AsyncClient):
+class Ceaseless(AsyncClient, ABC):
     """Does something over and over, from its login on."""
 
     pause_s = 0.1
     _doing: asyncio.Task[None] | None = None
 
+    @abstractmethod
     async def once(self) -> None:
         """What it does."""
-        raise NotImplementedError
 
     async def connect(self) -> None:
         await super().connect()
