@@ -1,6 +1,5 @@
 """Faults of clause 4.24: moves to tool coordinates."""
 
-import math
 from dataclasses import replace
 
 from scaraspec.controller.behaviour.base import ACCEPTED
@@ -13,7 +12,6 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 
 _FAR_MM = 10_000
-_NO_WAY_MM = 0.01
 
 
 def _is_far(request: Request) -> bool:
@@ -141,8 +139,7 @@ class RefusesToStandStill(Brain):
     def set_tool_coordinates(self, request: Request) -> Acceptance:
         """Look whether there is a way to go."""
         pose = self.get_tool_coordinates(request)
-        target = None if self.robot.task else request.value
-        if target is not None and math.dist(target[1:4], pose[:3]) < _NO_WAY_MM:
+        if request.value is not None and request.value[1:4] == pose[:3] and not self.robot.task:
             return Acceptance(accepted=False, code="06")
         return super().set_tool_coordinates(request)
 
