@@ -14,10 +14,10 @@ def altered(password: bytes) -> bytes:
     return swapped if swapped != password else password[:-1] + bytes((last ^ 1,))
 
 
-def turned(password: bytes) -> bytes:
+def rotated(password: bytes) -> bytes:
     """A wrong one of the same letters, the first of them last; altered if that is no other."""
-    rotated = password[1:] + password[:1]
-    return rotated if rotated != password else altered(password)
+    other = password[1:] + password[:1]
+    return other if other != password else altered(password)
 
 
 def change(line: Line, old: bytes, new: bytes) -> Answer:

@@ -9,21 +9,15 @@ from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any, Final
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import PasswordChange, Point, PortValue
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import (
-    SLOWEST_PERCENT,
-    STANDSTILL,
-    farthest,
-    joints_of,
-    pose_of,
-    target,
-)
-from scaraspec.suite.as_client.passwords import turned
+from scaraspec.suite.as_client.motion import SLOWEST_PERCENT, joints_of, pose_of, target
+from scaraspec.suite.as_client.passwords import rotated
 from scaraspec.suite.as_client.ports import outputs, outputs_kept
 from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
 from scaraspec.suite.as_client.tasks import stored
@@ -74,7 +68,7 @@ class _Stranger:
         line = self._subject.open(login=False)
         if self._wrong_login:
             self._wrong_login = False  # once is enough (A-4.1-2)
-            said = line.ask("login", turned(self._subject.password))
+            said = line.ask("login", rotated(self._subject.password))
             expect(said.accepted is False, "a wrong password opens", requirement="4.1/3")
         return line
 
