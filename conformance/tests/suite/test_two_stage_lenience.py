@@ -3,6 +3,8 @@
 The register lists them as conforming: no case of the suite may fail of them.
 """
 
+import itertools
+from itertools import pairwise
 from typing import Any, Final
 
 import pytest
@@ -15,6 +17,7 @@ from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
 from scaraspec.controller.robot import DONE
 from scaraspec.controller.session import Action, Request, Session
+from scaraspec.judgement.places import farthest, ways
 from scaraspec.judgement.requirements import REQUIREMENTS
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import JointValues, Pose
@@ -27,6 +30,7 @@ from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
+_VISIBLE = 0.5
 _CLAUSES = ("4", "7", *(f"4.{n}" for n in (15, 16, 17, 18, 23, 24, 25, 26, 27, 28)))
 
 
@@ -298,3 +302,21 @@ def test_who_need_not_move_is_not_moved() -> None:
     assert asked.isdisjoint({0x30, 0x31, 0x33, 0x39, 0x3A, 0x3B, 0x3D})
     _run(Watched, "4.24/5")
     assert 0x33 in asked
+
+
+def test_who_steps_aside_comes_back() -> None:
+    """It goes along one axis at a time, and at the end back to where it stood."""
+    went = [arm.forward(Trembles.at)[:4]]
+
+    class Watched(Trembles):
+        def set_tool_coordinates(self, request: Request) -> Acceptance:
+            answer = super().set_tool_coordinates(request)
+            if answer.accepted:
+                went.append(request.value[1:5])
+            return answer
+
+    assert _run(Watched, "4.24/5") == {Verdict.PASS}
+    steps = [ways(there, here) for here, there in pairwise(went)]
+    assert max(map(farthest, went, itertools.repeat(went[0]))) > _VISIBLE
+    assert farthest(went[-1], went[0]) < _VISIBLE
+    assert all(sum(abs(way) > _VISIBLE for way in step) <= 1 for step in steps)

@@ -4,7 +4,6 @@ The recording need not show all who can move the arm: another client, a pendant,
 hold readings against each other only within moments of an evidence that nothing else moved it.
 """
 
-from collections.abc import Sequence
 from typing import Final
 
 from scaraspec.judgement.happenings import Exchange
@@ -18,29 +17,10 @@ STOP, LOCK, RELEASE = "emergency_stop", "lock_joints", "release_joints"
 MOVE, JOG = "set_tool_coordinates", "jog"
 MOTIONS: Final = ("run_program", "reset", MOVE, JOG)
 
-STANDSTILL: Final = 0.2
-"""Degrees or mm that a reading may differ by while nothing moves."""
 MOMENT_NS: Final = 2_000_000_000
 """So soon after a motion nobody else has begun another one."""
-_TURNS_FROM: Final = 3
 _SOON_NS: Final = 60_000_000_000
 """How old a reading may be that tells how things were before a command."""
-
-
-def angle(a: float, b: float) -> float:
-    """The difference of two angles, by the shorter way, in degrees."""
-    return abs((a - b + 180) % 360 - 180)
-
-
-def differ(a: Sequence[float], b: Sequence[float], by: float) -> bool:
-    """Whether two poses, or the joints twice, differ by more in any of their numbers.
-
-    What stands behind the third turns without end: a whole turn is none (A-7-2).
-    """
-    return any(
-        (abs(p - q) if at < _TURNS_FROM else angle(p, q)) > by
-        for at, (p, q) in enumerate(zip(a, b, strict=True))
-    )
 
 
 def ended_ns(y: Exchange) -> int:

@@ -5,6 +5,7 @@ from typing import Final
 
 from scaraspec.judgement.happenings import Exchange, FrameSeen
 from scaraspec.judgement.memory import answered_ns
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.judgement.rules.arm import (
     JOG,
     JOINTS,
@@ -12,11 +13,8 @@ from scaraspec.judgement.rules.arm import (
     MOTIONS,
     MOVE,
     POSE,
-    STANDSTILL,
     STOP,
-    angle,
     changed,
-    differ,
     ended_ns,
     gripper_asked_since,
     last_motion,
@@ -60,8 +58,7 @@ def pose_is_reached(x: Exchange, scene: Scene) -> Judged | None:
     target = move.asked[1:5]
     if max(abs(value) for value in target[:3]) >= _BEYOND_ALL_REACH_MM:
         return None  # 4.24/9 says it
-    off_mm = max(abs(p - q) for p, q in zip(target[:3], x.answer[:3], strict=True))
-    if off_mm <= _REACHED and angle(target[3], x.answer.theta_x) <= _REACHED:
+    if farthest(target, x.answer[:4]) <= _REACHED:
         return PASSED
     gripper = _gripper(x, scene)
     if gripper is None or any(gripper):
@@ -130,9 +127,9 @@ def _consistent(motion: Exchange, x: Exchange, scene: Scene) -> Judged | None:
     if pair is None:
         return None
     joints, poses = pair
-    if not differ(poses[0].answer[:4], poses[1].answer[:4], _VISIBLE):
+    if farthest(poses[0].answer[:4], poses[1].answer[:4]) <= _VISIBLE:
         return None
-    if differ(joints[0].answer, joints[1].answer, 0):
+    if farthest(joints[0].answer, joints[1].answer) > 0:
         return PASSED
     return changed(joints[0], joints[1], "the pose has changed and the joint angles have not")
 

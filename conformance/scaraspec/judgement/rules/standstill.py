@@ -6,16 +6,15 @@ from typing import Final
 
 from scaraspec.judgement.happenings import Exchange
 from scaraspec.judgement.memory import answered_ns
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.judgement.rules.arm import (
     JOINTS,
     LOCK,
     MOMENT_NS,
     MOTIONS,
     POSE,
-    STANDSTILL,
     STOP,
     changed,
-    differ,
     ended_ns,
     gripper_asked_since,
     last_motion,
@@ -68,7 +67,7 @@ def _still_after(names: Sequence[str], x: Exchange, scene: Scene) -> Judged | No
     first = next(scene.memory.between(x.name, ended_ns(motion), x.time_ns), None)
     if first is None or not first.answer:
         return None
-    if not differ(first.answer, x.answer, STANDSTILL):
+    if farthest(first.answer, x.answer) <= STANDSTILL:
         return PASSED
     if x.name == POSE and gripper_asked_since(first.time_ns, scene):
         return None
@@ -97,7 +96,7 @@ def _still_between_statuses(name: str, x: Exchange, scene: Scene) -> Judged | No
         return None
     readings = [y for y in scene.memory.between(name, begin_ns, x.time_ns) if y.answer]
     for y in readings[1:]:
-        if differ(readings[0].answer, y.answer, STANDSTILL):
+        if farthest(readings[0].answer, y.answer) > STANDSTILL:
             if name == POSE and gripper_asked_since(before.time_ns, scene):
                 return None
             return changed(readings[0], y, "the values changed although the robot was idle")
@@ -127,7 +126,7 @@ def _moves_nothing(x: Exchange, scene: Scene, *, setter: str) -> Judged | None:
     ]
     if len(settings) != 1 or settings[0].name != setter:
         return None
-    if not differ(before.answer, x.answer, STANDSTILL):
+    if farthest(before.answer, x.answer) <= STANDSTILL:
         return PASSED
     if setter != "set_gripper_center":
         return tolerated(_SETTERS[setter][1], "moves", f"the arm moved after {setter}")
@@ -151,6 +150,6 @@ def simulation_does_nothing(x: Exchange, scene: Scene) -> Judged | None:
     if x.name == _OUTPUTS and asked and asked.place.time_ns > before.time_ns:
         return None
     same = x.answer == before.answer or (
-        x.name == JOINTS and not differ(before.answer, x.answer, STANDSTILL)
+        x.name == JOINTS and farthest(before.answer, x.answer) <= STANDSTILL
     )
     return PASSED if same else changed(before, x, "the values changed during a simulation")

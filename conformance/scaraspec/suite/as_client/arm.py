@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+from scaraspec.judgement.places import farthest, turned
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.programs import Node
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import farthest, turned
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import attentive
 from scaraspec.suite.expect import Undecided, Unmet

@@ -4,12 +4,11 @@ Nothing is assumed of the arm: where it stands it says itself, how far it may go
 statement of conformance says. Whether a move was right is for the cases to say.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
-from itertools import product
 from typing import Final
 
+from scaraspec.judgement.places import STANDSTILL, farthest, ways
 from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import DEAF, LATCHED, SILENCE_S, Subject
@@ -19,8 +18,6 @@ from scaraspec.suite.wire import Answer
 AXES: Final = ("x", "y", "z", "theta_x")
 """What a move may change, with a meaning (7.1, L1006)."""
 
-STANDSTILL: Final = 0.2
-"""mm or degrees by which two readings differ at most where nothing has moved."""
 REACHED: Final = 1.0
 """mm or degrees by which a pose that was reached may be off (4.24/8)."""
 SLOWEST_PERCENT: Final = 1
@@ -36,10 +33,7 @@ _TIMES_LATER: Final = 3  # … where an idle robot is that much quicker
 _NS: Final = 1e9
 _STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
 _LATCHES: Final = "latches"
-_TURN: Final = 360.0
-_TURNS_FROM: Final = 3
-_LOCK, _MOVE, _RESET = "lock_joints", "set_tool_coordinates", "reset"
-_READINGS: Final = 5
+_MOVE, _RESET = "set_tool_coordinates", "reset"
 
 
 # ---------------------------------------------------------------------- where it is
@@ -71,21 +65,6 @@ def joints_of(line: Line) -> JointValues:
     return answer.value
 
 
-def turned(a: float, b: float) -> float:
-    """By how many degrees, and which way, b is turned to a; a whole turn is none (A-7-2)."""
-    return (a - b + _TURN / 2) % _TURN - _TURN / 2
-
-
-def farthest(a: tuple[float, ...], b: tuple[float, ...]) -> float:
-    """By how much two poses, or the joints twice, differ where they differ most.
-
-    What stands behind the third value turns without end, and may be told within half a turn of 0.
-    """
-    apart = [abs(p - q) for p, q in zip(a[:_TURNS_FROM], b[:_TURNS_FROM], strict=True)]
-    turns = zip(a[_TURNS_FROM:], b[_TURNS_FROM:], strict=True)
-    return max(*apart, *(abs(turned(p, q)) for p, q in turns))
-
-
 def off_by(pose: Pose, wanted: Pose) -> float:
     """By how many mm or degrees a pose misses another, as far as it has a meaning."""
     return farthest(pose[:4], wanted[:4])
@@ -111,22 +90,21 @@ def neighbours(subject: Subject, pose: Pose, axis: str) -> list[Pose]:
         NotRun: The arm stands outside of the box in which it may be moved.
     """
     motion = subject.statement.motion
-    if not _in_box(subject, pose):
+    if not in_box(subject, pose):
         raise NotRun(f"the arm stands at {pose[:3]}, outside of motion.box_mm: bring it there")
     value = getattr(pose, axis)
     steps = (value + motion.step_mm, value - motion.step_mm)
     poses = [pose._replace(**{axis: round(each, 3)}) for each in steps]
-    return [each for each in poses if _in_box(subject, each)]
+    return [each for each in poses if in_box(subject, each)]
 
 
 def part_way(pose: Pose, there: Pose, part: float) -> Pose:
-    """A pose on the way from one to another, the shorter way round."""
-    ways = [q - p for p, q in zip(pose[:_TURNS_FROM], there[:_TURNS_FROM], strict=True)]
-    ways += [turned(q, p) for p, q in zip(pose[_TURNS_FROM:], there[_TURNS_FROM:], strict=True)]
-    return Pose(*(round(p + way * part, 3) for p, way in zip(pose, ways, strict=True)))
+    """A pose on the way from one to another."""
+    return Pose(*(round(p + way * part, 3) for p, way in zip(pose, ways(there, pose), strict=True)))
 
 
-def _in_box(subject: Subject, pose: Pose) -> bool:
+def in_box(subject: Subject, pose: Pose) -> bool:
+    """Whether the statement of conformance lets the tool be there."""
     box_mm = subject.statement.motion.box_mm
     return all(low <= v <= high for v, (low, high) in zip(pose[:3], box_mm, strict=False))
 
@@ -371,61 +349,3 @@ def release_latch(subject: Subject, line: Line) -> None:
         if line.ask(_RESET).accepted:
             line.result(_RESET)
             line.wait(_POLL_S)
-
-
-def make_ready(subject: Subject) -> None:
-    """Make an idle robot ready that will not move where it stands (A-4-1, A-4.25-1, A-4.24-5).
-
-    It may have been switched on with its joints loose, or want to be reset before all else. Or it
-    stands at an end of its travel, and what its unsteady readings say lies beyond, now and then.
-    """
-    line = subject.open()
-    subject.moved = True
-    for remedy in (partial(_command, _LOCK), _step_aside, partial(_command, _RESET)):
-        if status_of(subject, line) != IDLE or _takes_a_move(subject, line):
-            break
-        remedy(subject, line)
-    if _is_unsteady(line) and not _has_room(subject, line):
-        _step_aside(subject, line)
-
-
-def _command(name: str, subject: Subject, line: Line) -> None:
-    if name not in subject.statement.lacks and line.ask(name).accepted:
-        line.result(name)
-
-
-def _takes_a_move(subject: Subject, line: Line) -> bool:
-    return _goes(subject, line, pose_of(line), SLOWEST_PERCENT)
-
-
-def _goes(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = None) -> bool:
-    lacks = _MOVE in subject.statement.lacks
-    if lacks or not ask_move(subject, line, pose, speed_percent).accepted:
-        return False
-    return line.result(_MOVE).done is True
-
-
-def _is_unsteady(line: Line) -> bool:
-    return len({pose_of(line) for _ in range(_READINGS)}) > 1
-
-
-def _has_room(subject: Subject, line: Line) -> bool:
-    """Whether it goes as far as readings may differ, along each axis and either way, and back."""
-    here = pose_of(line)
-    aside = [_beside(here, {axis: by}) for axis in AXES for by in (STANDSTILL, -STANDSTILL)]
-    ways = [there for there in aside if _in_box(subject, there)]
-    return all(_goes(subject, line, there) for there in (*ways, here))
-
-
-def _step_aside(subject: Subject, line: Line) -> None:
-    """Go a step away from the ends of its travel, wherever they are."""
-    step_mm = subject.statement.motion.step_mm
-    for signs in sorted(product((1, -1, 0), repeat=len(AXES)), key=lambda s: s.count(0)):
-        steps = {axis: sign * step_mm for axis, sign in zip(AXES, signs, strict=True)}
-        there = _beside(pose_of(line), steps)
-        if any(signs) and _in_box(subject, there) and _goes(subject, line, there):
-            break
-
-
-def _beside(pose: Pose, steps: Mapping[str, float]) -> Pose:
-    return pose._replace(**{axis: round(getattr(pose, axis) + by, 3) for axis, by in steps.items()})

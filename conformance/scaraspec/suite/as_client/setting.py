@@ -9,8 +9,8 @@ from typing import Any
 from scaraspec.report.model import Role
 from scaraspec.suite.as_client import restore
 from scaraspec.suite.as_client.access import Access
-from scaraspec.suite.as_client.motion import make_ready
 from scaraspec.suite.as_client.probes import probe_all
+from scaraspec.suite.as_client.readiness import come_back, make_ready
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.observer import Observer
@@ -75,7 +75,7 @@ class ControllerSetting:
         probe_all(subject)
 
     def make_ready(self, subject: Subject) -> None:
-        """Lock or reset a robot that will not move; what it does wrong the cases find."""
+        """Make a robot ready that will not move; what it does wrong the cases find."""
         with suppress(Unmet, Undecided):
             make_ready(subject)
             subject.settle()
@@ -84,7 +84,7 @@ class ControllerSetting:
         """Put everything back; what could not be is told, and stays written down."""
         if not state:  # nothing was written down, and nothing changed; an earlier run's file stays
             return []
-        problems = restore.restore(subject, state)
+        problems = [*restore.restore(subject, state), *come_back(subject)]
         if self.state_file and not problems:
             self.state_file.unlink(missing_ok=True)
         return problems

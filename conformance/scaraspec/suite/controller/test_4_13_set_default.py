@@ -1,11 +1,12 @@
 """Clause 4.13: setting the default program (0x0E, L277-287)."""
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.defaults import default_kept, expect_default
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
-from scaraspec.suite.as_client.motion import IDLE, STANDSTILL, farthest, joints_of, quieten
+from scaraspec.suite.as_client.motion import IDLE, joints_of, quieten
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect

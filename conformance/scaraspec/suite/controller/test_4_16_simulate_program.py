@@ -1,9 +1,10 @@
 """Clause 4.16: a program is simulated (0x31, L330-354)."""
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import BUSY, STANDSTILL, farthest, joints_of, quieten
+from scaraspec.suite.as_client.motion import BUSY, joints_of, quieten
 from scaraspec.suite.as_client.ports import outputs, outputs_kept, settable
 from scaraspec.suite.as_client.refusals import expect_first_reply, expect_missing, text_of
 from scaraspec.suite.as_client.subject import Subject

@@ -4,16 +4,15 @@ from typing import Final
 
 import pytest
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import (
     BUSY,
     SLOWEST_PERCENT,
-    STANDSTILL,
     await_rest,
     begin_step_somewhere,
-    farthest,
     joints_of,
     pose_of,
     quieten,

@@ -5,13 +5,14 @@ from typing import Final
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.executing import unless_others_run
 from scaraspec.suite.as_client.keeping import kept
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
-from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of
+from scaraspec.suite.as_client.motion import joints_of
 from scaraspec.suite.as_client.poses import expect_numbers, gripper_of
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case

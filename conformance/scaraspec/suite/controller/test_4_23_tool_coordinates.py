@@ -3,18 +3,12 @@
 import math
 from typing import Final
 
+from scaraspec.judgement.places import STANDSTILL, farthest, turned
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.keeping import kept
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import (
-    STANDSTILL,
-    begin_step_somewhere,
-    farthest,
-    pose_of,
-    returning,
-    turned,
-)
+from scaraspec.suite.as_client.motion import begin_step_somewhere, pose_of, returning
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import MOVE, accepted, done, has
 from scaraspec.suite.case import case

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.keeping import alive
@@ -16,11 +17,9 @@ from scaraspec.suite.as_client.motion import (
     BUSY,
     REACHED,
     SLOWEST_PERCENT,
-    STANDSTILL,
     ask_move,
     begin_step,
     begin_step_somewhere,
-    farthest,
     joints_of,
     off_by,
     part_way,

@@ -1,8 +1,9 @@
 """Clause 4.26: the joints are locked (0x3B, L551-582)."""
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import STANDSTILL, farthest, joints_of
+from scaraspec.suite.as_client.motion import joints_of
 from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import (

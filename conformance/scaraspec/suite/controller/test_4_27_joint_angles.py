@@ -1,12 +1,11 @@
 """Clause 4.27: the angles of the joints (0x3C, L584-594)."""
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import JointValues
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import (
-    STANDSTILL,
     begin_step_somewhere,
-    farthest,
     joints_of,
     pose_of,
     returning,

@@ -4,6 +4,7 @@ from typing import Final
 
 import pytest
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
@@ -12,8 +13,6 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import Malformed
 from scaraspec.suite.as_client.motion import (
     BUSY,
-    STANDSTILL,
-    farthest,
     joints_of,
     listens,
     pose_of,

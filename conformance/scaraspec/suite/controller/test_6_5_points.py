@@ -6,9 +6,9 @@ All moves are steps from where the arm stands, one value at a time, and back.
 from itertools import product
 from typing import Final
 
+from scaraspec.judgement.places import turned
 from scaraspec.suite.as_client.arm import Arm, arm, near
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import turned
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Undecided, expect

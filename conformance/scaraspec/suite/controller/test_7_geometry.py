@@ -3,15 +3,14 @@
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import (
     REACHED,
-    STANDSTILL,
     ask_move,
     begin_step_somewhere,
-    farthest,
     joints_of,
     off_by,
     pose_of,
