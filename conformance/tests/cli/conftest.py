@@ -24,11 +24,14 @@ class Witness:
         self.address: tuple[str, int] = self._listener.getsockname()
         self.seen: list[tuple[bytearray, bytearray]] = []
         """Per connection: what came from the client, what came from the controller."""
+        self._pumps: list[threading.Thread] = []
         threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self) -> None:
-        """Accept no more."""
+        """Accept no more, and see the connections end."""
         self._listener.close()
+        for pump in self._pumps:
+            pump.join(TIMEOUT_S)
 
     def _accept(self) -> None:
         while True:
@@ -39,8 +42,10 @@ class Witness:
             server = socket.create_connection(self._upstream, TIMEOUT_S)
             kept = bytearray(), bytearray()
             self.seen.append(kept)
-            threading.Thread(target=_pump, args=(client, server, kept[0]), daemon=True).start()
-            threading.Thread(target=_pump, args=(server, client, kept[1]), daemon=True).start()
+            for ways in ((client, server, kept[0]), (server, client, kept[1])):
+                pump = threading.Thread(target=_pump, args=ways, daemon=True)
+                self._pumps.append(pump)
+                pump.start()
 
 
 def _pump(source: socket.socket, target: socket.socket, kept: bytearray) -> None:

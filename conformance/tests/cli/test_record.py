@@ -48,12 +48,14 @@ def test_every_byte_is_recorded(
         recorder = processes.start(
             "record", upstream, "--listen", "127.0.0.1:0", "--out", str(out), *options
         )
-        with witness(address_in(recorder.stdout.readline())) as near:
-            with Client("tcp://{}:{}".format(*near.address), password=PASSWORD) as robot:
-                now = datetime(2026, 1, 1)  # noqa: DTZ001 - the document names no zone
-                demo_session.run(robot, tmp_path, now, lambda _: None)
-            recorder.send_signal(signal.SIGINT)
-            told, _ = recorder.communicate(timeout=60)
+        with (
+            witness(address_in(recorder.stdout.readline())) as near,
+            Client("tcp://{}:{}".format(*near.address), password=PASSWORD) as robot,
+        ):
+            now = datetime(2026, 1, 1)  # noqa: DTZ001 - the document names no zone
+            demo_session.run(robot, tmp_path, now, lambda _: None)
+        recorder.send_signal(signal.SIGINT)
+        told, _ = recorder.communicate(timeout=60)
     assert recorder.returncode == 0, told
     assert near.seen == far.seen
     ((sent, got),) = near.seen
