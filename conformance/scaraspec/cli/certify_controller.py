@@ -78,6 +78,10 @@ def command(  # noqa: PLR0913 - one for each option
     """
     with told():
         statement = statement_of(ics, transfer_timeout)
+        where = url or statement.url
+        if not where and not dry_run:
+            raise Problem("no controller: name its URL, as tcp://192.168.1.2, or in the ICS file")
+        access = UrlAccess(where, patience) if where else None
         options = Options(
             only=requirements_of(only),
             allowed=hazards(allow),
@@ -88,12 +92,8 @@ def command(  # noqa: PLR0913 - one for each option
         )
         cases = collect(options)
         show_plan(cases, options, statement, Console())
-        if dry_run:
+        if dry_run or access is None:
             return
-        where = url or statement.url
-        if not where:
-            raise Problem("no controller: name its URL, as tcp://192.168.1.2, or in the ICS file")
-        access = UrlAccess(where, patience)
         given = again(allow=allow, ics=ics, seed=seed, examples=examples)
         replay = f"scaraspec certify controller {where}{given}"
         with (

@@ -14,7 +14,6 @@ from rich.console import Console
 
 from scaraspec.judgement.requirements import UnknownRequirementError, select
 from scaraspec.links.link import LinkError
-from scaraspec.links.url import parse
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
 from scaraspec.suite.as_client.access import UrlAccess
@@ -49,7 +48,6 @@ def pytest_configure(config: pytest.Config) -> None:
         return
     only = config.getoption("--requirements")
     try:
-        parse(url)
         setting = ControllerSetting(
             UrlAccess(url, config.getoption("--patience")),
             Statement.read(Path(ics)) if ics else Statement(),

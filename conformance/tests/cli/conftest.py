@@ -12,6 +12,8 @@ from contextlib import AbstractContextManager, closing, suppress
 
 import pytest
 
+from scaraspec.cli.main import main
+
 TIMEOUT_S = 60
 
 
@@ -118,6 +120,23 @@ def processes() -> Iterator[Processes]:
     processes = Processes()
     yield processes
     processes.end()
+
+
+@pytest.fixture
+def refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., str]:
+    """Gives `scaraspec` what it refuses, which takes no process of its own: the one sentence."""
+
+    def run(*arguments: str) -> str:
+        monkeypatch.setattr(sys, "argv", ["scaraspec", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        told = capsys.readouterr()
+        assert (ended.value.code, told.out, told.err.count("\n")) == (2, "", 1), told
+        return told.err
+
+    return run
 
 
 @pytest.fixture

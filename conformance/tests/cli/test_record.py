@@ -75,9 +75,8 @@ def test_every_byte_is_recorded(
         (("tcp://127.0.0.1", "--listen", "192.0.2.1:8877"), "cannot record"),
     ],
 )
-def test_usage(processes: Any, tmp_path: Path, arguments: tuple[str, ...], says: str) -> None:
-    """What a user gets wrong is one sentence and exit status 2."""
-    done = processes.run("record", *arguments, "--out", str(tmp_path))
-    assert done.returncode == 2
-    assert says in done.stderr
-    assert "Traceback" not in done.stderr
+def test_usage(
+    refused: Callable[..., str], tmp_path: Path, arguments: tuple[str, ...], says: str
+) -> None:
+    """What a user gets wrong is told."""
+    assert says in refused("record", *arguments, "--out", str(tmp_path))

@@ -60,17 +60,22 @@ class Access(Protocol):
         """Let time pass while no connection is listened to."""
 
 
-@dataclass(frozen=True)
 class UrlAccess:
-    """A real subject at a URL."""
+    """A real subject at a URL.
 
-    url: str
-    patience_s: float = 10.0
+    Raises:
+        UrlError: It is none.
+    """
+
+    def __init__(self, url: str, patience_s: float = 10.0) -> None:
+        self.url = url
+        self.patience_s = patience_s
+        self._where = parse(url)
 
     @property
     def needs_login(self) -> bool:
         """TCP links do."""
-        return isinstance(parse(self.url), Tcp)
+        return isinstance(self._where, Tcp)
 
     @property
     def several(self) -> bool:
@@ -80,19 +85,17 @@ class UrlAccess:
     @property
     def ends(self) -> bool:
         """All links do but a serial line."""
-        return not isinstance(parse(self.url), Serial)
+        return not isinstance(self._where, Serial)
 
     @property
     def port(self) -> int | None:
         """That of the URL."""
-        where = parse(self.url)
-        return where.port if isinstance(where, Tcp) else None
+        return self._where.port if isinstance(self._where, Tcp) else None
 
     @property
     def readdressable(self) -> bool:
         """A subject on this machine stays where it is, and a serial link has no address."""
-        link = parse(self.url)
-        return not isinstance(link, Tcp) or link.host in _LOCAL
+        return not isinstance(self._where, Tcp) or self._where.host in _LOCAL
 
     @property
     def now_ns(self) -> int:
