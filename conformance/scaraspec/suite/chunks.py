@@ -37,6 +37,16 @@ def expect_next(chunk: Chunk, due: int, size_bytes: int) -> None:
         "a chunk does not follow on the one before",
         requirement="5.1/8",
     )
+    expect_length(chunk)
+    expect_within(chunk, size_bytes)
+
+
+def expect_length(chunk: Chunk) -> None:
+    """Hold against a chunk that its buffer would be empty, or too small for what it holds.
+
+    Raises:
+        Unmet: It is so.
+    """
     expect(
         1 <= chunk.length <= BUFFER_BYTES,
         "the length of a chunk is out of bounds",
@@ -44,10 +54,31 @@ def expect_next(chunk: Chunk, due: int, size_bytes: int) -> None:
         observed=f"{chunk.length}",
         requirement="5.1/5",
     )
+
+
+def expect_within(chunk: Chunk, size_bytes: int) -> None:
+    """Hold a chunk of a file of this size against the end of the file.
+
+    Raises:
+        Unmet: It reaches beyond.
+    """
+    end = chunk.position + chunk.length
+    message = "a chunk reaches beyond the end of the file"
+    expected, observed = f"at most {size_bytes}", f"{end}"
+    expect(end <= size_bytes, message, expected=expected, observed=observed, requirement="5.1/6")
+
+
+def expect_content(chunk: Chunk, content: bytes) -> None:
+    """Hold a chunk against what the file holds where the chunk says that it stands.
+
+    Raises:
+        Unmet: It counts other bytes as the file's.
+    """
+    valid = content[chunk.position : chunk.position + BUFFER_BYTES]
     expect(
-        chunk.position + chunk.length <= size_bytes,
-        "a chunk reaches beyond the end of the file",
-        expected=f"at most {size_bytes}",
-        observed=f"{chunk.position + chunk.length}",
-        requirement="5.1/6",
+        valid.startswith(chunk.data),
+        "length counts bytes that are not the file's",
+        expected=f"at most {len(valid)}",
+        observed=f"{chunk.length}",
+        requirement="5.1/5",
     )

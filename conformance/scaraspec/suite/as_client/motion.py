@@ -11,6 +11,7 @@ from typing import Final
 from scaraspec.judgement.places import STANDSTILL, farthest, ways
 from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.poses import numbers_of
 from scaraspec.suite.as_client.subject import DEAF, LATCHED, SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.wire import Answer
@@ -40,29 +41,13 @@ _MOVE, _RESET = "set_tool_coordinates", "reset"
 
 
 def pose_of(line: Line) -> Pose:
-    """Where the tool stands (0x38).
-
-    Raises:
-        Unmet: That is no pose.
-    """
-    answer = line.ask("get_tool_coordinates")
-    if not isinstance(answer.value, Pose):
-        message = "the tool coordinates are no six numbers"
-        raise Unmet(message, expected="x|y|z|…", observed=f"{answer}", requirement="4.23/2")
-    return answer.value
+    """Where the tool stands (0x38); see `numbers_of`."""
+    return numbers_of(line, "get_tool_coordinates", Pose, "4.23/2")
 
 
 def joints_of(line: Line) -> JointValues:
-    """How the joints stand (0x3C).
-
-    Raises:
-        Unmet: That is no four numbers.
-    """
-    answer = line.ask("get_joint_angles")
-    if not isinstance(answer.value, JointValues):
-        message = "the joint angles are no four numbers"
-        raise Unmet(message, expected="a|b|c|d", observed=f"{answer}", requirement="4.27/2")
-    return answer.value
+    """How the joints stand (0x3C); see `numbers_of`."""
+    return numbers_of(line, "get_joint_angles", JointValues, "4.27/2")
 
 
 def off_by(pose: Pose, wanted: Pose) -> float:

@@ -1,35 +1,41 @@
-"""Poses: the gripper centre and the initial tool position, as they are read and set (4.19-4.22)."""
+"""Poses: what is told in several numbers, and how what was set is held against it (4.19-4.22).
+
+Where the arm stands at the moment is a thing of motion.
+"""
+
+from typing import TypeVar
 
 from scaraspec.judgement.rounding import read_back
-from scaraspec.protocol.commands import Point, Pose
+from scaraspec.protocol.commands import JointValues, Point, Pose
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.expect import Unmet, expect
 
+_Numbers = TypeVar("_Numbers", JointValues, Point, Pose)
 
-def gripper_of(line: Line) -> Point:
-    """The gripper centre (0x34).
+
+def numbers_of(line: Line, command: str, kind: type[_Numbers], requirement: str) -> _Numbers:
+    """What a query tells that has so many numbers.
 
     Raises:
-        Unmet: That is no three numbers.
+        Unmet: It tells something else.
     """
-    answer = line.ask("get_gripper_center")
-    if not isinstance(answer.value, Point):
-        message = "the gripper centre is not three numbers between bars"
-        raise Unmet(message, expected="x|y|z", observed=f"{answer}", requirement="4.19/2")
+    answer = line.ask(command)
+    if not isinstance(answer.value, kind):
+        count = len(kind._fields)
+        message = f"{command} does not tell {count} numbers between bars"
+        expected = "|".join(kind._fields)
+        raise Unmet(message, expected=expected, observed=f"{answer}", requirement=requirement)
     return answer.value
+
+
+def gripper_of(line: Line) -> Point:
+    """The gripper centre (0x34); see `numbers_of`."""
+    return numbers_of(line, "get_gripper_center", Point, "4.19/2")
 
 
 def initial_of(line: Line) -> Pose:
-    """The initial tool position (0x37).
-
-    Raises:
-        Unmet: That is no six numbers.
-    """
-    answer = line.ask("get_initial_tool_position")
-    if not isinstance(answer.value, Pose):
-        message = "the initial tool position is not six numbers between bars"
-        raise Unmet(message, expected="x|y|z|…", observed=f"{answer}", requirement="4.22/2")
-    return answer.value
+    """The initial tool position (0x37); see `numbers_of`."""
+    return numbers_of(line, "get_initial_tool_position", Pose, "4.22/2")
 
 
 def expect_numbers(

@@ -23,7 +23,7 @@ from scaraspec.suite.as_controller.files import (
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
-from scaraspec.suite.chunks import chunk_of
+from scaraspec.suite.chunks import chunk_of, expect_content, expect_length, expect_within
 from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import expect, expect_equal
 from scaraspec.suite.wire import Answer
@@ -99,19 +99,8 @@ def test_length(subject: Subject, line: Line) -> None:
     for size in _SIZES:
         content = content_of(size)
         for chunk in _chunks(subject, line, content):
-            expect(
-                1 <= chunk.length <= BUFFER_BYTES,
-                "length is out of bounds",
-                expected=f"1 to {BUFFER_BYTES}",
-                observed=f"{chunk.length}",
-            )
-            valid = content[chunk.position : chunk.position + BUFFER_BYTES]
-            expect(
-                valid.startswith(chunk.data),
-                "length counts bytes that are not the file's",
-                expected=f"at most {len(valid)}",
-                observed=f"{chunk.length}",
-            )
+            expect_length(chunk)
+            expect_content(chunk, content)
 
 
 @client_case("5.1/6")
@@ -119,9 +108,7 @@ def test_within_the_file(subject: Subject, line: Line) -> None:
     """No chunk of an upload reaches beyond its fileSize."""
     for size in _SIZES:
         for chunk in _chunks(subject, line, content_of(size)):
-            end = chunk.position + chunk.length
-            message = "a chunk reaches beyond the end of the file"
-            expect(end <= size, message, expected=f"at most {size}", observed=f"{end}")
+            expect_within(chunk, size)
 
 
 @client_case("5.1/7", name="upload")

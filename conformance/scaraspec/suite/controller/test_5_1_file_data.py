@@ -18,7 +18,7 @@ from scaraspec.suite.as_client.files import (
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.chunks import chunk_of
+from scaraspec.suite.chunks import chunk_of, expect_content, expect_length, expect_within
 from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import Unmet, expect, expect_equal
 
@@ -98,19 +98,8 @@ def test_length(subject: Subject, line: Line) -> None:
     """Every chunk of a download tells how many bytes of its buffer are the file's: 1 to 200."""
     for size in _SIZES:
         for chunk in _chunks(subject, line, content_of(size)):
-            expect(
-                1 <= chunk.length <= BUFFER_BYTES,
-                "length is out of bounds",
-                expected=f"1 to {BUFFER_BYTES}",
-                observed=f"{chunk.length}",
-            )
-            valid = content_of(size)[chunk.position : chunk.position + BUFFER_BYTES]
-            expect(
-                valid.startswith(chunk.data),
-                "length counts bytes that are not the file's",
-                expected=f"at most {len(valid)}",
-                observed=f"{chunk.length}",
-            )
+            expect_length(chunk)
+            expect_content(chunk, content_of(size))
 
 
 @case("5.1/6")
@@ -118,9 +107,7 @@ def test_within_the_file(subject: Subject, line: Line) -> None:
     """No chunk of a download reaches beyond its fileSize."""
     for size in _SIZES:
         for chunk in _chunks(subject, line, content_of(size)):
-            end = chunk.position + chunk.length
-            message = "a chunk reaches beyond the end of the file"
-            expect(end <= size, message, expected=f"at most {size}", observed=f"{end}")
+            expect_within(chunk, size)
 
 
 @case("5.1/7", name="download")
