@@ -3,6 +3,7 @@
 Digits are turned round here once and for all: the leftmost is the highest port (L651, L684).
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
@@ -10,7 +11,7 @@ from typing import Final
 from scaraspec.protocol.commands import PortValue
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.expect import Undecided, Unmet, expect_equal
+from scaraspec.suite.expect import Undecided, Unmet, expect, expect_equal
 from scaraspec.suite.wire import Answer
 
 ALL_OUTPUTS: Final = range(1, 17)
@@ -23,6 +24,32 @@ _LOOKS, _LOOK_S = 10, 0.1
 
 Bits = tuple[bool, ...]
 """The states of ports in the order of their numbers, that of port 1 first."""
+
+
+_FORMS: Final = {
+    "get_digital_inputs": (ALL_INPUTS, "4.31/2", "A-4.31-4"),
+    "get_digital_outputs": (ALL_OUTPUTS, "4.34/2", "A-4.34-1"),
+}
+
+
+def expect_form(subject: Subject, line: Line, name: str) -> None:
+    """Ask for the states of ports, and hold what comes against its form (L646, L682).
+
+    Raises:
+        Unmet: It is neither one digit a port nor an error, which is tolerated.
+    """
+    ports, requirement, register = _FORMS[name]
+    answer = line.ask(name)
+    if answer.seen.text == b"0":
+        subject.tolerate(requirement, register, "0", f"{name} is answered with an error")
+        return
+    expect(
+        re.fullmatch(rb"1\|[01]{%d}" % len(ports), answer.seen.text),
+        f"{name} is not answered with one digit a port",
+        expected=f"1| and {len(ports)} digits, each 0 or 1: {len(ports) + 2} bytes",
+        observed=f"{answer}",
+        requirement=requirement,
+    )
 
 
 def outputs(line: Line) -> Bits:

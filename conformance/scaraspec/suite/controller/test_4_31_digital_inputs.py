@@ -1,6 +1,5 @@
 """Clause 4.31: the digital inputs (0x42, L639-651)."""
 
-import re
 from typing import Final
 
 from hypothesis import given
@@ -8,39 +7,20 @@ from hypothesis import strategies as st
 
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import go_on_if_it_listens
-from scaraspec.suite.as_client.ports import Bits, expect_inputs, inputs_driven
+from scaraspec.suite.as_client.ports import Bits, expect_form, expect_inputs, inputs_driven
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.bench import PROGRAMS, bench
 from scaraspec.suite.programs.writing import wait
 
-_FORM: Final = re.compile(rb"1\|[01]{8}")
-_ERROR: Final = b"0"
 _INPUTS: Final = 8
-
-
-def _expect_form(subject: Subject, line: Line) -> None:
-    answer = line.ask("get_digital_inputs")
-    data = answer.seen.text
-    if data == _ERROR:
-        subject.tolerate(
-            "4.31/2", "A-4.31-4", "0", "the digital inputs are answered with an error (L646)"
-        )
-        return
-    expect(
-        _FORM.fullmatch(data),
-        "the digital inputs are not one digit a port",
-        expected="1| and eight digits, each 0 or 1: ten bytes",
-        observed=f"{answer}",
-    )
 
 
 @case("4.31/2", "4.31/4")
 def test_form(subject: Subject, line: Line) -> None:
     """The reply is "1|" and eight digits, ten bytes in all, however often it is asked for."""
     for _ in range(3):
-        _expect_form(subject, line)
+        expect_form(subject, line, "get_digital_inputs")
 
 
 @case("4.31/2", "4.31/4", name="while-running", hazards=PROGRAMS)
@@ -49,7 +29,7 @@ def test_form_while_running(subject: Subject, line: Line) -> None:
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(5)))
         go_on_if_it_listens(subject, line)
-        _expect_form(subject, line)
+        expect_form(subject, line, "get_digital_inputs")
 
 
 @case("4.31/2", name="driven", needs=("set_input",))

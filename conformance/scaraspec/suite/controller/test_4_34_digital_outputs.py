@@ -1,11 +1,9 @@
 """Clause 4.34: the states of the digital outputs (0x49, L677-687)."""
 
-import re
-from typing import Final
-
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.ports import (
+    expect_form,
     expect_outputs,
     outputs_kept,
     set_output,
@@ -14,35 +12,15 @@ from scaraspec.suite.as_client.ports import (
 )
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.bench import PROGRAMS, bench
 from scaraspec.suite.programs.writing import wait
-
-_FORM: Final = re.compile(rb"1\|[01]{16}")
-_ERROR: Final = b"0"
-
-
-def _expect_form(subject: Subject, line: Line) -> None:
-    answer = line.ask("get_digital_outputs")
-    data = answer.seen.text
-    if data == _ERROR:
-        subject.tolerate(
-            "4.34/2", "A-4.34-1", "0", "the digital outputs are answered with an error (L682)"
-        )
-        return
-    expect(
-        _FORM.fullmatch(data),
-        "the digital outputs are not one digit a port",
-        expected="1| and sixteen digits, each 0 or 1: eighteen bytes",
-        observed=f"{answer}",
-    )
 
 
 @case("4.34/2", "4.34/4")
 def test_form(subject: Subject, line: Line) -> None:
     """The reply is "1|" and sixteen digits, eighteen bytes in all, however often it is asked."""
     for _ in range(3):
-        _expect_form(subject, line)
+        expect_form(subject, line, "get_digital_outputs")
 
 
 @case("4.34/2", "4.34/4", name="while-running", hazards=PROGRAMS)
@@ -51,7 +29,7 @@ def test_form_while_running(subject: Subject, line: Line) -> None:
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(5)))
         go_on_if_it_listens(subject, line)
-        _expect_form(subject, line)
+        expect_form(subject, line, "get_digital_outputs")
 
 
 @case("4.34/2", name="order")
