@@ -297,8 +297,10 @@ class Bracket:
             subject.revive()
             self._ready = False
             subject.settle()
-        except (Unmet, Undecided):
+        except Unmet:
             self.give_up(f"the subject was dead before this case, since case {case.id}")
+        except Undecided as error:
+            self.give_up(f"before this case, since case {case.id}: {error}")
 
 
 def _innermost(raised: BaseException | None) -> BaseException | None:

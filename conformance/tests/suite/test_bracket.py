@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -101,6 +102,26 @@ def test_a_subject_that_a_case_kills(trial: Try) -> None:
     assert (killer.verdict, killer.requirements) == (Verdict.FAIL, ("3/31",))
     assert (after.verdict, after.cause) == (Verdict.INCONCLUSIVE, Cause.DEPENDENCY)
     assert results.verdict is Conclusion.NONCONFORMANT
+
+
+class StaysAtFault(Brain):
+    """Its arm is out of range, whatever is done about it."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.plant.fail("05", 0.0, lasting=True)
+
+
+def test_a_robot_at_fault_is_not_called_dead(trial: Try) -> None:
+    """It answers, but nothing can be found out; what it reports is told with each case."""
+    results = trial(
+        "@case('4.24/3')\ndef test_one(subject):\n    subject.moved = True\n\n"
+        "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
+        StaysAtFault,
+    )
+    for case in (only(results, "4.24/3"), only(results)):
+        assert case.verdict is Verdict.INCONCLUSIVE
+        assert "status stays 05" in case.message
 
 
 def test_hazards_are_asked_for(trial: Try) -> None:

@@ -137,11 +137,21 @@ def expect_status(
         return True
     if answer.value == _IDLE and ended(line, command, _LAG_S) is not None:
         return False
-    code = errors.lookup(answer.value) if isinstance(answer.value, str) else None
-    if code is not None and code.kind is errors.Kind.FAULT:
-        raise Undecided(f"the robot reports {code.text}, {code.meaning}")
+    sound(answer)
     message = f"the status is {answer.value} while {command} executes"
     raise Unmet(message, expected=wanted, observed=f"{answer}", requirement=requirement)
+
+
+def sound(status: Answer) -> errors.Code | None:
+    """The code of table 8-1 that a status tells, if it is one.
+
+    Raises:
+        Undecided: It tells of a fault of the robot, which is not the suite's to judge.
+    """
+    code = errors.lookup(status.value) if isinstance(status.value, str) else None
+    if code is not None and code.kind is errors.Kind.FAULT:
+        raise Undecided(f"the robot reports {code.text}, {code.meaning}: clear that, and try again")
+    return code
 
 
 def expect_rest(subject: Subject, line: Line, message: str) -> None:
