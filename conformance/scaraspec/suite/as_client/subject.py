@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from scaraspec.links.link import LinkError
+from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.access import Access
 from scaraspec.suite.as_client.line import Line
@@ -29,6 +30,8 @@ _RECONNECTS: Final = 20
 _RECONNECT_S: Final = 0.1
 _REFUSAL_S: Final = 0.05  # within which one that is not served is ended (A-2-2)
 _POLL_S: Final = 0.05
+_ALWAYS: Final = ("login",)
+_FILES_TOO: Final = ("login", "delete_program")  # of what the suite itself has stored
 _REMEDIES: Final = ("lock_joints", "reset")  # of joints that were left loose; of all else
 
 DEAF: Final = "deaf while it executes"
@@ -218,6 +221,17 @@ class Subject:
         self.access.pause(for_s)
 
     # ------------------------------------------------------------------ what it can do
+
+    def permit(self, opcode: int) -> None:
+        """Stop our own mistakes: no command is sent that the tester does not allow.
+
+        Raises:
+            RuntimeError: It is not allowed, and the case that would send it is not marked for it.
+        """
+        command = BY_OPCODE.get(opcode)
+        ours = _FILES_TOO if Hazard.STATE in self.allowed else _ALWAYS
+        if command and command.name not in ours and command.hazard not in self.allowed:
+            raise RuntimeError(f"{command.name} is not allowed: the case is not marked for it")
 
     @property
     def takes_several(self) -> bool:

@@ -1,11 +1,13 @@
 """Timeouts: several silences at once, each on a connection of its own, and what ends them."""
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.as_client.files import CHUNK_S, begin, offer
+from scaraspec.suite.as_client.files import CHUNK_S, begin, incoming, offer
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Unmet
@@ -55,15 +57,15 @@ class _Running:
         return bool(self._left)
 
 
-def run_tracks(subject: Subject, tracks: list[Track]) -> None:
-    """Go through all tracks, as many at once as the subject takes transfers.
+def run_tracks(subject: Subject, tracks: list[Track], *, at_once: bool) -> None:
+    """Go through all tracks, one by one or as many at once as the subject takes transfers.
 
-    One by one where a limit is so short that waiting for an answer which does not come, as a late
-    chunk may be ignored (A-5-16), would outlast the pause of another track.
+    One by one also where a limit is so short that waiting for an answer which does not come, as a
+    late chunk may be ignored (A-5-16), would outlast the pause of another track.
     """
     limits = limits_of(subject)
     apart = limits.late_s + subject.reply_s < 2 * limits.survived_s
-    at_once = takes_several(subject) and (apart or not _ignores_strays(subject))
+    at_once = at_once and (apart or _refuses_strays(subject))
     waiting = list(tracks)
     while waiting:
         running = [_Running(subject, waiting.pop(0))]
@@ -86,9 +88,9 @@ def _run(subject: Subject, running: list[_Running]) -> None:
             running.remove(first)
 
 
-def takes_several(subject: Subject) -> bool:
-    """Whether connections have transfers of their own, at once (A-5-17)."""
-    if not subject.access.several or subject.dialect["max_clients"] != "many":
+def uploads_at_once(subject: Subject) -> bool:
+    """Whether connections have uploads of their own, at once (A-5-17)."""
+    if not subject.takes_several:
         return False
     lines = [subject.open(), subject.open()]
     try:
@@ -102,9 +104,27 @@ def takes_several(subject: Subject) -> bool:
     return all(taken)
 
 
-def _ignores_strays(subject: Subject) -> bool:
-    """Whether a chunk without an upload is not answered (A-5-16)."""
+def downloads_at_once(subject: Subject, name: bytes) -> bool:
+    """Whether connections have downloads of their own, at once, of a file that is there."""
+    if not subject.takes_several:
+        return False
+    lines = [subject.open(), subject.open()]
+    try:
+        taken = [line.ask("download_name", data=name).accepted for line in lines]
+        if all(taken):
+            deque(zip(*map(incoming, lines), strict=True), maxlen=0)
+    except (Unmet, ValueError):  # a chunk of the other one's, or one that never comes
+        taken = [False]
+    for line in lines:
+        line.close()
+    return all(taken)
+
+
+def _refuses_strays(subject: Subject) -> bool:
+    """Whether a chunk without an upload is answered (A-5-16), as far as it may be tried."""
+    if Hazard.STATE not in subject.allowed:
+        return False
     line = subject.open()
-    ignores = offer(line, Chunk(1, 0, 1, b"!")) is None and line.ending is None
+    refuses = offer(line, Chunk(1, 0, 1, b"!")) is not None or line.ending is not None
     line.close()
-    return ignores
+    return refuses

@@ -27,6 +27,7 @@ from scaraspec.suite.expect import NotRun, Undecided, expect, expect_equal
 from scaraspec.suite.wire import Answer
 
 _STATE: Final = (Hazard.STATE,)
+_MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _CENTRES: Final = tuple(Point(float(n), -n / 2, n + 0.5) for n in range(1, 9))
 _CLOCK_SLACK: Final = timedelta(seconds=5)
 _HOUR: Final = timedelta(hours=1)
@@ -152,7 +153,7 @@ def test_upload_in_one_segment(subject: Subject, line: Line) -> None:
     expect_stored(line, name, content, requirement="3/30")
 
 
-@case("3/30", name="stop")
+@case("3/30", name="stop", hazards=_MOTION)
 def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
     """One segment brings a jog and an emergency stop: first it moves, then it stands."""
     _takes_several(subject)

@@ -22,6 +22,7 @@ from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect, expect_equal
 
 _IDLE: Final = "00"
+_MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _TIMES: Final = 100
 _WAIT_S: Final = 1
 _STEP_S: Final = 0.25
@@ -62,13 +63,13 @@ def test_idle_once_refused(subject: Subject, line: Line) -> None:
         _expect_idle(line, message)
 
 
-@case("4.8/4", "4.8/3", "4.8/10")
+@case("4.8/4", "4.8/3", "4.8/10", hazards=_MOTION)
 def test_running(subject: Subject, line: Line) -> None:
     """While a program runs the status is 01, before and behind it 00."""
     _watch_program(subject, line, "run_program", "01", "4.8/4")
 
 
-@case("4.8/5", "4.8/3", "4.8/10")
+@case("4.8/5", "4.8/3", "4.8/10", hazards=_MOTION)
 def test_simulating(subject: Subject, line: Line) -> None:
     """While a program is simulated the status is 02, before and behind it 00."""
     _watch_program(subject, line, "simulate_program", "02", "4.8/5")
@@ -91,7 +92,7 @@ def _watch_program(subject: Subject, line: Line, command: str, code: str, requir
         quieten(subject, line)
 
 
-@case("4.8/6", "4.8/10", "4.9/6")
+@case("4.8/6", "4.8/10", "4.9/6", hazards=_MOTION)
 def test_resetting(subject: Subject, line: Line) -> None:
     """While the robot resets the status is 03."""
     _watch(subject, line, RESET, "4.8/6")

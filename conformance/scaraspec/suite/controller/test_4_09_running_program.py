@@ -18,6 +18,7 @@ from scaraspec.suite.as_client.motion import quieten
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect, expect_equal
+from scaraspec.suite.programs.bench import PROGRAMS
 from scaraspec.suite.programs.listed import long_name, program_names, store_program
 from scaraspec.suite.wire import Answer
 
@@ -162,7 +163,7 @@ def _expect_flag_and_status(line: Line) -> None:
         )
 
 
-@case("4.9/4", "4.9/6", "4.9/10", name="simulated")
+@case("4.9/4", "4.9/6", "4.9/10", name="simulated", hazards=PROGRAMS)
 def test_simulated(subject: Subject, line: Line) -> None:
     """While a program is simulated it is told by its name, or not at all."""
     name = store_wait_program(subject, line, _WAIT_S)
@@ -174,13 +175,13 @@ def test_simulated(subject: Subject, line: Line) -> None:
     _expect_none(line, "a program is told to run although its simulation has ended")
 
 
-@case("4.9/3", "4.9/5", name="minute")
+@case("4.9/3", "4.9/5", name="minute", hazards=PROGRAMS)
 def test_minute(subject: Subject, line: Line) -> None:
     """The run time goes over into minutes."""
     _watch_carries(subject, line, (_MINUTE_S,))
 
 
-@case("4.9/3", "4.9/5", name="day")
+@case("4.9/3", "4.9/5", name="day", hazards=PROGRAMS)
 def test_day(subject: Subject, line: Line) -> None:
     """The run time goes over into minutes, hours and days."""
     marks = (_MINUTE_S, 10 * _MINUTE_S, _HOUR_S, 10 * _HOUR_S, _DAY_S, _DAY_S + _HOUR_S)

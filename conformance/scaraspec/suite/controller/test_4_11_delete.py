@@ -18,6 +18,7 @@ from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.listed import long_name, program_names, store_program
 from scaraspec.suite.programs.writing import wait_program
 
+_DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
 _TIMES: Final = 3
 _LONG_BYTES: Final = 25
 """Of a name: near ones are not longer than names may be (L226)."""
@@ -52,7 +53,7 @@ def _expect_refused(subject: Subject, line: Line, wrong: Malformed, requirement:
     return offered.line
 
 
-@case("4.11/3", "4.11/2")
+@case("4.11/3", "4.11/2", hazards=_DESTRUCTIVE)
 def test_gone(subject: Subject, line: Line) -> None:
     """What was deleted is neither listed nor downloadable, and its name is free again."""
     content = wait_program(subject.dialect, 1)
@@ -83,7 +84,7 @@ def test_gone(subject: Subject, line: Line) -> None:
     expect_stored(line, other, content, "4.11/3")
 
 
-@case("4.11/3", name="run", hazards=(Hazard.DESTRUCTIVE, Hazard.MOTION))
+@case("4.11/3", name="run", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
 def test_not_run(subject: Subject, line: Line) -> None:
     """What was deleted can be neither run nor simulated."""
     name = store_program(subject, line)
@@ -104,7 +105,7 @@ def test_not_run(subject: Subject, line: Line) -> None:
         quieten(subject, line)
 
 
-@case("4.11/4", "4.11/2")
+@case("4.11/4", "4.11/2", hazards=_DESTRUCTIVE)
 def test_missing(subject: Subject, line: Line) -> None:
     """A name that is not stored is not answered 1, however like a stored one it is."""
     name = store_program(subject, line, long_name(subject, _LONG_BYTES))
@@ -128,7 +129,7 @@ def test_missing(subject: Subject, line: Line) -> None:
     expect_stored(line, name, content, "4.11/4")
 
 
-@case("4.11/6", "4.11/4")
+@case("4.11/6", "4.11/4", hazards=_DESTRUCTIVE)
 def test_paths(subject: Subject, line: Line) -> None:
     """A name with path elements deletes nothing, and changes nothing else either."""
     name, content = store_program(subject, line), wait_program(subject.dialect, 1)
@@ -160,7 +161,7 @@ def _state(line: Line) -> list[Any]:
     return [line.ask(name).value for name in _STATE]
 
 
-@case("4.11/4", name="malformed")
+@case("4.11/4", name="malformed", hazards=_DESTRUCTIVE)
 def test_malformed(subject: Subject, line: Line) -> None:
     """Names that are none delete nothing, and what is stored remains."""
     name, content = store_program(subject, line), wait_program(subject.dialect, 1)

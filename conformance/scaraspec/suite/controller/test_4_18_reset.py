@@ -101,7 +101,10 @@ def test_end_of_a_reset(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("fault", ["position_fault", "angle_fault", "motor_fault"])
 @case(
-    "4.18/4", name="fault", needs=("position_fault", "angle_fault", "motor_fault", "clear_faults")
+    "4.18/4",
+    name="fault",
+    hazards=_MOTION,
+    needs=("position_fault", "angle_fault", "motor_fault", "clear_faults"),
 )
 def test_reset_from_a_fault(subject: Subject, line: Line, fault: str) -> None:
     """A reset does not succeed while a fault lasts; when its cause is gone the robot is idle."""

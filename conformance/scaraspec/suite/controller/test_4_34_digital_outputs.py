@@ -1,5 +1,6 @@
 """Clause 4.34: the states of the digital outputs (0x49, L677-687)."""
 
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.ports import (
@@ -32,7 +33,7 @@ def test_form_while_running(subject: Subject, line: Line) -> None:
         expect_form(subject, line, "get_digital_outputs")
 
 
-@case("4.34/2", name="order")
+@case("4.34/2", name="order", hazards=(Hazard.MOTION,))
 def test_order(line: Line) -> None:
     """The highest port stands first: the lowest and the highest output show at the two ends."""
     ports = settable(line)

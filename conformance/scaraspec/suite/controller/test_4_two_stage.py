@@ -177,7 +177,11 @@ def _at_once(line: Line, name: str) -> Answer | None:
 @pytest.mark.parametrize(
     ("fault", "code"), [("position_fault", "05"), ("angle_fault", "06"), ("motor_fault", "11")]
 )
-@case("4/4", needs=("position_fault", "angle_fault", "motor_fault", "clear_faults"))
+@case(
+    "4/4",
+    hazards=_MOTION,
+    needs=("position_fault", "angle_fault", "motor_fault", "clear_faults"),
+)
 def test_faults_refuse(subject: Subject, line: Line, fault: str, code: str) -> None:
     """A robot at fault refuses what would move it, with the code of its fault."""
     values = harmless(subject, line)

@@ -5,6 +5,7 @@ from typing import Final
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
 from scaraspec.suite.as_client import malformed
 from scaraspec.suite.as_client.delivery import SEGMENT_S, pieces, send_in
@@ -34,6 +35,7 @@ from scaraspec.suite.strategies import NAME_CHARACTERS
 
 _MOST = 2**32 - 1
 _LARGEST = 70_000
+_DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
 _BEGINNING_OTHERWISE: Final = ((3, 12, 100), (16, 99), (215,))
 """Sizes of segments that cut a chunk of AA CC AA CC ... so that later ones begin with AA, with CC,
 and with the end byte alone."""
@@ -131,7 +133,7 @@ def test_name_that_another_connection_took(subject: Subject, line: Line) -> None
     expect_stored(line, name, content, "5.2/3")
 
 
-@case("5.2/15", name="upload")
+@case("5.2/15", name="upload", hazards=_DESTRUCTIVE)
 def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
     """A new name with a slash or dots that lead elsewhere is not accepted."""
     plain = subject.new_name()
@@ -145,7 +147,7 @@ def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
         expect(not offered.accepted, message, expected="0", observed="1")
 
 
-@case("5.2/15", name="same-file")
+@case("5.2/15", name="same-file", hazards=_DESTRUCTIVE)
 def test_path_to_a_file(subject: Subject, line: Line) -> None:
     """A path that would lead to a stored file does not fetch it."""
     plain = subject.new_name()

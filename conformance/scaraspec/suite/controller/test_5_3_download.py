@@ -28,7 +28,7 @@ from scaraspec.suite.as_client.files import (
 )
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
-from scaraspec.suite.as_client.timeouts import Track, run_tracks
+from scaraspec.suite.as_client.timeouts import Track, downloads_at_once, run_tracks
 from scaraspec.suite.case import case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
@@ -265,6 +265,7 @@ def test_silence_of_the_client(subject: Subject, line: Line) -> None:
             Track(ask, ((limits.late_s, late),)),
             Track(ask, ((limits.over_s, over),)),
         ],
+        at_once=downloads_at_once(subject, name),
     )
 
 

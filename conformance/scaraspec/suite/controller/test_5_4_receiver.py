@@ -30,7 +30,7 @@ from scaraspec.suite.as_client.files import (
 )
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.timeouts import Track, run_tracks
+from scaraspec.suite.as_client.timeouts import Track, run_tracks, uploads_at_once
 from scaraspec.suite.case import case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
@@ -165,6 +165,7 @@ def test_silence(subject: Subject) -> None:
             _abandoned(subject, limits, sent=1),
             _abandoned(subject, limits, sent=0),
         ],
+        at_once=uploads_at_once(subject),
     )
 
 
