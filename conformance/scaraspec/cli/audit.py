@@ -53,6 +53,9 @@ def command(  # noqa: PLR0913 - one for each option
 
     Exit status 0 conformant, 1 nonconformant, 3 inconclusive, 4 nothing to judge.
     """
+    for target in (json_file, html_file):
+        if target and target.exists() and file.exists() and target.samefile(file):
+            raise Problem(f"{target} is the capture: name another file to write")
     try:
         dialect = Dialect.parse(readings)
         results, notes = audit(file, dialect=dialect, port=port, serial=serial)

@@ -13,7 +13,7 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from scaraspec.cli.options import DEFAULT_PASSWORD
+from scaraspec.cli.options import DEFAULT_PASSWORD, Real
 from scaraspec.cli.problems import Problem
 from scaraspec.client import Client, ClientError, LinkLost, ReplyTimeout
 from scaraspec.client.words import OPERATIONS, TRANSFERS, arguments, json_of, json_of_error, lines
@@ -53,7 +53,7 @@ def _catalogue() -> str:
     "--timeout",
     "timeout_s",
     metavar="S",
-    type=click.FloatRange(0.001, 1e6),
+    type=Real(0.001, 1e6),
     help="How long to wait for a reply (5 s) and for a final result (no limit).",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")

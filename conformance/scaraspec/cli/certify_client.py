@@ -21,6 +21,7 @@ from scaraspec.cli.certify_options import (
 )
 from scaraspec.cli.certifying import Display, Files
 from scaraspec.cli.grouped import GroupedCommand
+from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
 from scaraspec.links.url import split_host_port
 from scaraspec.report.model import Role
@@ -47,7 +48,7 @@ EXAMPLE: Final = "Example: scaraspec certify client --driver 'scaraspec client-d
 @click.option("--attended", is_flag=True, help="Say what to do next; ask what the client shows.")
 @click.option(
     "--answer-timeout",
-    type=click.FloatRange(0.1, 3600),
+    type=Real(0.1, 3600),
     metavar="S",
     help="How long it may think about an order [10; attended 600].",
 )

@@ -18,6 +18,7 @@ from scaraspec.cli.certify_options import (
 )
 from scaraspec.cli.certifying import Display, Files, show_plan
 from scaraspec.cli.grouped import GroupedCommand
+from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
 from scaraspec.suite.as_client.access import UrlAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
@@ -46,7 +47,7 @@ EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state
 @suite_options
 @click.option(
     "--patience",
-    type=click.FloatRange(0, 100_000),
+    type=Real(0, 100_000),
     default=10.0,
     show_default=True,
     metavar="S",

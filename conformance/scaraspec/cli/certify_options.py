@@ -8,6 +8,7 @@ from typing import Any, Final
 import click
 from rich.console import Console
 
+from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
 from scaraspec.judgement.requirements import UnknownRequirementError, select
 from scaraspec.judgement.verdicts import ExitStatus
@@ -25,7 +26,7 @@ _OPTIONS: Final = (
     click.option("--ics", type=_PATH, metavar="FILE", help="Its statement of conformance, TOML."),
     click.option(
         "--transfer-timeout",
-        type=click.FloatRange(0.1, 3600),
+        type=Real(0.1, 3600),
         metavar="S",
         help="It abandons a transfer after this silence [30].",
     ),

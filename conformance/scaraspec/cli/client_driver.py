@@ -4,6 +4,7 @@ import asyncio
 
 import click
 
+from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.driver import serve
@@ -15,13 +16,11 @@ EXAMPLE = "Example: scaraspec certify client --driver 'scaraspec client-driver'"
 @click.command(epilog=EXAMPLE)
 @click.option(
     "--transfer-timeout",
-    type=click.FloatRange(0.1, 3600),
+    type=Real(0.1, 3600),
     metavar="S",
     help="Give a transfer up after this silence [30].",
 )
-@click.option(
-    "--reply-timeout", type=click.FloatRange(0.1, 3600), metavar="S", help="Wait for replies [5]."
-)
+@click.option("--reply-timeout", type=Real(0.1, 3600), metavar="S", help="Wait for replies [5].")
 @click.option(
     "--reading", "readings", multiple=True, metavar="KEY=OPTION", help="Speak so; repeatable."
 )

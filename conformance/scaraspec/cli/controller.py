@@ -15,6 +15,7 @@ from pathlib import Path
 
 import click
 
+from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
 from scaraspec.controller.behaviour.settings import PASSWORD_MAX_BYTES
 from scaraspec.controller.brain import Brain
@@ -33,7 +34,7 @@ from scaraspec.protocol.readings import Dialect, ReadingError
 
 _logger = logging.getLogger("scaraspec.controller")
 _PATH = click.Path(path_type=Path)
-_SCALE = click.FloatRange(0.001, 1000)
+_SCALE = Real(0.001, 1000)
 _LISTEN = f"127.0.0.1:{DEFAULT_PORT}"
 
 _EPILOG = """\b
@@ -121,7 +122,7 @@ def _brain(fault: str | None) -> type[Brain]:
         return faults()[fault].wrong
     except KeyError:
         raise Problem(
-            f"--fault {fault}: there is no such fault; scaraspec prove lists them"
+            f"--fault {fault}: there is no such fault; scaraspec prove --out DIR lists them"
         ) from None
 
 

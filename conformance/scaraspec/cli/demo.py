@@ -16,7 +16,7 @@ from rich.console import Console
 
 from scaraspec.cli import demo_session
 from scaraspec.cli.auditing import audit
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer, open_viewer
 from scaraspec.client import Client, ClientError
 from scaraspec.judgement.verdicts import ExitStatus
@@ -52,7 +52,7 @@ def command(out: Path, *, live: bool) -> None:
     downloads, through the recording proxy. Takes about ten seconds. Writes capture.mcap,
     capture.rrd, results.json and report.html.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     if there := [name for name in _FILES if (out / name).exists()]:
         raise Problem(f"{out} holds {there[0]} of an earlier run: name another folder with --out")
     viewer = open_viewer() if live else None
@@ -124,7 +124,7 @@ def _next_steps(out: Path) -> None:
     """Say what to do with what was written."""
     click.echo(f"\n{out / 'report.html'}  the report, for a browser")
     if (out / "capture.rrd").exists():
-        click.echo(f"rerun {out / 'capture.rrd'}  the session in the viewer")
+        click.echo(f"scaraspec view {out / 'capture.mcap'}  the session in the viewer")
     else:
         click.echo(f"capture.rrd was not drawn: {NO_VIEWER}")
     click.echo(f"scaraspec audit {out / 'capture.mcap'}  judge it again")

@@ -6,6 +6,7 @@ from contextlib import closing
 
 import click
 
+from scaraspec.cli.options import Real
 from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
@@ -23,7 +24,7 @@ _PASSWORD = "zs-password"  # noqa: S105 - it opens nothing but the check's own s
 @click.option(
     "--timeout",
     "timeout_s",
-    type=click.FloatRange(0.1, 600),
+    type=Real(0.1, 600),
     default=10.0,
     show_default=True,
     metavar="S",

@@ -1,12 +1,25 @@
 """What several commands take from their user, said once."""
 
-from typing import Final
+import math
+from typing import Any, Final
 
 import click
 
 from scaraspec.protocol.port import DEFAULT_PORT
 
 DEFAULT_PASSWORD: Final = "password"  # noqa: S105 - the document's own (L109)
+
+
+class Real(click.FloatRange):
+    """A number of a range, in which NaN is not."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value!r} is no number.", param, ctx)
+        return number
+
 
 capture_port: Final = click.option(
     "--port",

@@ -80,7 +80,12 @@ def check(file: Path) -> None:
 @click.argument("file", type=_FILE)
 @click.argument("target", type=_FILE)
 @click.option(
-    "--layout", type=click.Choice(list(LAYOUTS)), required=True, help="The target's layout."
+    "--layout",
+    type=click.Choice(list(LAYOUTS)),
+    required=True,
+    metavar="LAYOUT",
+    help="The target's: ilp32, packed, pack2, lp64, outer-packed, packed-long8, pack2-long8; "
+    "behind it -header13, -header14 or -header16, and -big.",
 )
 def convert(file: Path, target: Path, layout: str) -> None:
     """Write FILE again as TARGET, in another layout or byte order."""

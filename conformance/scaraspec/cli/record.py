@@ -16,7 +16,7 @@ import click
 from rich.console import Console
 
 from scaraspec.cli.grouped import GroupedCommand
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.viewer import has_viewer, open_viewer
 from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.links.url import (
@@ -284,6 +284,7 @@ async def _record_one(
 ) -> None:
     """Record one robot; `asked` takes the recording if it writes incidents on a signal."""
     robot = plan.robot
+    make_folder(robot.out)
     try:
         async with (
             record(
@@ -304,7 +305,8 @@ async def _record_one(
             await stopped.wait()
     except OSError as error:
         place = f"what comes to {robot.listen} into {robot.out}"
-        raise Problem(f"cannot record {place}: {error}") from None
+        reason = (error.strerror or f"{error}").partition(" (while")[0]  # what Python adds to it
+        raise Problem(f"cannot record {place}: {reason}") from None
 
 
 async def _show(watches: Sequence[Watch], stopped: asyncio.Event) -> None:

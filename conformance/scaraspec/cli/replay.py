@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from scaraspec.cli.options import DEFAULT_PASSWORD, capture_port
+from scaraspec.cli.options import DEFAULT_PASSWORD, Real, capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.links.connect import connect
@@ -76,7 +76,7 @@ class _Tally:
 )
 @click.option(
     "--speed",
-    type=click.FloatRange(0.001, 1e6),
+    type=Real(0.001, 1e6),
     metavar="FACTOR",
     help="Keep the capture's times, so much faster; without it, send at once.",
 )
@@ -90,7 +90,7 @@ class _Tally:
 @click.option(
     "--timeout",
     "timeout_s",
-    type=click.FloatRange(0.001, 1e6),
+    type=Real(0.001, 1e6),
     default=5.0,
     metavar="S",
     help="How long to wait for a reply (5 s).",
@@ -116,10 +116,14 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     """
     allowed = _hazards(allow)
     try:
+        over = parse(url)
+    except LinkError as error:
+        raise Problem(f"{error}") from None
+    try:
         source = open_capture(capture, port=port)
         link = connect(url)
         try:
-            if isinstance(parse(url), Tcp):
+            if isinstance(over, Tcp):
                 _log_in(link, password, timeout_s)
             plan = steps(source, connection, allowed)
             tally = _Tally()
@@ -129,8 +133,10 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
             link.close()
     except (CaptureError, PayloadError) as error:
         raise Problem(f"{error}") from None
-    except (LinkEndedError, LinkError) as error:
+    except LinkEndedError as error:
         raise Problem(f"{url}: {error}", ExitStatus.INCONCLUSIVE) from None
+    except LinkError as error:
+        raise Problem(f"{error}", ExitStatus.INCONCLUSIVE) from None
     tally.tell(connection)
 
 

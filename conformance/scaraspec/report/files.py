@@ -13,6 +13,13 @@ def write_whole(path: Path, text: str) -> None:
     Raises:
         OSError: The folder is missing, full or not writable; `path` is then as it was.
     """
+    try:
+        _write(path, text)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, f"{path}") from None
+
+
+def _write(path: Path, text: str) -> None:
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
     part = Path(name)
     try:

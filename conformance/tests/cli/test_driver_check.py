@@ -54,3 +54,6 @@ def test_a_driver_that_is_not_there(processes: Any) -> None:
     done = processes.run("driver-check", "/no/such/driver")
     assert done.returncode == 1
     assert "cannot be started: No such file or directory" in done.stdout
+    done = processes.run("driver-check", "")
+    assert done.returncode == 1
+    assert "no program is named" in done.stdout

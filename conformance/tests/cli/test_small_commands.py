@@ -54,6 +54,41 @@ def test_unknown_clause(
     assert told.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("call --timeout nan tcp://127.0.0.1:1 get_status", "no number"),
+        ("controller --time-scale nan", "no number"),
+        ("replay CAPTURE nowhere", "no link"),
+        ("audit CAPTURE --html CAPTURE", "is the capture"),
+        ("audit CAPTURE --json FOLDER", "FOLDER cannot be written"),
+        ("demo --out CAPTURE", "no folder"),
+        ("record tcp://127.0.0.1:1 --listen 127.0.0.1:0 --out CAPTURE", "no folder"),
+    ],
+)
+def test_wrong_use(  # noqa: PLR0913 - each is a fixture or a parameter
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    fixtures_dir: Path,
+    *,
+    line: str,
+    says: str,
+) -> None:
+    """Wrong use is told in one sentence, with exit status 2, and harms no file."""
+    capture = tmp_path / "c.pcapng"
+    capture.write_bytes((fixtures_dir / "captures/field/complaint-1.pcapng").read_bytes())
+    before = capture.read_bytes()
+    words = {"CAPTURE": f"{capture}", "FOLDER": f"{tmp_path}"}
+    arguments = ["scaraspec", *(words.get(word, word) for word in line.split())]
+    monkeypatch.setattr("sys.argv", arguments)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert says.replace("FOLDER", f"{tmp_path}") in capsys.readouterr().err
+    assert capture.read_bytes() == before
+
+
 def test_program_show(fixtures_dir: Path) -> None:
     """The listing is the one beside the sample."""
     sample = fixtures_dir / "programs" / "pick-and-place.rob"

@@ -129,6 +129,8 @@ class Driver:
     # ------------------------------------------------------------------ its life
 
     def _start(self) -> None:
+        if not self._command.strip():
+            raise DriverError("the driver cannot be started: no program is named")
         self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - it lives as long as the process
         try:
             self._process = subprocess.Popen(  # noqa: S603 - the tester's own command, without a shell
