@@ -140,13 +140,12 @@ class Statement:
         _known("subject.", subject, _SUBJECT)
         for key, value in subject.items():
             _typed(f"subject.{key}", value, _SUBJECT[key])
-        lacks = frozenset(subject.get("lacks", ()))
+        lacks = frozenset(map(str, subject.get("lacks", ())))
         if unknown := lacks - BY_NAME.keys():
             raise StatementError(f"subject.lacks names {min(unknown)!r}, which is no command")
         if subject.get("network_applies", "at-once") not in _NETWORK_APPLIES:
             raise StatementError(f"subject.network_applies is one of {', '.join(_NETWORK_APPLIES)}")
-        if not 0 < subject.get("time_scale", 1.0) <= _FASTEST:
-            raise StatementError(f"subject.time_scale is above 0 and at most {_FASTEST:g}")
+        _within("subject.time_scale", subject.get("time_scale", 1.0), _FASTEST)
         readings = {k: str(v) for k, v in _table(said, "readings").items()}
         return cls(
             **{**subject, "lacks": lacks},
@@ -170,7 +169,9 @@ _ON_TIME: Final = frozenset({"4.5/4", "4.6/4", "4.9/5"})
 _NETWORK_APPLIES: Final = ("at-once", "after-restart")
 _FASTEST: Final = 1e4
 _HOOK_S: Final = 30.0
+_LONGEST_S: Final = 1e6
 _AXES: Final = 3
+_MOST: Final = {"step_mm": 1000.0, "speed_percent": 100.0, "jog_s": 60.0, "longest_s": _LONGEST_S}
 
 
 def _table(said: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -192,19 +193,36 @@ def _typed(name: str, value: Any, wanted: type | tuple[type, ...]) -> None:
         raise StatementError(f"{name} is {' or '.join(k.__name__ for k in kinds)}")
 
 
+def _within(name: str, value: Any, most: float) -> None:
+    _typed(name, value, (int, float))
+    if not 0 < value <= most:  # nor is NaN
+        raise StatementError(f"{name} is above 0 and at most {most:g}")
+
+
 def _motion(said: Mapping[str, Any]) -> Motion:
     _known("motion.", said, [f.name for f in fields(Motion)])
-    for key, value in said.items():
-        _typed(f"motion.{key}", value, list if key == "box_mm" else (int, float))
+    for key, most in _MOST.items():
+        if key in said:
+            _within(f"motion.{key}", said[key], most)
+    if "speed_percent" in said:
+        _typed("motion.speed_percent", said["speed_percent"], int)
     box = said.get("box_mm", [])
-    if box and (len(box) != _AXES or any(not isinstance(p, list) or len(p) != 2 for p in box)):  # noqa: PLR2004 - a pair
+    _typed("motion.box_mm", box, list)
+    if box and not (len(box) == _AXES and all(map(_is_range, box))):
         raise StatementError("motion.box_mm is three pairs: of x, y and z the least and the most")
     return Motion(**{**said, "box_mm": tuple((float(a), float(b)) for a, b in box)})
 
 
+def _is_range(pair: object) -> bool:
+    match pair:
+        case [float() | int() as low, float() | int() as high]:
+            return low <= high  # which NaN is not
+    return False
+
+
 def _hooks(said: Mapping[str, Any]) -> dict[str, CommandHook]:
     timeout_s = said.get("timeout_s", _HOOK_S)
-    _typed("hooks.timeout_s", timeout_s, (int, float))
+    _within("hooks.timeout_s", timeout_s, _LONGEST_S)
     commands = {name: command for name, command in said.items() if name != "timeout_s"}
     _known("hooks.", commands, HOOKS)
     for name, command in commands.items():
