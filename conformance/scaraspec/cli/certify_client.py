@@ -19,7 +19,7 @@ from scaraspec.cli.certify_options import (
     suite_options,
     told,
 )
-from scaraspec.cli.certifying import Display, Files
+from scaraspec.cli.certifying import Display, Files, end_in_order
 from scaraspec.cli.grouped import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
@@ -90,6 +90,7 @@ def command(  # noqa: PLR0913 - one for each option
         if dry_run:
             return
         given = again(driver=driver and shlex.quote(driver), listen=listen, ics=ics, seed=seed)
+        end_in_order()
         with (
             closing(_access(driver, listen, answer_timeout)) as access,
             Files(out, sittings=attended) as files,

@@ -16,7 +16,7 @@ from scaraspec.cli.certify_options import (
     suite_options,
     told,
 )
-from scaraspec.cli.certifying import Display, Files, show_plan
+from scaraspec.cli.certifying import Display, Files, end_in_order, show_plan
 from scaraspec.cli.grouped import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
@@ -97,6 +97,7 @@ def command(  # noqa: PLR0913 - one for each option
             return
         given = again(allow=allow, ics=ics, seed=seed, examples=examples)
         replay = f"scaraspec certify controller {where}{given}"
+        end_in_order()
         with (
             Files(out, needs_login=access.needs_login) as files,
             Display(Console(), len(cases)) as display,

@@ -1,5 +1,6 @@
 """What `scaraspec certify` shows while it runs, and the files that it leaves behind."""
 
+import signal
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
@@ -106,6 +107,11 @@ class Display:
         if self._ticks or outcome.verdict not in (Verdict.PASS, Verdict.NONE):
             said = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"
             self._console.print(Text(visible(said)), soft_wrap=True)
+
+
+def end_in_order() -> None:
+    """Let SIGTERM, as of a service manager or a CI, end a run as Ctrl-C does: all is put back."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 class Files:

@@ -211,9 +211,18 @@ def test_hostile_subjects(
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize(("files", "only"), [(1, ()), (5, ("--only", "5.2"))])
-def test_interrupted(processes: Any, tmp_path: Path, files: int, only: tuple[str, ...]) -> None:
-    """Ctrl-C while a file of the suite is stored: it is taken away, and the run inconclusive."""
+@pytest.mark.parametrize(
+    ("files", "only", "number"),
+    [
+        (1, (), signal.SIGINT),
+        (5, ("--only", "5.2"), signal.SIGINT),
+        (1, ("--only", "5.2"), signal.SIGTERM),
+    ],
+)
+def test_interrupted(
+    processes: Any, tmp_path: Path, files: int, only: tuple[str, ...], number: signal.Signals
+) -> None:
+    """Ended while a file of the suite is stored: it is taken away, and the run inconclusive."""
     host, port = processes.controller()
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
     with Client(url, password="password") as robot:
@@ -224,7 +233,7 @@ def test_interrupted(processes: Any, tmp_path: Path, files: int, only: tuple[str
                 assert run.poll() is None, run.stdout.read()
             seen = stored
         assert json.loads((out / "state.json").read_text(encoding="utf-8"))
-        run.send_signal(signal.SIGINT)
+        run.send_signal(number)
         told, _ = run.communicate(timeout=60)
         assert run.returncode in (1, 3), told
         assert not (out / "state.json").exists(), told
