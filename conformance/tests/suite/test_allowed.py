@@ -1,5 +1,6 @@
 """Nothing is sent that the tester has not allowed, and every case says what it needs to send."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -71,3 +72,18 @@ def test_nothing_else_is_sent(allowed: frozenset[Hazard]) -> None:
     own = {"login"} | ({"delete_program"} if Hazard.STATE in allowed else set())
     assert {name for name in heard if HAZARDS[name] not in allowed} <= own
     assert brains[-1].store.names() == [STORED]
+
+
+def test_what_a_killed_run_has_left_is_not_forgotten(tmp_path: Path) -> None:
+    """A run that may not put it back says so, and leaves its file to one that may."""
+    robot = Robot(Brain, DEFAULT)
+    file = tmp_path / "state.json"
+    file.write_text('{"outputs": "1000000000000000", "gripper centre": [1.0, 2.0, 3.0]}')
+    for allowed, told in ((Options().allowed, 2), (ALL - {Hazard.MOTION}, 1), (ALL, 0)):
+        options = Options(only=frozenset({"4.8/2"}), allowed=allowed)
+        access = MemoryAccess(robot.network)
+        setting = ControllerSetting(access, Statement(), PASSWORD, options, state_file=file)
+        cases = Run(setting).results().cases
+        wanting = [case.message for case in cases if "it wants --allow" in case.message]
+        assert sum(message.count("it wants --allow") for message in wanting) == told
+        assert file.exists() is bool(told)

@@ -21,6 +21,7 @@ from scaraspec.suite.programs.listed import program_names
 _CLOCK_SLACK_S: Final = 2
 _HALF_S: Final = 0.5
 _NS: Final = 1_000_000_000
+_LEFT: Final = "left by a run that was killed"
 _REFUSED_PERHAPS: Final = ("default program", "initial tool position")
 
 
@@ -78,9 +79,11 @@ def restore(subject: Subject, state: Mapping[str, Any]) -> list[str]:
     for item in ITEMS:
         wanted = state.get(item.name)
         try:
-            if wanted is None or item.hazard not in subject.allowed:
+            allowed = item.hazard in subject.allowed
+            if wanted is None or not (allowed or _LEFT in state):  # else it was not changed
                 continue
             if _differs(_read(item, subject, line), wanted):
+                expect(allowed, f"it wants --allow {item.hazard.value}")
                 item.write(subject, line, wanted)
         except (Unmet, Undecided) as error:
             problems.append(f"the {item.name} could not be put back to {wanted}: {error}")
@@ -94,7 +97,7 @@ def load(path: Path) -> dict[str, Any] | None:
         state = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return state if isinstance(state, dict) else None
+    return {**state, _LEFT: True} if isinstance(state, dict) else None
 
 
 def keep(path: Path, state: Mapping[str, Any]) -> None:
