@@ -62,4 +62,9 @@ def audit(
     accounted = not (isinstance(capture, McapCapture) and capture.summary.wrong_accounts)
     if not accounted and results.verdict is not Conclusion.NONCONFORMANT:
         results = replace(results, verdict=Conclusion.INCONCLUSIVE)
+    passed = results.session and any(results.session.bytes.values())
+    if results.verdict is Conclusion.CONFORMANT and not passed:
+        results = replace(
+            results, verdict=Conclusion.NOTHING_TESTED
+        )  # a client was let in, at most
     return results, tuple(capture.summary.notes)

@@ -1,6 +1,8 @@
 """`scaraspec record` between a real client and the virtual controller, witnessed on each side."""
 
+import contextlib
 import signal
+import socket
 from collections import defaultdict
 from collections.abc import Callable
 from datetime import datetime
@@ -65,6 +67,21 @@ def test_every_byte_is_recorded(
     assert recorded == {A2C: expected, C2A: bytes(got)}
     assert f"from the client: {len(sent)} bytes received and forwarded = {len(sent)} rec" in told
     assert secret not in (out / "capture.rrd").read_bytes()
+
+
+def test_a_robot_that_is_not_there(processes: Any, tmp_path: Path) -> None:
+    """Clients are cut, and a capture in which nothing passed is not called conformant."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        nowhere = "tcp://{}:{}".format(*taken.getsockname())
+    recorder = processes.start("record", nowhere, "--listen", "127.0.0.1:0", "--out", str(tmp_path))
+    where = address_in(recorder.stdout.readline())
+    with socket.create_connection(where, 10) as client, contextlib.suppress(ConnectionResetError):
+        assert client.recv(1) == b""
+    recorder.send_signal(signal.SIGINT)
+    recorder.communicate(timeout=60)
+    done = processes.run("audit", str(tmp_path / "capture.mcap"))
+    assert done.returncode == 4, done.stdout + done.stderr
+    assert "nothing-tested" in done.stdout
 
 
 @pytest.mark.parametrize(
