@@ -243,6 +243,23 @@ class KeepsItsDefault(Brain):
         return not kept and super().delete_program(request)
 
 
+class GoesSlowly(Brain):
+    """Shut down, it ends its connections at once, and itself half a second later (A-4.35-2)."""
+
+    gone_s = math.inf
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Remember when it will be gone."""
+        super().handle(session, frame, now_s)
+        if not self.powered and self.gone_s == math.inf:
+            self.gone_s = now_s + 0.5
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Serve whoever comes in between."""
+        self.powered = now_s < self.gone_s
+        return super().open(connection, now_s, link)
+
+
 class FailsLate(Brain):
     """A motor fails, and the final result takes a while (A-3-15)."""
 
@@ -317,6 +334,13 @@ def test_a_claim_of_opcodes_is_wrong_where_others_are_found(
     assert not tried(Brain, "2/7", spoken=spoken, **claims)
     cases = tried(Brain, "4.12/5", spoken=spoken, **claims)
     assert ("claim.op_get_default" not in cases) is right
+
+
+def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned() -> None:
+    """Nothing needs to be put back: it was, before the shutdown."""
+    cases = tried(GoesSlowly, "4.35/2")
+    assert not wrong(cases)
+    assert cases["4.35/2"].verdict is Verdict.TOLERATED
 
 
 def test_silence_while_busy_is_claimed_rightly_though_a_reset_is_refused() -> None:

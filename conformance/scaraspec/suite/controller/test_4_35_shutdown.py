@@ -14,7 +14,7 @@ _LAST = (Hazard.MOTION, Hazard.DESTRUCTIVE)
 _SHUTDOWN: Final = "shutdown"
 _RETURN_S: Final = 60.0
 _TRY_S: Final = 0.5
-_UNAIDED_S: Final = 1.0
+_GOING_S: Final = 1.0
 
 
 @case("4.35/2", "4/15", name="busy", hazards=(*_LAST, Hazard.STATE), last=True)
@@ -90,6 +90,9 @@ def _is_gone(subject: Subject, line: Line) -> bool:
 def _await_return(subject: Subject) -> None:
     """Start the subject anew, where a hook can, and wait for it.
 
+    Unaided it is given one look, and not at once: what ends its connections and then itself may
+    take another one in between.
+
     Raises:
         Undecided: It was started and does not come back.
     """
@@ -98,7 +101,9 @@ def _await_return(subject: Subject) -> None:
     hook = next((name for name in ("start", "restart") if subject.has_hook(name)), "")
     if hook:
         subject.hook(hook)
-    left_s = _RETURN_S if hook else _UNAIDED_S
+    else:
+        subject.access.pause(_GOING_S)
+    left_s = _RETURN_S if hook else _TRY_S
     while left_s > 0:
         begun_ns = subject.now_ns
         try:
