@@ -46,6 +46,11 @@ def wrong(cases: Mapping[str, Case]) -> list[str]:
     return [f"{case.id}: {case.message}" for case in cases.values() if case.verdict not in GOOD]
 
 
+def wrong_but_not_run(cases: Mapping[str, Case]) -> list[str]:
+    """The cases that were run, and neither passed nor were tolerated."""
+    return wrong({key: case for key, case in cases.items() if case.verdict is not Verdict.NONE})
+
+
 class RestartHook:
     """Takes the settings over that a restart would."""
 
@@ -243,6 +248,36 @@ class KeepsItsDefault(Brain):
         return not kept and super().delete_program(request)
 
 
+class DisplacesAMomentLater(Brain):
+    """The newest client is served; a moment later the one before is sent away (A-2-2)."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._due_s: dict[int, float] = {}
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Remember whom to send away."""
+        for other in self.sessions:
+            self._due_s.setdefault(other, now_s + 0.05)
+        return super().open(connection, now_s, link)
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Serve only the newest."""
+        return super().receive(connection, b"" if connection in self._due_s else data, now_s)
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        for connection in [c for c, due_s in self._due_s.items() if due_s <= now_s]:
+            del self._due_s[connection]
+            if connection in self.sessions:
+                self._end(self.sessions[connection], now_s)
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When the next one is sent away."""
+        return min((*self._due_s.values(), super().next_event_s or math.inf), default=None)
+
+
 class GoesSlowly(Brain):
     """Shut down, it ends its connections at once, and itself half a second later (A-4.35-2)."""
 
@@ -334,6 +369,12 @@ def test_a_claim_of_opcodes_is_wrong_where_others_are_found(
     assert not tried(Brain, "2/7", spoken=spoken, **claims)
     cases = tried(Brain, "4.12/5", spoken=spoken, **claims)
     assert ("claim.op_get_default" not in cases) is right
+
+
+@pytest.mark.parametrize("only", ["2/12", "3/18", "3/20", "4/6", "4.28/5"])
+def test_who_is_displaced_may_be_sent_away_a_moment_later(only: str) -> None:
+    """That the newest client wins is found out although the one before is not gone at once."""
+    assert not wrong_but_not_run(tried(DisplacesAMomentLater, only))
 
 
 def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned() -> None:

@@ -70,7 +70,7 @@ def _op_get_default(subject: Subject) -> str | None:
 
 
 def _max_clients(subject: Subject) -> str | None:
-    """Connect twice (A-2-2)."""
+    """Connect twice (A-2-2); it may take a moment until who is displaced is sent away."""
     if not subject.access.several:
         return None
     first = subject.open()
@@ -79,11 +79,10 @@ def _max_clients(subject: Subject) -> str | None:
         second.ask("get_status")
     except Unmet:
         return "one"
-    first.pump()
-    if first.ending is None:
-        first.ask("get_status")
-        return "many"
-    return "newest"
+    if first.ends(within_s=SILENCE_S) is not None:
+        return "newest"
+    first.ask("get_status")
+    return "many"
 
 
 def _prelogin(subject: Subject) -> str | None:

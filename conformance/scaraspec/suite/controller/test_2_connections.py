@@ -6,7 +6,7 @@ from typing import Final
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import MOMENT_S, Subject
+from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect, expect_equal
 
@@ -128,8 +128,7 @@ def test_second_client(subject: Subject) -> None:
 def _displaced(subject: Subject, first: Line, second: Line) -> bool:
     """Whether the newcomer has taken the place of the one before (A-2-2)."""
     second.pump()
-    first.pump()
-    if first.ending is None:
+    if first.ends(within_s=SILENCE_S) is None:
         return False
     subject.log_in(second)
     second.ask("get_status")
