@@ -139,9 +139,12 @@ class Record(Payload):
         return b"|".join(texts) + nul
 
 
-def tidy(data: bytes, notes: Notes) -> bytes:
-    """Take off what text must not carry: quotes (A-0-3), a trailing NUL (A-T-3)."""
-    if len(data) > 1 and data.endswith(b"\0"):  # alone it is a binary digit
+def tidy(data: bytes, notes: Notes, *, digit: bool = True) -> bytes:
+    """Take off what text must not carry: quotes (A-0-3), a trailing NUL (A-T-3).
+
+    Alone a NUL is a binary digit where one can stand there, and else the end of no text.
+    """
+    if data.endswith(b"\0") and (len(data) > 1 or not digit):
         notes.add(Wrong.TRAILING_NUL, "a NUL byte ends the text")
         notes.readings["trailing_nul"] = "yes"
         data = data.rstrip(b"\0")
@@ -416,7 +419,7 @@ class OptionalName(Payload):
 
     def read(self, data: bytes, notes: Notes) -> bytes:
         """Return the name, empty where there is none."""
-        data = tidy(data, notes)
+        data = tidy(data, notes, digit=False)
         if data in (b"", b"0"):
             notes.readings["default_none"] = "0" if data else "empty"
             return b""

@@ -200,6 +200,16 @@ class EndsWithABar(Brain):
         super().emit(session, frame)
 
 
+class EndsWithANul(Brain):
+    """Every text ends with a NUL, also one of no character (A-T-3)."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Add it."""
+        if frame.opcode in (0x08, 0x0B, 0x0D, 0x13):
+            frame = Frame(C2A, frame.opcode, frame.data + b"\0")
+        super().emit(session, frame)
+
+
 class KeepsSingles(Brain):
     """Numbers are kept in 32 bits, and printed with six decimals (A-T-5)."""
 
@@ -375,6 +385,11 @@ def test_a_claim_of_opcodes_is_wrong_where_others_are_found(
 def test_who_is_displaced_may_be_sent_away_a_moment_later(only: str) -> None:
     """That the newest client wins is found out although the one before is not gone at once."""
     assert not wrong_but_not_run(tried(DisplacesAMomentLater, only))
+
+
+def test_no_default_program_may_be_told_as_a_nul() -> None:
+    """It is an empty text, which some end as they do any other (A-4.12-2, A-T-3)."""
+    assert not wrong_but_not_run(tried(EndsWithANul, "4.12/4", "4.12/3", "4.13/5"))
 
 
 def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned() -> None:
