@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,8 +11,10 @@ import pytest
 from scaraspec.cli.proving_controller import PASSWORD, Robot, hooks_of
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.brain import Brain
+from scaraspec.controller.plant import Plant
 from scaraspec.controller.robot import DONE
 from scaraspec.controller.session import Action, Carrier, Close, Request, Session
+from scaraspec.controller.store import Store
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Network, RunningProgram
 from scaraspec.protocol.direction import A2C, C2A
@@ -210,6 +213,20 @@ class EndsWithANul(Brain):
         super().emit(session, frame)
 
 
+class HasALongDefault(Brain):
+    """The default program that it came with has a name of 40 bytes (A-4.9-5)."""
+
+    name = b"delivered-with-the-robot-in-the-year.rob"
+    has: Store
+
+    def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
+        if self.name not in store:
+            store.write(self.name, b"SCARA")
+            store.save(replace(store.settings, default_program=self.name))
+        HasALongDefault.has = store
+        super().__init__(plant, store, dialect.replace(name_max="255"))
+
+
 class KeepsSingles(Brain):
     """Numbers are kept in 32 bits, and printed with six decimals (A-T-5)."""
 
@@ -390,6 +407,12 @@ def test_who_is_displaced_may_be_sent_away_a_moment_later(only: str) -> None:
 def test_no_default_program_may_be_told_as_a_nul() -> None:
     """It is an empty text, which some end as they do any other (A-4.12-2, A-T-3)."""
     assert not wrong_but_not_run(tried(EndsWithANul, "4.12/4", "4.12/3", "4.13/5"))
+
+
+def test_a_default_program_of_a_long_name_is_put_back() -> None:
+    """By the bytes that were told: names of 30 bytes are what is sent of one's own."""
+    assert not wrong(tried(HasALongDefault, "4.13/3"))
+    assert HasALongDefault.has.settings.default_program == HasALongDefault.name
 
 
 def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned() -> None:

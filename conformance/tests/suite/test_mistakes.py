@@ -379,6 +379,16 @@ class ThirtyTwo(Brain):
         return super().is_program(name) and name in self.store.names()[:32]
 
 
+class Boundless(Brain):
+    """An initial tool position that was never set is what the memory held."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Tell it."""
+        if frame.opcode == 0x37:
+            frame = frame._replace(data=b"|".join([b"%.1f" % 3.4e38] * 6))
+        super().emit(session, frame)
+
+
 class SixteenBits(Brain):
     """Where a move goes is kept in whole millimetres of 16 bits."""
 
@@ -452,6 +462,7 @@ class PointBehind(Brain):
         (HalfAKilobyte, "2/6"),
         (OneByteTooMany, "4.10/9"),
         (ShortestText, "T/5"),
+        (Boundless, "4.21/3"),
     ],
 )
 def test_it_is_found(brain: type[Brain], requirement: str) -> None:

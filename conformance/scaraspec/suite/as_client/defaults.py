@@ -30,7 +30,7 @@ def default_kept(subject: Subject, line: Line) -> Iterator[None]:
     finally:
         if before:
             with suppress(Unmet, Undecided):
-                alive(subject, line).ask("set_default_program", before)
+                alive(subject, line).ask("set_default_program", data=before)
 
 
 def _default(line: Line) -> bytes:

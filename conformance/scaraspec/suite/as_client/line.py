@@ -14,6 +14,7 @@ from scaraspec.judgement.tracking import NAMES
 from scaraspec.links.link import Link
 from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.limits import limits_of
@@ -54,9 +55,16 @@ class Line(Wire):
         super().send_frame(frame)
 
     def request(self, name: str, value: Any = None, *, data: bytes | None = None) -> Frame:
-        """The frame of a request, in the subject's dialect."""
+        """The frame of a request, in the subject's dialect.
+
+        Raises:
+            Undecided: The value, which comes from the subject, is none that anybody can send.
+        """
         command, dialect = BY_NAME[name], self._subject.dialect
-        payload = command.request.encode(value, dialect) if data is None else data
+        try:
+            payload = command.request.encode(value, dialect) if data is None else data
+        except PayloadError as error:
+            raise Undecided(f"{name} cannot be asked: {error}") from None
         opcode = command.opcode
         if command.also is not None and dialect["op_get_default"] == "0x13":
             opcode = command.also

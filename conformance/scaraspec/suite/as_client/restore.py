@@ -140,8 +140,8 @@ def restore_password(subject: Subject) -> None:
         line.close()
 
 
-def _set(line: Line, name: str, value: Any) -> None:
-    answer = line.ask(name, value)
+def _set(line: Line, name: str, value: Any = None, *, data: bytes | None = None) -> None:
+    answer = line.ask(name, value, data=data)
     expect(answer.accepted, f"{name} was refused", expected="1", observed=f"{answer}")
 
 
@@ -175,7 +175,10 @@ def _read_clock(subject: Subject, line: Line) -> int | None:
 
 
 def _write_clock(subject: Subject, line: Line, ahead_s: int) -> None:
-    time = _ours(subject) + timedelta(seconds=ahead_s + _HALF_S)
+    try:
+        time = _ours(subject) + timedelta(seconds=ahead_s + _HALF_S)
+    except OverflowError:
+        raise Undecided("the calendar has ended") from None
     _set(line, "set_time", time.replace(microsecond=0))
 
 
@@ -189,7 +192,8 @@ def _read_default(_: Subject, line: Line) -> str | None:
 
 
 def _write_default(_: Subject, line: Line, name: str) -> None:
-    _set(line, "set_default_program", name.encode("latin-1"))
+    """Set it by the bytes that were told, be they a name or not."""
+    _set(line, "set_default_program", data=name.encode("latin-1"))
 
 
 def _read_outputs(_: Subject, line: Line) -> str | None:
