@@ -61,6 +61,11 @@ def test_a_late_chunk_may_be_ignored() -> None:
     assert not alarms(IgnoresStrayChunks, "5.4/5", xfer_timeout="1")
 
 
+def test_a_chunk_elsewhere_may_be_ignored() -> None:
+    """It is not waited for so long that the upload itself is given up."""
+    assert not alarms(IgnoresStrayChunks, "5.2/11", xfer_timeout="1")
+
+
 class EndsTheLink(Brain):
     """A chunk out of bounds ends the link; so does a download of which a chunk was refused."""
 
