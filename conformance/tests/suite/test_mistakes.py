@@ -379,6 +379,28 @@ class ThirtyTwo(Brain):
         return super().is_program(name) and name in self.store.names()[:32]
 
 
+class SmallPasswords(Brain):
+    """New passwords are kept in small letters."""
+
+    def set_password(self, request: Request) -> bool:
+        """Change them."""
+        value = request.value
+        if value is not None:
+            request = replace(request, value=value._replace(new=value.new.lower()))
+        return super().set_password(request)
+
+
+class PasswordBuffer(Brain):
+    """New passwords are cut to what a buffer of 64 bytes holds."""
+
+    def set_password(self, request: Request) -> bool:
+        """Cut it."""
+        value = request.value
+        if value is not None:
+            request = replace(request, value=value._replace(new=value.new[:63]))
+        return super().set_password(request)
+
+
 class Boundless(Brain):
     """An initial tool position that was never set is what the memory held."""
 
@@ -463,6 +485,8 @@ class PointBehind(Brain):
         (OneByteTooMany, "4.10/9"),
         (ShortestText, "T/5"),
         (Boundless, "4.21/3"),
+        (SmallPasswords, "4.2/4"),
+        (PasswordBuffer, "4.2/4"),
     ],
 )
 def test_it_is_found(brain: type[Brain], requirement: str) -> None:
