@@ -10,6 +10,7 @@ import pytest
 
 from scaraspec.cli.proving_controller import PASSWORD, Robot, hooks_of
 from scaraspec.controller.behaviour import SILENCE
+from scaraspec.controller.behaviour.base import Silence, refused
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
 from scaraspec.controller.robot import DONE
@@ -227,6 +228,47 @@ class HasALongDefault(Brain):
         super().__init__(plant, store, dialect.replace(name_max="255"))
 
 
+class EndsJustThen(Brain):
+    """A reset ends when another client asks for a release, and its result goes to the first."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        task = self.robot.task
+        if frame.opcode == 0x3A and task and task.state == "03" and task.request.session != session:
+            self.robot.stop(now_s)
+            self.conclude(task.request, DONE)
+            self._send_later()
+        super().handle(session, frame, now_s)
+
+
+class BigChunks(Brain):
+    """The numbers of a chunk are big-endian, as a network's are; those of a program are not."""
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        """Take no other."""
+        return request.frame.data[8:11] == bytes(3) and super().upload_chunk(request)
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Send no other."""
+        if frame.opcode == 0x56:
+            head = b"".join(frame.data[at : at + 4][::-1] for at in (0, 4, 8))
+            frame = frame._replace(data=head + frame.data[12:])
+        super().emit(session, frame)
+
+    def is_program(self, name: bytes) -> bool:
+        """Whether it is listed: as a little-endian program of the usual layout only."""
+        content = self.store.read(name) if name in self.store else b""
+        nodes, variables = struct.unpack_from("<8xII", content) if len(content) > 16 else (0, 0)
+        return name in self.store and len(content) == 97 + 64 * nodes + 28 * variables
+
+    def run_program(self, request: Request) -> Acceptance | Silence:
+        """Run no other."""
+        name = request.value
+        if self.robot.task is None and name in self.store and not self.is_program(name):
+            return refused("20")
+        return super().run_program(request)
+
+
 class KeepsSingles(Brain):
     """Numbers are kept in 32 bits, and printed with six decimals (A-T-5)."""
 
@@ -413,6 +455,19 @@ def test_a_default_program_of_a_long_name_is_put_back() -> None:
     """By the bytes that were told: names of 30 bytes are what is sent of one's own."""
     assert not wrong(tried(HasALongDefault, "4.13/3"))
     assert HasALongDefault.has.settings.default_program == HasALongDefault.name
+
+
+def test_who_is_free_again_may_accept_what_another_client_asks() -> None:
+    """Which of two connections was served first is not seen where both are within a moment."""
+    cases = tried(EndsJustThen, "4/6")
+    assert cases["4/6.reset"].verdict is Verdict.NONE
+    assert all(cases[f"4/6.{name}"].verdict is Verdict.PASS for name in ("jog", "run_program"))
+
+
+def test_chunks_and_programs_may_differ_in_their_byte_order() -> None:
+    """Each is a point that is open by itself (A-5-2, A-6.1-4)."""
+    cases = tried(BigChunks, "4.8/4", "4.9/2", "4.10/11", "4.11/3", "5.2/12", "6.5/26")
+    assert not wrong_but_not_run(cases)
 
 
 def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned() -> None:

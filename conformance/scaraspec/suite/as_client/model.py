@@ -52,11 +52,10 @@ from scaraspec.suite.as_client.tasks import (
     STATES,
     accepted,
     done,
-    layout_in_use,
     offered,
 )
 from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
-from scaraspec.suite.programs.layout import configured
+from scaraspec.suite.programs.layout import configured, layout_in_use
 from scaraspec.suite.programs.listed import program_names, store_program
 from scaraspec.suite.programs.writing import endless_program, program_file, wait
 

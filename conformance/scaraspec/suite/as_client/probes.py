@@ -17,7 +17,7 @@ from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
-from scaraspec.suite.programs.layout import candidates
+from scaraspec.suite.programs.layout import LISTED, candidates
 from scaraspec.suite.programs.listed import program_names
 from scaraspec.suite.programs.writing import wait_program
 
@@ -140,6 +140,7 @@ def _prog_layout(subject: Subject) -> str | None:
             line, name = subject.open(), subject.new_name()
             upload(line, name, wait_program(subject.dialect, 1, layout=layout))
             if name in program_names(subject, line):
+                subject.known[LISTED] = layout
                 return layout.reading
             subject.settle()
     return None

@@ -4,6 +4,7 @@ What is open is tolerated as the register says: which code is chosen (A-0-7), wh
 says anything (A-4-2), and when a program is found to be missing (A-4.15-1).
 """
 
+from contextlib import nullcontext
 from typing import Any, Final
 
 from scaraspec.protocol import errors
@@ -12,7 +13,15 @@ from scaraspec.protocol.fields import Wrong
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import BUSY
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import JOG, STOP, Task, finish, offered
+from scaraspec.suite.as_client.tasks import (
+    JOG,
+    RELEASE,
+    STOP,
+    Task,
+    finish,
+    locked_again,
+    offered,
+)
 from scaraspec.suite.expect import expect
 from scaraspec.suite.wire import Answer
 
@@ -104,7 +113,8 @@ def expect_busy(subject: Subject, line: Line, task: Task, name: str, value: Any 
         subject.tolerate("4/6", "A-4.28-5", "replace", message)
         return
     if task.over_before(answer):
-        task.lasts()
+        with locked_again(subject, line) if name == RELEASE else nullcontext():
+            task.lasts()
     expect(
         not answer.accepted,
         f"{name} was accepted while {task.name} executed",

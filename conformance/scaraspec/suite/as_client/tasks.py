@@ -14,7 +14,6 @@ from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.protocol.commands import BY_NAME, COMMANDS, Pose
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.protocol.programs import Layout
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import (
@@ -33,10 +32,10 @@ from scaraspec.suite.as_client.motion import (
     stop,
     target,
 )
-from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
-from scaraspec.suite.programs.layout import configured, find_layout, known_layout
-from scaraspec.suite.programs.writing import layout_of, wait_program
+from scaraspec.suite.programs.layout import configured, find_layout, layout_in_use
+from scaraspec.suite.programs.writing import wait_program
 from scaraspec.suite.wire import Answer
 
 RUN, SIMULATE, STOP, RESET = "run_program", "simulate_program", "emergency_stop", "reset"
@@ -121,11 +120,6 @@ def accepted(name: str, answer: Answer) -> Answer:
         observed=f"{answer}",
         requirement="4/15" if busy else ACCEPTANCE[name],
     )
-
-
-def layout_in_use(subject: Subject) -> Layout:
-    """The layout of program files that the subject has been found to read, or claims."""
-    return known_layout(subject) or layout_of(subject.dialect)
 
 
 def stored(subject: Subject, line: Line, seconds: int | None = None, name: bytes = b"") -> bytes:
@@ -276,12 +270,17 @@ class Task:
         return seen.frame.tagged and seen.frame.opcode == BY_NAME[self.name].opcode
 
     def over_before(self, answer: Answer) -> bool:
-        """Whether its final result came before an answer on its connection."""
+        """Whether its final result came before an answer, or on another connection about then."""
         where = answer.seen.place
+        if answer.accepted and where.connection != self.line.name:
+            self.line.wait(MOMENT_S)
         return any(
-            self._ends(seen) and seen.place.offset_bytes < where.offset_bytes
+            self._ends(seen)
+            and (
+                seen.place.connection != where.connection
+                or seen.place.offset_bytes < where.offset_bytes
+            )
             for seen in self.line.heard
-            if seen.place.connection == where.connection
         )
 
     def lasts(self) -> None:

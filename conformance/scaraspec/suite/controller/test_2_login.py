@@ -23,7 +23,7 @@ from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
 from scaraspec.suite.as_client.tasks import stored
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
-from scaraspec.suite.programs.writing import wait_program
+from scaraspec.suite.programs.layout import short_program
 
 if TYPE_CHECKING:
     from scaraspec.judgement.happenings import FrameSeen
@@ -223,7 +223,7 @@ def test_loss(subject: Subject) -> None:
     """A file is deleted, password, network and default are set without a login; all stays."""
     line = subject.open()
     name = subject.new_name()
-    upload(line, name, wait_program(subject.dialect, 1))
+    upload(line, name, short_program(subject))
     network = line.ask("get_network").value
     line.close()
     stranger = _Stranger(subject)

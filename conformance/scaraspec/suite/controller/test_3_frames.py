@@ -20,7 +20,7 @@ from scaraspec.suite.as_client.queries import ask_all, known_to
 from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
-from scaraspec.suite.programs.writing import wait_program
+from scaraspec.suite.programs.layout import short_program
 
 _BLAME: Final[Mapping[Fault, str]] = {
     Fault.START: "3/4",
@@ -104,7 +104,7 @@ def test_reply_without_data(subject: Subject, line: Line) -> None:
 @case("3/6", "3/5", "3/7", name="long", hazards=(Hazard.STATE,))
 def test_long_replies(subject: Subject, line: Line) -> None:
     """Long names make a program list that does not fit one frame, and a download fills chunks."""
-    content = wait_program(subject.dialect, 1)
+    content = short_program(subject)
     stem = "n" * (_LONG_NAME_BYTES - len(subject.new_name()) - 1)
     names = [subject.new_name(stem) for _ in range(_MANY)]
     for name in names:

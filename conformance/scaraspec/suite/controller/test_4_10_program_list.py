@@ -14,6 +14,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, Unmet, expect, expect_in
+from scaraspec.suite.programs.layout import layout_in_use
 from scaraspec.suite.programs.listed import (
     list_parts,
     long_name,
@@ -207,7 +208,9 @@ def test_another_connection(subject: Subject, line: Line) -> None:
     stem, dot, extension = name.rpartition(b".")
     longer = stem + b"a" + dot + extension
     subject.created.append(longer)
-    upload(line, name, program_file(subject.dialect, wait(0) * _NODES))
+    upload(
+        line, name, program_file(subject.dialect, wait(0) * _NODES, layout=layout_in_use(subject))
+    )
     store_program(subject, line, longer)
     line.close()
     _expect_listed(_listed(subject, subject.open()), [name, longer])

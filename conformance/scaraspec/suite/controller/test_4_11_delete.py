@@ -15,8 +15,8 @@ from scaraspec.suite.as_client.motion import quieten
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
+from scaraspec.suite.programs.layout import short_program
 from scaraspec.suite.programs.listed import long_name, program_names, store_program
-from scaraspec.suite.programs.writing import wait_program
 
 _DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
 _TIMES: Final = 3
@@ -56,7 +56,7 @@ def _expect_refused(subject: Subject, line: Line, wrong: Malformed, requirement:
 @case("4.11/3", "4.11/2", hazards=_DESTRUCTIVE)
 def test_gone(subject: Subject, line: Line) -> None:
     """What was deleted is neither listed nor downloadable, and its name is free again."""
-    content = wait_program(subject.dialect, 1)
+    content = short_program(subject)
     other, name = store_program(subject, line), store_program(subject, line)
     for _ in range(_TIMES):
         _delete(line, name)
@@ -109,7 +109,7 @@ def test_not_run(subject: Subject, line: Line) -> None:
 def test_missing(subject: Subject, line: Line) -> None:
     """A name that is not stored is not answered 1, however like a stored one it is."""
     name = store_program(subject, line, long_name(subject, _LONG_BYTES))
-    content = wait_program(subject.dialect, 1)
+    content = short_program(subject)
     stem, dot, extension = name.rpartition(b".")
     free = subject.new_name()
     subject.created.remove(free)
@@ -132,7 +132,10 @@ def test_missing(subject: Subject, line: Line) -> None:
 @case("4.11/6", "4.11/4", hazards=_DESTRUCTIVE)
 def test_paths(subject: Subject, line: Line) -> None:
     """A name with path elements deletes nothing, and changes nothing else either."""
-    name, content = store_program(subject, line), wait_program(subject.dialect, 1)
+    name, content = (
+        store_program(subject, line),
+        short_program(subject),
+    )
     before = _state(line)
     for wrong in (
         b"../" + name,
@@ -164,7 +167,10 @@ def _state(line: Line) -> list[Any]:
 @case("4.11/4", name="malformed", hazards=_DESTRUCTIVE)
 def test_malformed(subject: Subject, line: Line) -> None:
     """Names that are none delete nothing, and what is stored remains."""
-    name, content = store_program(subject, line), wait_program(subject.dialect, 1)
+    name, content = (
+        store_program(subject, line),
+        short_program(subject),
+    )
     for wrong in malformed("delete_program", name):
         if b".." in wrong.data or wrong.data == b".":
             continue  # what is there is not the suite's

@@ -15,13 +15,12 @@ from scaraspec.suite.as_client.tasks import (
     attentive,
     done,
     lasting,
-    layout_in_use,
     start_program,
     stored,
 )
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.programs.layout import configured
+from scaraspec.suite.programs.layout import configured, layout_in_use
 from scaraspec.suite.programs.writing import program_file, set_output, wait
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)

@@ -18,7 +18,7 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import MOVE, RUN, SIMULATE, has
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect, expect_equal
-from scaraspec.suite.programs.writing import wait_program
+from scaraspec.suite.programs.layout import short_program
 from scaraspec.suite.wire import Answer
 
 _STATE: Final = (Hazard.STATE,)
@@ -68,7 +68,7 @@ def test_bars_in_a_list(subject: Subject, line: Line) -> None:
     """The list of several programs has one bar between two names."""
     uploaded = [subject.new_name() for _ in range(3)]
     for name in uploaded:
-        upload(line, name, wait_program(subject.dialect, 1))
+        upload(line, name, short_program(subject))
     answer = line.ask("list_programs")
     _without([answer], Wrong.SPACE_FOR_BAR, Wrong.BLANKS, Wrong.EMPTY_NAME)
     names: tuple[bytes, ...] = answer.value.names if answer.value else ()
@@ -244,7 +244,7 @@ _NAMES: Final = ("程序".encode(), "程序".encode("gb18030"), "é".encode(), b
 @case("T/8")
 def test_names_beyond_ascii(subject: Subject, line: Line) -> None:
     """Files have names in UTF-8 and in GBK; where they are taken, they are kept byte by byte."""
-    content = wait_program(subject.dialect, 1)
+    content = short_program(subject)
     taken: dict[bytes, bool] = {}
     for stem in _NAMES:
         name = subject.new_name().replace(b".", stem + b".")

@@ -15,10 +15,14 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import release_latch
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
-from scaraspec.suite.programs.writing import EMPTY, wait_program
+from scaraspec.suite.programs.writing import EMPTY, layout_of, wait_program
 
 CODE_20: Final = "8/5"
 """What the judge may find of a file that is damaged, or that is right in another layout only."""
+
+LISTED: Final = "layout of programs that are listed"
+"""Known of a subject: a layout of which a program is listed; it has a byte order of its own, which
+need not be that of the chunks (A-6.1-4)."""
 
 _KNOWN: Final = "program layout"
 _CONFIGURED: Final = "configuration of programs"
@@ -46,7 +50,6 @@ def find_layout(subject: Subject, line: Line) -> Layout:
                 raise
         subject.known[_KNOWN] = found
         subject.follows("prog_layout", found.reading)
-        subject.follows("endian", str(found.byte_order))
     known = known_layout(subject)
     if known is None:
         raise Undecided("the subject runs programs in no layout of the document")
@@ -57,6 +60,17 @@ def known_layout(subject: Subject) -> Layout | None:
     """The layout that was found, if one was."""
     layout: Layout | None = subject.known.get(_KNOWN)
     return layout
+
+
+def layout_in_use(subject: Subject) -> Layout:
+    """The layout in which the subject was found to run or to list programs, or that it claims."""
+    listed: Layout | None = subject.known.get(LISTED)
+    return known_layout(subject) or listed or layout_of(subject.dialect)
+
+
+def short_program(subject: Subject) -> bytes:
+    """The file of a program that waits for a second."""
+    return wait_program(subject.dialect, 1, layout=layout_in_use(subject))
 
 
 def configured(subject: Subject, line: Line) -> Program:
@@ -106,11 +120,15 @@ def _find(subject: Subject, line: Line) -> Layout:
 
 
 def candidates(subject: Subject) -> list[Layout]:
-    """Every layout, those first that the dialect names."""
-    dialect = subject.dialect
+    """Every layout, the one first that is in use, and then those that are most like it."""
+    likely = layout_in_use(subject)
 
-    def strangeness(layout: Layout) -> tuple[bool, bool]:
-        return layout.byte_order != dialect["endian"], layout.reading != dialect["prog_layout"]
+    def strangeness(layout: Layout) -> tuple[bool, bool, bool]:
+        return (
+            layout != likely,
+            layout.byte_order != likely.byte_order,
+            layout.reading != likely.reading,
+        )
 
     return sorted(LAYOUTS.values(), key=strangeness)
 

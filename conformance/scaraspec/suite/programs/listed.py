@@ -11,7 +11,7 @@ from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, expect
-from scaraspec.suite.programs.writing import wait_program
+from scaraspec.suite.programs.layout import short_program
 from scaraspec.suite.wire import Answer
 
 _PUSHED_S: Final = 1.0
@@ -40,7 +40,7 @@ def store_program(subject: Subject, line: Line, name: bytes = b"") -> bytes:
         Unmet: The subject does not take it.
     """
     name = name or subject.new_name()
-    upload(line, name, wait_program(subject.dialect, 1))
+    upload(line, name, short_program(subject))
     return name
 
 
