@@ -10,7 +10,7 @@ import pytest
 
 from scaraspec.cli.proving_controller import PASSWORD, Robot, hooks_of
 from scaraspec.controller.behaviour import SILENCE
-from scaraspec.controller.behaviour.base import Silence, refused
+from scaraspec.controller.behaviour.base import ACCEPTED, Silence, refused
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
 from scaraspec.controller.robot import DONE
@@ -21,7 +21,7 @@ from scaraspec.protocol.commands import Network, RunningProgram
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Skipped, Why
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.protocol.payloads import Acceptance
+from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Case
 from scaraspec.suite.as_client.access import MemoryAccess
@@ -269,6 +269,42 @@ class BigChunks(Brain):
         return super().run_program(request)
 
 
+class FindsOutLate(Brain):
+    """That a program is missing is found out late (A-4.15-1), and meanwhile nothing else is
+    answered that would execute (A-4-2)."""
+
+    due_s = math.inf
+
+    def run_program(self, request: Request) -> Acceptance | Silence:
+        """Look for it later."""
+        return self._later_missing(request, super().run_program(request))
+
+    def simulate_program(self, request: Request) -> Acceptance | Silence:
+        """Look for it later."""
+        return self._later_missing(request, super().simulate_program(request))
+
+    def _later_missing(self, request: Request, answer: Acceptance | Silence) -> Any:
+        if self.due_s < math.inf:
+            return SILENCE
+        if isinstance(answer, Acceptance) and answer.code == "20":
+            self.due_s, self._asked = request.now_s + 0.05, request
+            return ACCEPTED
+        return answer
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        if self.due_s <= now_s:
+            self.due_s = math.inf
+            self.conclude(self._asked, Outcome(done=False, code="20"))
+            self._send_later()
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When it is found out."""
+        due_s = min(self.due_s, super().next_event_s or math.inf)
+        return None if due_s == math.inf else due_s
+
+
 class KeepsSingles(Brain):
     """Numbers are kept in 32 bits, and printed with six decimals (A-T-5)."""
 
@@ -468,6 +504,12 @@ def test_chunks_and_programs_may_differ_in_their_byte_order() -> None:
     """Each is a point that is open by itself (A-5-2, A-6.1-4)."""
     cases = tried(BigChunks, "4.8/4", "4.9/2", "4.10/11", "4.11/3", "5.2/12", "6.5/26")
     assert not wrong_but_not_run(cases)
+
+
+@pytest.mark.parametrize("only", ["8/2", "T/1", "T/7"])
+def test_what_is_missing_may_be_found_out_late_by_a_robot_that_is_then_silent(only: str) -> None:
+    """What was accepted is waited for before the next is asked."""
+    assert not wrong_but_not_run(tried(FindsOutLate, only))
 
 
 def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned() -> None:

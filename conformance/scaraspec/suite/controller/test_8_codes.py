@@ -74,7 +74,9 @@ def test_refusals(subject: Subject, line: Line) -> None:
     for name, data in ((RUN, missing), (SIMULATE, missing), (MOVE, _FAR)):
         if name not in subject.statement.lacks:
             answer = line.ask(name, data=data)
-            if answer.accepted is False and _code_of(answer):
+            if answer.accepted:  # what is wrong may be found out late (A-4.15-1, A-4.24-5)
+                finish(subject, line, name)
+            elif answer.accepted is False and _code_of(answer):
                 _expect_code(subject, _code_of(answer))
 
 

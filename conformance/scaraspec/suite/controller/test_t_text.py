@@ -15,7 +15,7 @@ from scaraspec.suite.as_client.files import expect_stored, send, upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.queries import ask_all
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import MOVE, RUN, SIMULATE, has
+from scaraspec.suite.as_client.tasks import MOVE, RUN, SIMULATE, finish, has
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect, expect_equal
 from scaraspec.suite.programs.layout import short_program
@@ -60,7 +60,8 @@ def test_bar_before_a_code(subject: Subject, line: Line) -> None:
     for name in (RUN, SIMULATE):
         has(subject, name)
         answer = line.ask(name, subject.new_name())
-        _without([answer], Wrong.SPACE_FOR_BAR, Wrong.FIELD_COUNT)
+        said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
+        _without(said, Wrong.SPACE_FOR_BAR, Wrong.FIELD_COUNT)
 
 
 @case("T/1", name="list", hazards=_STATE)
@@ -233,7 +234,8 @@ def test_codes_of_refusals(subject: Subject, line: Line) -> None:
         if name in subject.statement.lacks:
             continue
         answer = line.ask(name, data=data)
-        _without([answer], Wrong.CODE)
+        said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
+        _without(said, Wrong.CODE)
 
 
 # ---------------------------------------------------------------------- beyond ASCII
