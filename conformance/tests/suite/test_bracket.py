@@ -1,6 +1,7 @@
 """What a case raises, and what its subject does meanwhile, make the right verdict."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,9 @@ import pytest
 
 from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller.brain import Brain
-from scaraspec.controller.session import Session
+from scaraspec.controller.session import Request, Session
 from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case, Results, Role
@@ -168,4 +170,36 @@ def test_two(subject, line):
     assert seen["set_password"] == 2
     assert seen["set_gripper_center"] == 2
     assert seen["set_time"] == 2
+    assert "run.restore" not in {case.id for case in results.cases}
+
+
+class KeepsSmallLetters(Brain):
+    """Of a new password it keeps small letters; what it is told it compares as it is."""
+
+    def set_password(self, request: Request) -> bool:
+        """Change the letters."""
+        old, new = request.value
+        return super().set_password(replace(request, value=PasswordChange(old, new.lower())))
+
+
+class KeepsFifteenBytes(Brain):
+    """Of a new password it keeps what a buffer of sixteen bytes holds beside an end."""
+
+    def set_password(self, request: Request) -> bool:
+        """Cut it."""
+        old, new = request.value
+        return super().set_password(replace(request, value=PasswordChange(old, new[:15])))
+
+
+@pytest.mark.parametrize("brain", [KeepsSmallLetters, KeepsFifteenBytes])
+def test_nobody_is_locked_out(trial: Try, brain: type[Brain]) -> None:
+    """What a faulty subject may have made of a password is tried, for it is put back."""
+    text = """
+from scaraspec.protocol.commands import PasswordChange
+
+@case('4.2/2')
+def test_one(subject, line):
+    line.ask('set_password', PasswordChange(subject.password, b'zs-Other-Password'))
+"""
+    results = trial(text, brain)
     assert "run.restore" not in {case.id for case in results.cases}

@@ -21,6 +21,7 @@ from scaraspec.suite.programs.listed import program_names
 _CLOCK_SLACK_S: Final = 2
 _HALF_S: Final = 0.5
 _NS: Final = 1_000_000_000
+_BUFFERS_BYTES: Final = (64, 63, 32, 31, 30, 20, 16, 15, 10, 8)
 _LEFT: Final = "left by a run that was killed"
 _REFUSED_PERHAPS: Final = ("default program", "initial tool position")
 
@@ -122,15 +123,21 @@ def _differs(value: Any, wanted: Any) -> bool:
     return bool(value != wanted)
 
 
+def _as_kept_wrongly() -> list[bytes]:
+    """What a faulty subject may have made of a new password: nobody could log in again."""
+    cut = [each[:size] for each in OTHER_PASSWORDS for size in _BUFFERS_BYTES if size < len(each)]
+    return [*cut, *(made for each in OTHER_PASSWORDS for made in (each.lower(), each.upper()))]
+
+
 def restore_password(subject: Subject) -> None:
-    """Set the password again that the tester named, if a case has left another.
+    """Set the password again that the tester named, if a case or the subject has left another.
 
     Raises:
         Unmet: The subject does not answer, or refuses to.
     """
     if Hazard.DESTRUCTIVE not in subject.allowed or not subject.access.needs_login:
         return
-    for password in (subject.password, *OTHER_PASSWORDS):
+    for password in (subject.password, *OTHER_PASSWORDS, *_as_kept_wrongly()):
         line = subject.open(login=False)
         if line.ask("login", password).accepted:
             if password != subject.password:
