@@ -401,6 +401,17 @@ class PasswordBuffer(Brain):
         return super().set_password(request)
 
 
+class LiteralsOfALanguage(Brain):
+    """An initial tool position is read by what reads the literals of some language."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Understand them."""
+        if frame.opcode == 0x36:
+            fields = [b"0" if f in (b"NaN", b"Infinity") else f for f in frame.data.split(b"|")]
+            frame = frame._replace(data=b"|".join(f.removesuffix(b"f") for f in fields))
+        super().handle(session, frame, now_s)
+
+
 class Boundless(Brain):
     """An initial tool position that was never set is what the memory held."""
 
@@ -485,6 +496,7 @@ class PointBehind(Brain):
         (OneByteTooMany, "4.10/9"),
         (ShortestText, "T/5"),
         (Boundless, "4.21/3"),
+        (LiteralsOfALanguage, "4.21/4"),
         (SmallPasswords, "4.2/4"),
         (PasswordBuffer, "4.2/4"),
     ],

@@ -151,6 +151,10 @@ _NUMBER: Final = (
     _Class("two-points", lambda text, _: text.partition(b".")[0] + b".0.0"),
     _Class("nan", _by(b"nan")),
     _Class("inf", _by(b"inf")),
+    _Class("capital-nan", _by(b"NaN")),  # which languages other than C take for numbers
+    _Class("infinity", _by(b"Infinity")),
+    _Class("suffix", _behind(b"f")),
+    _Class("underscore", _behind(b"_0")),
     _Class("two-signs", _before(b"--")),
     _Class("sign-alone", _by(b"-")),
     _Class("point-alone", _by(b".")),
