@@ -23,7 +23,7 @@ from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Point, RunningProgram
 from scaraspec.protocol.frames import Found, Frame
 from scaraspec.protocol.payloads import Acceptance, NameListPart
-from scaraspec.protocol.programs import NodeType
+from scaraspec.protocol.programs import NodeType, Operation, Opt
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
@@ -452,6 +452,22 @@ def no_nesting(begin: NodeType, end: NodeType) -> type[Brain]:
     return type(f"{begin.name.title()}To{end.name.title()}", (Brain,), {"interpreter": run})
 
 
+class _Subtracts(interpreter.Run):
+    """Compares by the sign of the difference, as far as 32 bits hold it."""
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        a, b = super()._operands(operation)
+        if operation.opt >= Opt.GREATER:
+            return (a - b + 2**31) % 2**32 - 2**31, 0
+        return a, b
+
+
+class Subtracts(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _Subtracts
+
+
 class PointBehind(Brain):
     """An address may have a point behind it."""
 
@@ -496,6 +512,7 @@ class PointBehind(Brain):
         (OneByteTooMany, "4.10/9"),
         (ShortestText, "T/5"),
         (Boundless, "4.21/3"),
+        (Subtracts, "6.6a/12"),
         (LiteralsOfALanguage, "4.21/4"),
         (SmallPasswords, "4.2/4"),
         (PasswordBuffer, "4.2/4"),

@@ -55,7 +55,10 @@ _CHAIN: Final = (
 )
 """Calculations, each with the result of the one before."""
 
-_PAIRS: Final = ((1, 2), (2, 2), (3, 2), (-1, 1), (-2, -3), (70000, 4464), (0, 0))
+_PAIRS: Final = (
+    *((1, 2), (2, 2), (3, 2), (-1, 1), (-2, -3), (70000, 4464), (0, 0)),
+    (2_000_000_000, -2_000_000_000),  # their difference is beyond an int
+)
 """Operands to compare: less, equal and greater, below zero, and beyond 16 bits."""
 
 
