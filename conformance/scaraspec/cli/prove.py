@@ -98,6 +98,8 @@ def command(  # noqa: PLR0913 - one for each option
     if not chosen:
         raise _nothing_proved("none of these faults violates what --only names")
     sound = STANDS[party].prove(options)
+    if any(case.id == "run.interrupted" for case in sound.cases):
+        raise click.Abort
     click.echo(f"without a fault: {sound.verdict.value}, {len(sound.cases)} cases")
     proofs = list(_shown(_proofs(party, chosen, options, jobs, quick=quick), len(chosen)))
     survived = [proof for proof in proofs if not proof.killers]

@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
 from scaraspec.cli.proofs import STANDS, alarm_of, dialects
+from scaraspec.cli.prove import command
 from scaraspec.judgement.requirements import REQUIREMENTS, by_clause
 from scaraspec.report.model import Role
 from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import collect
+from scaraspec.suite.run import Run, collect
 
 
 @pytest.mark.parametrize(
@@ -84,3 +86,15 @@ def test_the_published_matrix_is_that_of_these_faults(role: Role) -> None:
     assert matrix["idle"] == []
     killers = {case for fault in matrix["faults"] for case in fault["killers"]}
     assert {case.id for case in collect(Options(), role)} <= killers
+
+
+def test_ctrl_c_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also while the faultless one is tried, whose run tells that it was interrupted."""
+
+    def interrupted(_: Run) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Run, "_try_cases", interrupted)
+    done = CliRunner().invoke(command, ["--quick", "--only", "4.8/2"])
+    assert done.exit_code == 1
+    assert "faults killed" not in done.output
