@@ -139,6 +139,12 @@ def _zeros(text: bytes, room_bytes: int) -> bytes:
     return sign + b"0" * room_bytes + text[len(sign) :]
 
 
+def _underscore(text: bytes, _: int) -> bytes:
+    """The same value: who takes it moves nowhere else."""
+    sign = b"-" * text.startswith(b"-")
+    return sign + b"0_" + text[len(sign) :]
+
+
 def _full_width(text: bytes, _: int) -> bytes:
     return "".join(chr(ord(c) + 0xFEE0) if c.isdigit() else c for c in text.decode()).encode()
 
@@ -154,7 +160,7 @@ _NUMBER: Final = (
     _Class("capital-nan", _by(b"NaN")),  # which languages other than C take for numbers
     _Class("infinity", _by(b"Infinity")),
     _Class("suffix", _behind(b"f")),
-    _Class("underscore", _behind(b"_0")),
+    _Class("underscore", _underscore),
     _Class("two-signs", _before(b"--")),
     _Class("sign-alone", _by(b"-")),
     _Class("point-alone", _by(b".")),
