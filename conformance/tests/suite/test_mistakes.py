@@ -422,6 +422,19 @@ class Boundless(Brain):
         super().emit(session, frame)
 
 
+class Absurd(Brain):
+    """What it tells under one opcode is nothing that anybody could have set."""
+
+    opcode = 0
+    data = b""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Tell it."""
+        if frame.opcode == self.opcode:
+            frame = frame._replace(data=self.data)
+        super().emit(session, frame)
+
+
 class SixteenBits(Brain):
     """Where a move goes is kept in whole millimetres of 16 bits."""
 
@@ -546,3 +559,25 @@ def test_who_never_ends_without_its_client_is_found() -> None:
 def test_who_is_stopped_by_others_leaving_is_found() -> None:
     """What one client has begun ends with a result, whoever else comes and goes."""
     assert "4.15/5" in found(StopsForAnyone, "4.17/6")
+
+
+@pytest.mark.parametrize(
+    ("opcode", "data"),
+    [
+        (0x07, b"99991231235959"),
+        (0x07, b"00010101000000"),
+        (0x34, b"1%059d|0|0" % 0),
+        (0x37, b"1%059d|0|0|0|0|0" % 0),
+        (0x38, b"1%059d|0|0|0|0|0" % 0),
+        (0x3C, b"1%059d|0|0|0" % 0),
+    ],
+)
+def test_no_case_breaks_down_of_an_absurd_value(opcode: int, data: bytes) -> None:
+    """Nothing can be made of it: that is undecided, and no mistake of the suite."""
+    brain = type("Absurdly", (Absurd,), {"opcode": opcode, "data": data})
+    only = frozenset({"2/11", "3/30", "4.5/4", "4.9/2", "5.2/12", "6.5/25", "6.5/28"})
+    access = MemoryAccess(Robot(brain, DEFAULT).network)
+    options = Options(only=only, allowed=ALL, examples=3)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    assert not results.counts[Verdict.ERROR]
+    assert results.counts[Verdict.PASS]

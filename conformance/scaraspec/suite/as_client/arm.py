@@ -168,6 +168,10 @@ def _place(line: Line, meaning: Meaning) -> Values:
     if value is None:
         raise Undecided(f"{name} does not tell where the arm is")
     a, b, c, d, *_ = value
+    try:
+        straight(1, [(a, b, c, d)])
+    except ValueError as error:
+        raise Undecided(f"no program can carry what {name} tells: {error}") from None
     return a, b, c, d
 
 

@@ -4,12 +4,12 @@ A reading lies between two moments of ours, when it was asked for and when it wa
 link makes nobody's clock wrong.
 """
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Final, NamedTuple
 
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.expect import Unmet, expect
+from scaraspec.suite.expect import Undecided, Unmet, expect
 from scaraspec.suite.wire import Answer
 
 SLACK_S: Final = 2.0
@@ -45,6 +45,18 @@ def read(subject: Subject, line: Line) -> Reading:
 
 def _has_form(answer: Answer) -> bool:
     return len(answer.frame.data) == len("YYYYMMDDHHMMSS") and answer.frame.data.isdigit()
+
+
+def shifted(time: datetime, by: timedelta) -> datetime:
+    """Another time, so much later than what a clock tells.
+
+    Raises:
+        Undecided: The calendar has no such time.
+    """
+    try:
+        return time + by
+    except OverflowError:
+        raise Undecided(f"the clock tells {time}, next to an end of the calendar") from None
 
 
 def set_to(subject: Subject, line: Line, time: datetime) -> Reading:

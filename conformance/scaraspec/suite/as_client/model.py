@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from scaraspec.protocol.commands import Point, Pose, RunningProgram
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.as_client.clock import Reading, expect_ran, read, set_to
+from scaraspec.suite.as_client.clock import Reading, expect_ran, read, set_to, shifted
 from scaraspec.suite.as_client.defaults import expect_default
 from scaraspec.suite.as_client.files import download, send
 from scaraspec.suite.as_client.keeping import alive
@@ -461,7 +461,7 @@ class Model:
         return "ask for the poses"
 
     def _set_clock(self, step: Step, line: Line) -> str | None:
-        time = read(self._subject, line).time + timedelta(days=_DAYS[step.value])
+        time = shifted(read(self._subject, line).time, timedelta(days=_DAYS[step.value]))
         if time.year not in _YEARS:
             time = _SUMMER
         self._clock = set_to(self._subject, line, time)

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from scaraspec.protocol.commands import Network, PasswordChange, Point, PortValue, Pose
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.clock import shifted
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, STEM, Subject
 from scaraspec.suite.expect import Undecided, Unmet, expect
@@ -182,10 +183,7 @@ def _read_clock(subject: Subject, line: Line) -> int | None:
 
 
 def _write_clock(subject: Subject, line: Line, ahead_s: int) -> None:
-    try:
-        time = _ours(subject) + timedelta(seconds=ahead_s + _HALF_S)
-    except OverflowError:
-        raise Undecided("the calendar has ended") from None
+    time = shifted(_ours(subject), timedelta(seconds=ahead_s + _HALF_S))
     _set(line, "set_time", time.replace(microsecond=0))
 
 

@@ -14,6 +14,7 @@ from scaraspec.protocol.commands import PasswordChange, Point, PortValue
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.as_client.clock import shifted
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import SLOWEST_PERCENT, joints_of, pose_of, target
@@ -138,7 +139,7 @@ def test_settings(subject: Subject) -> None:
         stranger.ask(
             ("set_gripper_center", _CENTRE),
             ("set_initial_tool_position", pose._replace(z=pose.z + 1)),
-            ("set_time", time + _AHEAD),
+            ("set_time", shifted(time, _AHEAD)),
             ("upload_name", name),
             ("upload_chunk", Chunk(4, 0, 4, b"none")),
         )

@@ -14,6 +14,7 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.as_client.clock import shifted
 from scaraspec.suite.as_client.delivery import takes_one_at_a_time
 from scaraspec.suite.as_client.files import CHUNK_S, expect_stored
 from scaraspec.suite.as_client.line import Line
@@ -123,7 +124,7 @@ def test_last_time_stays(subject: Subject, line: Line) -> None:
     before: datetime | None = line.ask("get_time").value
     if before is None:
         raise Undecided("the subject does not say its time")
-    ahead = [("set_time", before + hours * _HOUR) for hours in (5, 3, 1, 0)]
+    ahead = [("set_time", shifted(before, hours * _HOUR)) for hours in (5, 3, 1, 0)]
     _send_together(line, ahead)
     for _ in ahead:
         line.reply("set_time")

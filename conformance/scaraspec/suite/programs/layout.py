@@ -77,13 +77,19 @@ def configured(subject: Subject, line: Line) -> Program:
     """A program whose configuration says what holds already (A-6.3-3).
 
     A run may make it hold, or refuse what cannot be; it is asked for once in a run.
+
+    Raises:
+        Undecided: It is nothing that a program can say.
     """
     if _CONFIGURED not in subject.known:
         tool, center = EMPTY.tool_position, EMPTY.tool_center
         with suppress(NoAnswer):
             tool = tuple(line.ask("get_initial_tool_position").value or tool)
             center = tuple(line.ask("get_gripper_center").value or center)
-        subject.known[_CONFIGURED] = replace(EMPTY, tool_position=tool, tool_center=center)
+        try:
+            subject.known[_CONFIGURED] = replace(EMPTY, tool_position=tool, tool_center=center)
+        except ValueError as error:
+            raise Undecided(f"no program can carry what the subject tells: {error}") from None
     base: Program = subject.known[_CONFIGURED]
     return base
 
