@@ -4,6 +4,7 @@ Law: the recorder's own process does none of the work. The tap forwards, the scr
 a process of its own, and only the spool lies between them; here they are watched.
 """
 
+import asyncio
 import shutil
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
@@ -111,6 +112,9 @@ async def record(  # noqa: PLR0913 - what may be chosen, each on its own
         finally:
             try:
                 await relaying.stop(_TAP_STOP_S)
+            except asyncio.CancelledError:  # nobody waits any longer, for the scribe either
+                recording.drain_s = 0.0
+                raise
             finally:  # whatever comes in between, the scribe gets its order
                 listener.close()
                 await writing.stop(recording.drain_s)

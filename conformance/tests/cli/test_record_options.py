@@ -123,7 +123,7 @@ def test_who_asks_while_nobody_writes_gets_an_incident(
         *("--ring", "60s", "--trigger", "signal"),
     )
     ask(url_in(recorder.stdout.readline()))
-    os.kill(scribe_of(recorder.pid), signal.SIGKILL)
+    os.kill(child_of(recorder.pid, "scribe"), signal.SIGKILL)
     recorder.send_signal(signal.SIGUSR1)
     assert any("asked for by SIGUSR1" in line for line in recorder.stdout)
     end(recorder)
@@ -202,13 +202,17 @@ def test_what_a_killed_recorder_left_is_repaired(
     assert processes.run("recover", str(torn)).returncode == 0
 
 
-def test_a_second_signal_ends_the_waiting(processes: Any, controller: str, tmp_path: Path) -> None:
-    """A writer that hangs does not hold the user; what is left is told, and written next time."""
+@pytest.mark.parametrize("hang", [("scribe",), ("scribe", "tap")])
+def test_a_second_signal_ends_the_waiting(
+    processes: Any, controller: str, tmp_path: Path, hang: tuple[str, ...]
+) -> None:
+    """What hangs does not hold the user; what is left is told, and written next time."""
     arguments = ("record", controller, *LOCAL, "--out", str(tmp_path))
     recorder = processes.start(*arguments)
     url = url_in(recorder.stdout.readline())
     ask(url)
-    os.kill(scribe_of(recorder.pid), signal.SIGSTOP)
+    for name in hang:
+        os.kill(child_of(recorder.pid, name), signal.SIGSTOP)
     recorder.send_signal(signal.SIGINT)
     assert any(line.startswith("ending: ") for line in recorder.stdout)
     told = end(recorder, signal.SIGINT)
@@ -223,12 +227,12 @@ def test_a_second_signal_ends_the_waiting(processes: Any, controller: str, tmp_p
     assert sum(len(event.data) for event in recorded) > 20
 
 
-def scribe_of(pid: int) -> int:
-    """The writing process of a recorder, as soon as it is there."""
+def child_of(pid: int, name: str) -> int:
+    """The process of this name of a recorder, as soon as it is there."""
     until_s = time.monotonic() + DEADLINE_S
-    while not (scribe := [c for c in children(pid) if name_of(c) == "scara-scribe"]):
-        assert time.monotonic() < until_s, "there is no scribe"
-    return scribe[0]
+    while not (found := [c for c in children(pid) if name_of(c) == f"scara-{name}"]):
+        assert time.monotonic() < until_s, f"there is no {name}"
+    return found[0]
 
 
 def children(pid: int) -> list[int]:
