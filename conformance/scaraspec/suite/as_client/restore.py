@@ -138,7 +138,7 @@ def restore_password(subject: Subject) -> None:
     """
     if Hazard.DESTRUCTIVE not in subject.allowed or not subject.access.needs_login:
         return
-    for password in (subject.password, *OTHER_PASSWORDS, *_as_kept_wrongly()):
+    for password in dict.fromkeys((subject.password, *OTHER_PASSWORDS, *_as_kept_wrongly())):
         line = subject.open(login=False)
         if line.ask("login", password).accepted:
             if password != subject.password:
