@@ -63,8 +63,6 @@ def audit(
     if not accounted and results.verdict is not Conclusion.NONCONFORMANT:
         results = replace(results, verdict=Conclusion.INCONCLUSIVE)
     passed = results.session and any(results.session.bytes.values())
-    if results.verdict is Conclusion.CONFORMANT and not passed:
-        results = replace(
-            results, verdict=Conclusion.NOTHING_TESTED
-        )  # a client was let in, at most
+    if results.verdict is Conclusion.CONFORMANT and not passed:  # a client was let in, at most
+        results = replace(results, verdict=Conclusion.NOTHING_TESTED)
     return results, tuple(capture.summary.notes)
