@@ -37,6 +37,8 @@ def command(hexadecimal: tuple[str, ...]) -> None:
             data = bytes.fromhex(digits)
         except ValueError:
             raise Problem(f"{digits!r} is not hexadecimal: write bytes like AA0900CC") from None
+        if not data:
+            raise Problem("there are no bytes to read: write them like AA0900CC")
         direction = Direction.C2A if data[:1] == b"\xcc" else Direction.A2C
         framer = Framer(direction)
         for item in framer.feed(data) + framer.finish():

@@ -125,3 +125,4 @@ def test_frame() -> None:
     assert wrong.exit_code == 1
     assert "truncated" in wrong.output
     assert "not hexadecimal" in str(run("frame", "xyz").exception)
+    assert "no bytes" in str(run("frame", "").exception)
