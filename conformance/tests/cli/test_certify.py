@@ -250,6 +250,7 @@ def test_the_plugin_by_itself(processes: Any, tmp_path: Path) -> None:
             *(sys.executable, "-m", "pytest", "-c", os.devnull, "--rootdir", str(tmp_path)),
             *("-p", "scaraspec.suite.plugin", "-p", "no:cacheprovider", str(own), "--pyargs"),
             *("scaraspec.suite", "--requirements", "4.8", "--subject", f"tcp://{host}:{port}"),
+            *("-W", "error"),  # as a team may run its own
         ],
         capture_output=True,
         text=True,

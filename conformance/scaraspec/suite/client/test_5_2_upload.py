@@ -315,7 +315,7 @@ def test_sizes(subject: Subject, line: Line, size: int) -> None:
 @client_case("5.2/16")
 @pytest.mark.parametrize(
     ("size", "filling"),
-    zip((51_200, 65_535, 65_536, 70_000), _FILLINGS, strict=True),
+    list(zip((51_200, 65_535, 65_536, 70_000), _FILLINGS, strict=True)),
     ids=["51200", "65535", "65536", "70000"],
 )
 def test_large_files(subject: Subject, line: Line, size: int, filling: bytes) -> None:
