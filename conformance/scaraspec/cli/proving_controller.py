@@ -129,6 +129,17 @@ def prove_controller(
         claimed=frozenset(READINGS if dialect else spoken.differences()),
         hooks=hooks_of(robot),
     )
+    return certified(robot, statement, options)
+
+
+def certified(robot: Robot, statement: Statement, options: Options) -> Results:
+    """Run the suite against this machine.
+
+    Args:
+        robot: The machine.
+        statement: What it claims.
+        options: What to try.
+    """
     access = MemoryAccess(robot.network)
     return Run(ControllerSetting(access, statement, PASSWORD, options, link="memory")).results()
 

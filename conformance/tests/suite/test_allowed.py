@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from scaraspec.cli.data import sample_program
-from scaraspec.cli.proving_controller import PASSWORD, Robot, hooks_of
+from scaraspec.cli.proving_controller import PASSWORD, Robot, certified, hooks_of
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Session
 from scaraspec.judgement.verdicts import Verdict
@@ -59,13 +59,8 @@ def test_nothing_else_is_sent(allowed: frozenset[Hazard]) -> None:
         return brains[-1]
 
     robot = Robot(make, DEFAULT)  # type: ignore[arg-type] # it only calls it
-    setting = ControllerSetting(
-        MemoryAccess(robot.network),
-        Statement(hooks=hooks_of(robot)),
-        PASSWORD,
-        Options(allowed=frozenset(allowed), examples=1),
-    )
-    cases = Run(setting).results().cases
+    options = Options(allowed=frozenset(allowed), examples=1)
+    cases = certified(robot, Statement(hooks=hooks_of(robot)), options).cases
     bad = (Verdict.ERROR, Verdict.FAIL, Verdict.INCONCLUSIVE)
     assert [f"{case.id}: {case.message}" for case in cases if case.verdict in bad] == []
     heard = set().union(*(brain.heard for brain in brains))

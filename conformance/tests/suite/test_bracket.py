@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.cli.proving_controller import Robot, certified
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Request, Session
 from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
@@ -16,8 +16,6 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case, Results, Role
 from scaraspec.suite import run as suite
-from scaraspec.suite.as_client.access import MemoryAccess
-from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.statement import Statement
 
@@ -43,9 +41,7 @@ def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
         file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
         file.write_text(HEAD + text, encoding="utf-8")
         monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
-        robot = Robot(brain, DEFAULT)
-        access = MemoryAccess(robot.network)
-        return suite.Run(ControllerSetting(access, statement, PASSWORD, options)).results()
+        return certified(Robot(brain, DEFAULT), statement, options)
 
     return run
 

@@ -1,7 +1,7 @@
 """Sequences find what no single command shows, and say which few steps it takes."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -16,27 +16,17 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.report.model import Case
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.model import VALUES, Model, Step
 from scaraspec.suite.as_client.queries import QUERIES
 from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
+Try = Callable[..., Any]
+
 ASKING = frozenset({Hazard.READ_ONLY})
-
-
-def tried(
-    brain: type[Brain], only: str, allowed: frozenset[Hazard] = ALL, examples: int = 20
-) -> Mapping[str, Case]:
-    """What comes of the cases of a requirement."""
-    options = Options(only=frozenset({only}), allowed=allowed, examples=examples)
-    access = MemoryAccess(Robot(brain, DEFAULT).network)
-    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
-    return {case.id: case for case in results.cases}
 
 
 @pytest.mark.parametrize(
@@ -62,9 +52,11 @@ def tried(
         ),
     ],
 )
-def test_shrunk(fault: str, requirement: str, case: str, steps: tuple[str, ...]) -> None:
+def test_shrunk(
+    tried: Try, fault: str, requirement: str, case: str, steps: tuple[str, ...]
+) -> None:
     """A fault that lies between commands is found, and told with the few steps that it takes."""
-    found = tried(faults()[fault].wrong, requirement)[case]
+    found = tried(faults()[fault].wrong, requirement, examples=20)[case]
     assert found.verdict is Verdict.FAIL
     assert found.requirements == (requirement,)
     told = found.message.partition(" behind: ")[2].split("; ")
@@ -115,7 +107,7 @@ class ForgetsItsListLate(Brain):
         return super().list_programs(request)
 
 
-def test_late_faults() -> None:
+def test_late_faults(tried: Try) -> None:
     """What shows only after many requests is found, and the last steps before it are told."""
     found = tried(ForgetsItsListLate, "4.10/11", examples=4)["3/31.long-use"]
     assert found.verdict is Verdict.FAIL
@@ -133,10 +125,10 @@ class Hears(Brain):
         super().handle(session, frame, now_s)
 
 
-def test_only_what_is_allowed() -> None:
+def test_only_what_is_allowed(tried: Try) -> None:
     """Where nothing but asking is allowed, nothing else is drawn."""
     Hears.heard.clear()
-    cases = tried(Hears, "3/31", ASKING)
+    cases = tried(Hears, "3/31", allowed=ASKING, examples=20)
     assert cases["3/31.sequences"].verdict is Verdict.PASS
     assert cases["3/31.long-use"].verdict is Verdict.NONE
     names = {BY_OPCODE[opcode].name for opcode in Hears.heard}

@@ -4,12 +4,12 @@ The register lists them as conforming: no case of the suite may fail of them.
 """
 
 import itertools
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, Final
 
 import pytest
 
-from scaraspec.cli.proving_controller import PASSWORD, Robot
 from scaraspec.controller import arm, motion
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import ACCEPTED, refused
@@ -23,12 +23,8 @@ from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import JointValues, Pose
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.as_client.access import MemoryAccess
-from scaraspec.suite.as_client.setting import ControllerSetting
-from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run
-from scaraspec.suite.statement import Statement
+
+Try = Callable[..., Any]
 
 _VISIBLE = 0.5
 _CLAUSES = ("4", "7", *(f"4.{n}" for n in (15, 16, 17, 18, 23, 24, 25, 26, 27, 28)))
@@ -222,29 +218,20 @@ def _within_half_a_turn(angle_deg: float) -> float:
 
 
 @pytest.mark.parametrize("requirement", ["4.17/7", "6.5/25"])
-def test_deafness_is_found_out_by_whoever_has_to_know(requirement: str) -> None:
+def test_deafness_is_found_out_by_whoever_has_to_know(tried: Try, requirement: str) -> None:
     """Who answers nothing while it executes (A-4-3) is failed by no case that is tried alone."""
-    options = Options(only=frozenset({requirement}), allowed=ALL)
-    access = MemoryAccess(Robot(Deaf, DEFAULT).network)
-    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
-    assert not results.counts[Verdict.FAIL]
+    assert not tried(Deaf, requirement, examples=100).failed
 
 
 @pytest.mark.parametrize("brain", [Latching, Away, Late, Quick, Deaf, Trembles, Turns])
-def test_no_false_alarm(brain: type[Brain]) -> None:
+def test_no_false_alarm(tried: Try, brain: type[Brain]) -> None:
     """No case of the two-stage commands fails of what the register lets a controller do."""
-    only = frozenset(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES)
-    access = MemoryAccess(Robot(brain, DEFAULT).network)
-    setting = ControllerSetting(
-        access, Statement(), PASSWORD, Options(only=only, allowed=ALL, examples=3)
-    )
-    results = Run(setting).results()
-    bad = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
-    assert [f"{c.id}: {c.message}" for c in results.cases if c.verdict in bad] == []
-    assert results.counts[Verdict.PASS] > 60
+    cases = tried(brain, *(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES))
+    assert not cases.alarms
+    assert cases.counts[Verdict.PASS] > 60
 
 
-def test_a_latch_is_released_by_a_reset_that_ends() -> None:
+def test_a_latch_is_released_by_a_reset_that_ends(tried: Try) -> None:
     """The result of the reset that was stopped is none of the reset that follows."""
     stops = []
 
@@ -253,13 +240,13 @@ def test_a_latch_is_released_by_a_reset_that_ends() -> None:
             stops.append(request.now_s)
             return super().emergency_stop(request)
 
-    assert _run(Watched, "4.8/6") == {Verdict.PASS}
+    assert not tried(Watched, "4.8/6").wrong
     assert len(stops) == 1
 
 
-def test_slow_replies() -> None:
+def test_slow_replies(tried: Try) -> None:
     """A program that is to be interrupted outlasts what is asked meanwhile, slow as that may be."""
-    assert _run(Slow, "4.15/8", "4.18/2") == {Verdict.PASS}
+    assert not tried(Slow, "4.15/8", "4.18/2").wrong
 
 
 class Loose(Brain):
@@ -276,20 +263,13 @@ class Unhomed(Latching):
     latched = True
 
 
-def _run(brain: type[Brain], *only: str) -> set[Verdict]:
-    access = MemoryAccess(Robot(brain, DEFAULT).network)
-    options = Options(only=frozenset(only), allowed=ALL, examples=1)
-    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
-    return {each.verdict for each in results.cases}
-
-
 @pytest.mark.parametrize("brain", [Loose, Unhomed])
-def test_what_a_robot_wants_first(brain: type[Brain]) -> None:
+def test_what_a_robot_wants_first(tried: Try, brain: type[Brain]) -> None:
     """A robot that is not ready to move is made so, ahead of the first case that moves it."""
-    assert _run(brain, "4.24/5") == {Verdict.PASS}
+    assert not tried(brain, "4.24/5").wrong
 
 
-def test_who_need_not_move_is_not_moved() -> None:
+def test_who_need_not_move_is_not_moved(tried: Try) -> None:
     """Where no case moves anything, nothing is moved, allowed or not: the plan says so."""
     asked = set()
 
@@ -298,13 +278,13 @@ def test_who_need_not_move_is_not_moved() -> None:
             asked.add(frame.opcode)
             super().handle(session, frame, now_s)
 
-    assert _run(Watched, "4.6/2") == {Verdict.PASS}
+    assert not tried(Watched, "4.6/2").wrong
     assert asked.isdisjoint({0x30, 0x31, 0x33, 0x39, 0x3A, 0x3B, 0x3D})
-    _run(Watched, "4.24/5")
+    tried(Watched, "4.24/5")
     assert 0x33 in asked
 
 
-def test_who_steps_aside_comes_back() -> None:
+def test_who_steps_aside_comes_back(tried: Try) -> None:
     """It goes along one axis at a time, and at the end back to where it stood."""
     went = [arm.forward(Trembles.at)[:4]]
 
@@ -315,7 +295,7 @@ def test_who_steps_aside_comes_back() -> None:
                 went.append(request.value[1:5])
             return answer
 
-    assert _run(Watched, "4.24/5") == {Verdict.PASS}
+    assert not tried(Watched, "4.24/5").wrong
     steps = [ways(there, here) for here, there in pairwise(went)]
     assert max(map(farthest, went, itertools.repeat(went[0]))) > _VISIBLE
     assert farthest(went[-1], went[0]) < _VISIBLE

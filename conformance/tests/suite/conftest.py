@@ -1,0 +1,77 @@
+"""What most tests of the suite do: let some of its cases be tried on a controller of their own."""
+
+from collections.abc import Callable, Collection
+from typing import Any
+
+import pytest
+
+from scaraspec.cli.proving_controller import Robot, certified, hooks_of
+from scaraspec.controller.brain import Brain
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.report.model import Case, Results
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.statement import Statement
+
+_RUN_AND_WRONG = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
+
+
+class Tried(dict[str, Case]):
+    """What came of each case, by its id."""
+
+    def __init__(self, results: Results) -> None:
+        super().__init__((case.id, case) for case in results.cases)
+        self.counts = results.counts
+
+    @property
+    def wrong(self) -> list[str]:
+        """Those that neither passed nor were tolerated."""
+        return self._of(*_RUN_AND_WRONG, Verdict.NONE)
+
+    @property
+    def alarms(self) -> list[str]:
+        """Those that were run, and neither passed nor were tolerated; some were."""
+        assert self.counts[Verdict.PASS] + self.counts[Verdict.TOLERATED]
+        return self._of(*_RUN_AND_WRONG)
+
+    @property
+    def failed(self) -> set[str]:
+        """The requirements that are violated."""
+        failed = (case for case in self.values() if case.verdict is Verdict.FAIL)
+        return {requirement for case in failed for requirement in case.requirements}
+
+    def _of(self, *verdicts: Verdict) -> list[str]:
+        return [f"{c.id}: {c.message}" for c in self.values() if c.verdict in verdicts]
+
+
+def _tried(
+    brain: type[Brain],
+    *only: str,
+    spoken: Dialect | None = None,
+    allowed: Collection[Hazard] = ALL,
+    examples: int = 3,
+    handled: Collection[str] = (),
+    **claims: Any,
+) -> Tried:
+    """Try the cases of these requirements.
+
+    Args:
+        brain: The controller.
+        only: The requirements.
+        spoken: The readings that it follows; where not said, those that it claims.
+        allowed: The hazards that may be risked.
+        examples: How many to draw.
+        handled: The hooks that there are.
+        claims: What is in its statement of conformance besides.
+    """
+    robot = Robot(brain, spoken or claims.get("dialect", DEFAULT))
+    hooks = {name: hook for name, hook in hooks_of(robot).items() if name in handled}
+    options = Options(only=frozenset(only), allowed=frozenset(allowed), examples=examples)
+    return Tried(certified(robot, Statement(hooks=hooks, **claims), options))
+
+
+@pytest.fixture
+def tried() -> Callable[..., Tried]:
+    """Let the suite try some cases on a controller."""
+    return _tried

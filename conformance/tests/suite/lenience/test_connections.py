@@ -1,0 +1,234 @@
+"""Controllers that let clients in, and send them away, in ways of their own, which are open."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.session import Action, Carrier, Close, Request, Session
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+
+Try = Callable[..., Any]
+
+
+class CutsALittleLater(Brain):
+    """A new network is answered, and the connection ends while the next is asked."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._doomed: set[int] = set()
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        if session.connection in self._doomed:
+            self._end(session, now_s)
+            return
+        super().handle(session, frame, now_s)
+        if frame.opcode == 0x05:
+            self._doomed.add(session.connection)
+
+
+class CutsBehindTheReply(Brain):
+    """A new network is answered, and then the connection ends."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        super().handle(session, frame, now_s)
+        if frame.opcode == 0x05 and self._value(self._command(frame), frame) is not None:  # type: ignore[arg-type] # it has a row
+            self._end(session, now_s)
+
+
+class ClosesOnMalformed(Brain):
+    """A request that says nothing usable ends its connection."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        command = self._command(frame)
+        asks = command and command.request.fields and not command.two_stage
+        if command and asks and command.asker is A2C and self._value(command, frame) is None:
+            self._end(session, now_s)
+        else:
+            super().handle(session, frame, now_s)
+
+
+class ClosesOnAnyMalformed(Brain):
+    """As before, and commands that move the arm are no exception."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        command = self._command(frame)
+        spoilt = command and frame.data and self._value(command, frame) is None
+        if command and spoilt and command.asker is A2C:
+            self._end(session, now_s)
+        else:
+            super().handle(session, frame, now_s)
+
+
+class RefusesFurtherLogins(Brain):
+    """While one client is logged in the password opens to no other one (A-2-2)."""
+
+    def login(self, request: Request) -> bool:
+        """Refuse it."""
+        others = [each for each in self.sessions.values() if each is not request.session]
+        return not any(each.logged_in for each in others) and super().login(request)
+
+
+class AnswersZeroToStrangers(Brain):
+    """Whatever comes before the login is answered 0 (A-4-4)."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Answer it."""
+        if session.logged_in or frame.opcode == 0x01:
+            super().handle(session, frame, now_s)
+        else:
+            self.emit(session, Frame(C2A, frame.opcode, b"0"))
+
+
+class LocksOut(Brain):
+    """Two wrong passwords in a row, and nobody gets in any more (A-4.1-2)."""
+
+    _row = 0
+
+    def login(self, request: Request) -> bool:
+        """Count them."""
+        right = self._row < 2 and super().login(request)
+        self._row = 0 if right else self._row + 1
+        return right
+
+    def set_password(self, request: Request) -> bool:
+        """Here, too."""
+        changed = super().set_password(request)
+        self._row += not changed
+        return changed
+
+
+class Greets(Brain):
+    """Every connection begins with the version (A-3-16)."""
+
+    def _admit(self, connection: int, carrier: Carrier) -> None:
+        super()._admit(connection, carrier)
+        self.emit(self.sessions[connection], Frame(C2A, 0x08, b"1.0.0"))
+
+
+@pytest.mark.parametrize(
+    ("brain", "only"),
+    [
+        (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
+        (CutsALittleLater, ("4.4/4",)),
+        (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
+        (RefusesFurtherLogins, ("2/12",)),
+        (Greets, ("2/12", "3/29", "5.3/4")),
+        (LocksOut, ("4.1/2", "4.2/3", "4.2/6")),
+        (AnswersZeroToStrangers, ("2/11",)),
+        (ClosesOnAnyMalformed, ("3/17", "4.24/3", "4.28/7", "4.32/5", "4.32/7", "5.2/15")),
+    ],
+)
+def test_what_is_open_is_not_failed(tried: Try, brain: type[Brain], only: tuple[str, ...]) -> None:
+    """Every case of these requirements passes or is tolerated."""
+    assert not tried(brain, *only).wrong
+
+
+class ServesTwo(Brain):
+    """More clients than two are refused (A-2-2)."""
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Refuse them."""
+        most = 2
+        full = len(self.sessions) == most
+        return [Close(connection)] if full else super().open(connection, now_s, link)
+
+
+def test_a_few_clients_are_enough(tried: Try) -> None:
+    """How many clients are served at once is open (A-2-2)."""
+    assert not tried(ServesTwo, "3/29", "3/32").wrong
+
+
+class DisplacesAMomentLater(Brain):
+    """The newest client is served; a moment later the one before is sent away (A-2-2)."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._due_s: dict[int, float] = {}
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Remember whom to send away."""
+        for other in self.sessions:
+            self._due_s.setdefault(other, now_s + 0.05)
+        return super().open(connection, now_s, link)
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Serve only the newest."""
+        return super().receive(connection, b"" if connection in self._due_s else data, now_s)
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        for connection in [c for c, due_s in self._due_s.items() if due_s <= now_s]:
+            del self._due_s[connection]
+            if connection in self.sessions:
+                self._end(self.sessions[connection], now_s)
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When the next one is sent away."""
+        return min((*self._due_s.values(), super().next_event_s or math.inf), default=None)
+
+
+@pytest.mark.parametrize("only", ["2/12", "3/18", "3/20", "4/6", "4.28/5"])
+def test_who_is_displaced_may_be_sent_away_a_moment_later(tried: Try, only: str) -> None:
+    """That the newest client wins is found out although the one before is not gone at once."""
+    assert not tried(DisplacesAMomentLater, only).alarms
+
+
+class NoticesLate(Brain):
+    """Of one client it notices a moment late that it has gone, and serves no other till then."""
+
+    _left_s = -math.inf
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Look who is there."""
+        if now_s > self._left_s + 0.05:
+            return super().open(connection, now_s, link)
+        self._actions.append(Close(connection))
+        return self._taken()
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        """Remember when."""
+        if connection in self.sessions:
+            self._left_s = now_s
+        return super().close(connection, now_s)
+
+
+def test_who_notices_late_that_a_client_has_gone(tried: Try) -> None:
+    """The next client of a robot that serves one may have to come twice, from the beginning on."""
+    cases = tried(NoticesLate, "4.7/2", spoken=DEFAULT.replace(max_clients="one"))
+    assert cases
+    assert not cases.wrong
+
+
+class GoesSlowly(Brain):
+    """Shut down, it ends its connections at once, and itself half a second later (A-4.35-2)."""
+
+    gone_s = math.inf
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Remember when it will be gone."""
+        super().handle(session, frame, now_s)
+        if not self.powered and self.gone_s == math.inf:
+            self.gone_s = now_s + 0.5
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Serve whoever comes in between."""
+        self.powered = now_s < self.gone_s
+        return super().open(connection, now_s, link)
+
+
+def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned(tried: Try) -> None:
+    """Nothing needs to be put back: it was, before the shutdown."""
+    cases = tried(GoesSlowly, "4.35/2")
+    assert not cases.wrong
+    assert cases["4.35/2"].verdict is Verdict.TOLERATED
