@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 from scaraspec.judgement.happenings import FrameSeen
-from scaraspec.protocol.commands import BY_NAME, COMMANDS, Pose
+from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.suite.as_client.files import upload
@@ -236,6 +236,22 @@ def offered(
             line.heard.remove(seen)
             return Answer(seen, seen.value)
     return None
+
+
+def harmless(subject: Subject, line: Line) -> Mapping[str, Any]:
+    """For every two-stage command but the stop, a request that does next to nothing."""
+    program = stored(subject, line, 0)
+    values: dict[str, Any] = {
+        RUN: program,
+        SIMULATE: program,
+        MOVE: target(pose_of(line), SLOWEST_PERCENT),
+        JOG: JogDirection.PLUS_X,
+    }
+    return {
+        name: values.get(name)
+        for name in TWO_STAGE
+        if name != STOP and name not in subject.statement.lacks
+    }
 
 
 # ---------------------------------------------------------------------- lasting
@@ -481,117 +497,9 @@ def locked_again(subject: Subject, line: Line) -> Iterator[None]:
                 finish(subject, line, LOCK)
 
 
-# ---------------------------------------------------------------------- once and whole
-
-
-class Performed(NamedTuple):
-    """A two-stage command from its request to its end.
-
-    Attributes:
-        first: The first reply.
-        result: The final result; None where an emergency stop has ended it without one (A-4.17-4).
-        status: The status, asked for as soon as the result had come.
-    """
-
-    first: Answer
-    result: Answer | None
-    status: Answer
-
-
-def perform(subject: Subject, line: Line, name: str) -> Performed:
-    """Let an idle robot do the least that a two-stage command can do; the arm comes back.
-
-    Raises:
-        Unmet: It refuses, or a final result that is due does not come.
-    """
-    has(subject, name)
-    with returning(subject, line) as pose:
-        return _PERFORM.get(name, _simply)(subject, line, name, pose)
-
-
-def _ended(subject: Subject, line: Line, name: str, first: Answer) -> Performed:
-    return Performed(first, finish(subject, line, name), line.ask("get_status"))
-
-
-def _simply(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
-    return _ended(subject, line, name, begin(subject, line, name))
-
-
-def _perform_program(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
-    return _ended(subject, line, name, start_program(subject, line, name, seconds=0).answer)
-
-
-def _perform_lock(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
-    """Joints that are locked may refuse to be locked again (A-4.25-3)."""
-    first = line.ask(name)
-    if first.accepted is False and first.code not in BUSY:
-        release(subject, line)
-        first = begin(subject, line, name)
-    return _ended(subject, line, name, accepted(name, first))
-
-
-def _perform_move(subject: Subject, line: Line, name: str, pose: Pose) -> Performed:
-    first = begin(subject, line, name, target(pose, SLOWEST_PERCENT))
-    return _ended(subject, line, name, first)
-
-
-def _perform_reset(subject: Subject, line: Line, name: str, pose: Pose) -> Performed:
-    with home_at(subject, line):
-        return _simply(subject, line, name, pose)
-
-
-def _perform_release(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
-    """Its result may come at once, or when the joints are locked again (A-4.25-2)."""
-    with locked_again(subject, line):
-        first, result = release(subject, line)
-        if result is not None:
-            return Performed(first, result, line.ask("get_status"))
-    return _ended(subject, line, name, first)
-
-
-def _perform_jog(subject: Subject, line: Line, _: str, pose: Pose) -> Performed:  # noqa: ARG001 - one signature for all
-    first = jog_somewhere(subject, line)
-    accepted(STOP, line.ask(STOP))
-    status = _ended(subject, line, STOP, first).status
-    return Performed(first, interrupted(line, JOG), status)
-
-
-def _perform_stop(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
-    start_program(subject, line, RUN)
-    return _ended(subject, line, name, accepted(name, line.ask(name)))
-
-
-_PERFORM: Final[Mapping[str, Callable[[Subject, Line, str, Pose], Performed]]] = {
-    RUN: _perform_program,
-    SIMULATE: _perform_program,
-    STOP: _perform_stop,
-    RESET: _perform_reset,
-    MOVE: _perform_move,
-    LOCK: _perform_lock,
-    RELEASE: _perform_release,
-    JOG: _perform_jog,
-}
-
-
 def interrupted(line: Line, name: str) -> Answer | None:
     """The final result of what a stop has ended, where it has one (A-4.17-4)."""
     try:
         return line.result(name, within_s=SILENCE_S)
     except NoAnswer:
         return None
-
-
-def harmless(subject: Subject, line: Line) -> Mapping[str, Any]:
-    """For every two-stage command but the stop, a request that does next to nothing."""
-    program = stored(subject, line, 0)
-    values: dict[str, Any] = {
-        RUN: program,
-        SIMULATE: program,
-        MOVE: target(pose_of(line), SLOWEST_PERCENT),
-        JOG: JogDirection.PLUS_X,
-    }
-    return {
-        name: values.get(name)
-        for name in TWO_STAGE
-        if name != STOP and name not in subject.statement.lacks
-    }

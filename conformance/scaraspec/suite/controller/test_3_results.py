@@ -16,6 +16,7 @@ from scaraspec.protocol.payloads import FinalResult
 from scaraspec.suite.as_client.keeping import alive
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import begin_step_somewhere, returning
+from scaraspec.suite.as_client.performing import perform
 from scaraspec.suite.as_client.queries import ask_all
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import (
@@ -31,7 +32,6 @@ from scaraspec.suite.as_client.tasks import (
     has,
     lasting,
     offered,
-    perform,
     start_program,
 )
 from scaraspec.suite.case import case

@@ -20,6 +20,7 @@ from scaraspec.suite.as_client.motion import (
     same_place,
     target,
 )
+from scaraspec.suite.as_client.performing import perform
 from scaraspec.suite.as_client.refusals import text_of
 from scaraspec.suite.as_client.subject import MOMENT_S, Subject
 from scaraspec.suite.as_client.tasks import (
@@ -37,7 +38,6 @@ from scaraspec.suite.as_client.tasks import (
     has,
     interrupted,
     lasting,
-    perform,
     start_program,
     stored,
 )

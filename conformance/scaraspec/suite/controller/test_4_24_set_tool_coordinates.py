@@ -29,9 +29,10 @@ from scaraspec.suite.as_client.motion import (
     same_place,
     target,
 )
+from scaraspec.suite.as_client.performing import perform
 from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
 from scaraspec.suite.as_client.subject import MOMENT_S, Subject
-from scaraspec.suite.as_client.tasks import MOVE, accepted, done, finish, has, offered, perform
+from scaraspec.suite.as_client.tasks import MOVE, accepted, done, finish, has, offered
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
 from scaraspec.suite.wire import Answer

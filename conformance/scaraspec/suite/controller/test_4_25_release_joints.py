@@ -4,6 +4,7 @@ import pytest
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.performing import perform
 from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import (
@@ -17,7 +18,6 @@ from scaraspec.suite.as_client.tasks import (
     lasting,
     locked_again,
     offered,
-    perform,
     release,
 )
 from scaraspec.suite.case import case

@@ -4,6 +4,7 @@ from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import joints_of
+from scaraspec.suite.as_client.performing import perform
 from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.tasks import (
@@ -15,7 +16,6 @@ from scaraspec.suite.as_client.tasks import (
     finish,
     has,
     locked_again,
-    perform,
     release,
 )
 from scaraspec.suite.case import case

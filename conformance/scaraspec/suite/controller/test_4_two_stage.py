@@ -21,6 +21,7 @@ from scaraspec.suite.as_client.motion import (
     same_place,
     stop,
 )
+from scaraspec.suite.as_client.performing import perform
 from scaraspec.suite.as_client.queries import QUERIES, Query, known_to, replies_to, some_queries
 from scaraspec.suite.as_client.refusals import (
     expect_busy,
@@ -51,7 +52,6 @@ from scaraspec.suite.as_client.tasks import (
     interrupted,
     lasting,
     offered,
-    perform,
     start_program,
     stored,
 )
