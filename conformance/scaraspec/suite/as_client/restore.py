@@ -23,7 +23,6 @@ _CLOCK_SLACK_S: Final = 2
 _HALF_S: Final = 0.5
 _NS: Final = 1_000_000_000
 _BUFFERS_BYTES: Final = (64, 63, 32, 31, 30, 20, 16, 15, 10, 8)
-_LEFT: Final = "left by a run that was killed"
 _REFUSED_PERHAPS: Final = ("default program", "initial tool position")
 
 
@@ -45,7 +44,7 @@ class Item:
 
 
 def save(subject: Subject) -> dict[str, Any]:
-    """Ask for everything that a run may change.
+    """Ask for everything that this run may change.
 
     A setting that the subject refuses to take back even now, as a default program that is not
     stored or a position that was never set, is none that a run could put back.
@@ -54,9 +53,10 @@ def save(subject: Subject) -> dict[str, Any]:
         Unmet: The subject cannot be reached, or refuses the login.
     """
     line = subject.open()
-    state = {item.name: _read(item, subject, line) for item in ITEMS}
-    for item in ITEMS:
-        if item.name in _REFUSED_PERHAPS and item.hazard in subject.allowed and state[item.name]:
+    items = [item for item in ITEMS if item.hazard in subject.allowed]
+    state = {item.name: _read(item, subject, line) for item in items}
+    for item in items:
+        if item.name in _REFUSED_PERHAPS and state[item.name]:
             try:
                 item.write(subject, line, state[item.name])
             except (Unmet, Undecided):
@@ -81,11 +81,8 @@ def restore(subject: Subject, state: Mapping[str, Any]) -> list[str]:
     for item in ITEMS:
         wanted = state.get(item.name)
         try:
-            allowed = item.hazard in subject.allowed
-            if wanted is None or not (allowed or _LEFT in state):  # else it was not changed
-                continue
-            if _differs(_read(item, subject, line), wanted):
-                expect(allowed, f"it wants --allow {item.hazard.value}")
+            if wanted is not None and _differs(_read(item, subject, line), wanted):
+                expect(item.hazard in subject.allowed, f"it wants --allow {item.hazard.value}")
                 item.write(subject, line, wanted)
         except (Unmet, Undecided) as error:
             problems.append(f"the {item.name} could not be put back to {wanted}: {error}")
@@ -93,13 +90,13 @@ def restore(subject: Subject, state: Mapping[str, Any]) -> list[str]:
     return problems
 
 
-def load(path: Path) -> dict[str, Any] | None:
-    """The state that a run which was killed has left; None where there is none that can be read."""
+def load(path: Path) -> dict[str, Any]:
+    """The state that a run which was killed has left; empty where none can be read."""
     try:
         state = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return None
-    return {**state, _LEFT: True} if isinstance(state, dict) else None
+        return {}
+    return state if isinstance(state, dict) else {}
 
 
 def keep(path: Path, state: Mapping[str, Any]) -> None:

@@ -61,8 +61,9 @@ class ControllerSetting:
             OSError: Its state cannot be written down.
         """
         file = self.state_file
-        state = (restore.load(file) if file else None) or restore.save(subject)
-        if file:
+        left = restore.load(file) if file else {}
+        state = {**restore.save(subject), **left}
+        if file and state:
             restore.keep(file, state)
         return state
 
@@ -82,7 +83,7 @@ class ControllerSetting:
 
     def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
         """Put everything back; what could not be is told, and stays written down."""
-        if not state:  # nothing was written down, and nothing changed; an earlier run's file stays
+        if not state:  # nothing may be changed, or nothing was; an earlier run's file stays
             return []
         problems = [*restore.restore(subject, state), *come_back(subject)]
         if self.state_file and not problems:
