@@ -24,6 +24,7 @@ QUIET_S: Final = 10.0
 
 _NUMBERS: Final = ("connections", "client/s", "robot/s", "recorded", "gaps", "waiting", "free")
 _MOST_PROBLEMS: Final = 5
+_UNREACHED: Final = "the robot cannot be reached"
 _ENDING: Final = (
     "ending: what is left is written and drawn; Ctrl-C again leaves it to the next start"
 )
@@ -103,12 +104,15 @@ class _Wrong:
     gaps: int = 0
     late: bool = False
     reason: str = ""
+    unreached: str = ""
     status: Status | None = field(default=None, compare=False)
 
     @classmethod
     def of(cls, status: Status) -> "_Wrong":
-        reason = status.trouble.reason if status.trouble else ""
-        return cls(tuple(status.progress.problems), status.gaps, status.late, reason, status)
+        progress, reason = status.progress, status.trouble.reason if status.trouble else ""
+        return cls(
+            tuple(progress.problems), status.gaps, status.late, reason, progress.unreached, status
+        )
 
     def since(self, before: "_Wrong") -> list[str]:
         """Say what is new."""
@@ -120,6 +124,9 @@ class _Wrong:
             waiting = f"nothing is written, {_size(self.status.waiting_bytes)} wait"
             why = f": {self.reason}" if self.reason else ""
             lines.append(f"{waiting}{why}" if self.late else "the writing goes on")
+        if self.unreached != before.unreached:
+            why = self.unreached
+            lines.append(f"{_UNREACHED}: {why}" if why else "the robot is reached again")
         return lines
 
 
@@ -188,6 +195,8 @@ def _place(status: Status) -> str:
 def _problems(status: Status) -> list[str]:
     """What is wrong, the latest last."""
     problems = list(status.progress.problems[-_MOST_PROBLEMS:])
+    if status.progress.unreached:
+        problems.append(f"{_UNREACHED}: {status.progress.unreached}")
     if status.gaps:
         problems.append(f"{_size(status.lost_bytes)} not recorded in {status.gaps} gaps")
     if status.late:

@@ -18,6 +18,9 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 
 MAX_BLOCK_BYTES: Final = 1 << 20
 
+UNREACHED: Final = "no connection: "
+"""How the note begins of a connection whose client found no robot; the reason follows."""
+
 _HEADER: Final = struct.Struct("<4sII")
 _MAGIC: Final = b"SPL2"  # counts the layouts: another one's blocks are damage
 _RECORD: Final = struct.Struct("<IBQQQQ?")

@@ -18,9 +18,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from scaraspec.judgement.wire import WireEvent
+from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec_recorder.children import SAID, ignore_signals
+from scaraspec_recorder.records import UNREACHED
 from scaraspec_recorder.seams import moment
 from scaraspec_recorder.sinks import TICK_NS, Folder, Remembering, Sink, SinkFactory, SinkFailed
 from scaraspec_recorder.spool import LIMIT_BYTES, Place, SpoolReader, Trouble, note_trouble
@@ -53,6 +54,7 @@ class Progress:
         problems: Sinks that were given up, each with its reason.
         finished: Whether the scribe has taken everything and closed its sinks.
         earlier_files: How many files were made before those in `files`.
+        unreached: Why the robot cannot be reached, as long as nothing comes from it.
     """
 
     connections: int = 0
@@ -62,6 +64,7 @@ class Progress:
     problems: list[str] = field(default_factory=list)
     finished: bool = False
     earlier_files: int = 0
+    unreached: str = ""
 
     @classmethod
     def read(cls, state: Mapping[str, Any]) -> "Progress":
@@ -265,6 +268,11 @@ class Scribe:
 
     def _give(self, events: Sequence[WireEvent]) -> None:
         self.progress.connections = self._unspooler.connections
+        for event in events:
+            if event.kind is Kind.RESET and event.note.startswith(UNREACHED):
+                self.progress.unreached = event.note.removeprefix(UNREACHED)
+            elif event.kind is Kind.BYTES and event.direction is C2A:
+                self.progress.unreached = ""
         for sink in self._sinks:
             sink.write(events)
 

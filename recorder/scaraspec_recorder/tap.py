@@ -19,7 +19,7 @@ from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec_recorder import stamps, tcp
 from scaraspec_recorder.children import ignore_signals
-from scaraspec_recorder.records import Mark, stream_number
+from scaraspec_recorder.records import UNREACHED, Mark, stream_number
 from scaraspec_recorder.routes import Route
 from scaraspec_recorder.spool import SpoolWriter
 
@@ -353,7 +353,7 @@ class Connection:
             if self.upstream.closed:
                 connected.detach()  # uvloop has closed its number, which may be another's by now
         except OSError as error:
-            self.lost(self.upstream, f"no connection: {_reason(error)}")
+            self.lost(self.upstream, f"{UNREACHED}{_reason(error)}")
 
     def _hang_up(self) -> None:
         """Stop dialling, if that is where the connection still is."""

@@ -94,6 +94,23 @@ def test_problems_and_silence_are_told_with_their_end() -> None:
     ]
 
 
+def test_a_robot_that_cannot_be_reached_is_told_until_it_is() -> None:
+    """With the reason, on a terminal too."""
+    said: list[str] = []
+    gone = replace(CALM.progress, unreached="Connection refused")
+    with Lines(said.append) as lines:
+        for second in range(40):
+            lines.update([at(second, gone if second < 20 else None)], ending=False)
+    assert said == [
+        "line-3: the robot cannot be reached: Connection refused",
+        "line-3: the robot is reached again",
+    ]
+    console = Console(file=io.StringIO(), width=160)
+    with Dashboard(console) as dashboard:
+        dashboard.update([at(0, gone)], ending=False)
+    assert said[0] in console.file.getvalue()
+
+
 def test_ending_says_that_it_takes_its_time() -> None:
     """At once, then every `QUIET_S`, and no more when all is finished."""
     said: list[str] = []

@@ -141,6 +141,24 @@ def test_a_connection_is_told_from_beginning_to_end(bench: Bench) -> None:
     assert scribe.progress == Progress(1, Count(3), Count(2))
 
 
+def test_a_robot_that_cannot_be_reached_is_known_until_something_comes_from_it(
+    bench: Bench,
+) -> None:
+    """To the next scribe, too."""
+    bench.put(Kind.OPENED, payload=b"a > b")
+    bench.put(Kind.RESET, OTHER, payload=b"no connection: No route to host")
+    bench.tick(bench.scribe(Memory()))
+    scribe = bench.scribe(Memory())
+    client, robot = stream_number(2, A2C), stream_number(2, C2A)
+    bench.put(Kind.OPENED, client, payload=b"a > b")
+    bench.put(Kind.BYTES, client, payload=b"abc")
+    bench.tick(scribe)
+    assert scribe.progress.unreached == "No route to host"
+    bench.put(Kind.BYTES, robot, payload=b"de")
+    bench.tick(scribe)
+    assert not scribe.progress.unreached
+
+
 def test_the_sinks_tick_by_the_clock(bench: Bench) -> None:
     """Every quarter of a second, with or without traffic; also when the clock was set back."""
     sink = Failing("", ValueError())

@@ -79,6 +79,21 @@ def test_a_file_for_each_connection(processes: Any, controller: str, tmp_path: P
         assert processes.run("audit", str(file)).returncode == 0
 
 
+def test_a_robot_that_cannot_be_reached_is_told(processes: Any, tmp_path: Path) -> None:
+    """To whoever looks at the recorder, not in the file alone."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # and does not listen
+        robot = "tcp://{}:{}".format(*taken.getsockname())
+        recorder = processes.start("record", robot, *LOCAL, "--out", str(tmp_path))
+        host, port = url_in(recorder.stdout.readline()).removeprefix("tcp://").split(":")
+        with socket.create_connection((host, int(port)), DEADLINE_S):
+            told = recorder.stdout.readline()
+        while "nothing is written" in told or "the writing goes on" in told:  # it begins slowly
+            told = recorder.stdout.readline()
+    assert told == "127.0.0.1: the robot cannot be reached: Connection refused\n"
+    end(recorder)
+
+
 def test_a_ring_writes_incidents_alone(processes: Any, controller: str, tmp_path: Path) -> None:
     """What came before the trigger is in the file, though nothing was written then."""
     recorder = processes.start(
