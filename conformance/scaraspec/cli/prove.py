@@ -90,6 +90,10 @@ def command(  # noqa: PLR0913 - one for each option
         only=_requirements(only), allowed=ALL, undefined=True, examples=examples, exhaustive=True
     )
     if other_dialects:
+        if names or quick or every > 1 or out:
+            raise Problem(
+                "--dialects tries no fault: leave --fault, --quick, --every, --out"
+            )
         if not collect(options, party):
             raise _nothing_proved("no case tries what --only names")
         _prove_dialects(party, options, jobs)

@@ -1,6 +1,7 @@
 """`scaraspec prove`: seeded faults are killed by cases of what they violate."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from scaraspec.judgement.requirements import REQUIREMENTS, by_clause
 from scaraspec.report.model import Role
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run, collect
+
+Refused = Callable[..., str]
 
 
 @pytest.mark.parametrize(
@@ -69,11 +72,15 @@ def test_no_case_is_no_proof(processes: Any) -> None:
     assert "nothing proved" in done.stderr
 
 
-def test_an_unknown_fault(processes: Any) -> None:
+def test_an_unknown_fault(refused: Refused) -> None:
     """One sentence and exit status 2."""
-    done = processes.run("prove", "--fault", "gremlin")
-    assert done.returncode == 2
-    assert "gremlin" in done.stderr
+    assert "gremlin" in refused("prove", "--fault", "gremlin")
+
+
+@pytest.mark.parametrize("option", ["--fault=clock-stands", "--quick", "--every=2", "--out=here"])
+def test_dialects_are_no_faults(refused: Refused, option: str) -> None:
+    """What is asked of faults is not left undone silently."""
+    assert "--dialects tries no fault" in refused("prove", "--dialects", option)
 
 
 @pytest.mark.parametrize("role", list(STANDS))
