@@ -6,7 +6,6 @@ one that needs an absent extra hinders no other.
 
 import importlib
 import sys
-from importlib.metadata import version
 
 import click
 
@@ -53,7 +52,7 @@ class _Lazy(click.Group):
 
 
 @click.command(cls=_Lazy, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(version("scaraspec"), prog_name="scaraspec")
+@click.version_option(package_name="scaraspec", prog_name="scaraspec")
 def group() -> None:
     """Certify, record and gate UISR4200S robot traffic.
 

@@ -103,8 +103,10 @@ class Bracket:
     # ------------------------------------------------------------------ pytest's hooks
 
     def pytest_configure(self, config: pytest.Config) -> None:
-        """Name the mark."""
+        """Name the mark; where nobody reads what pytest tells of a failure, it is told shortly."""
         declare_mark(config)
+        if not self._loud:
+            config.option.tbstyle = "native"  # the long one reads the case's source each time
 
     def pytest_sessionstart(self) -> None:
         """Settle how hypothesis draws, as long as the session lasts."""
