@@ -91,9 +91,7 @@ def command(  # noqa: PLR0913 - one for each option
     )
     if other_dialects:
         if names or quick or every > 1 or out:
-            raise Problem(
-                "--dialects tries no fault: leave --fault, --quick, --every, --out"
-            )
+            raise Problem("--dialects tries no fault: leave --fault, --quick, --every, --out")
         if not collect(options, party):
             raise _nothing_proved("no case tries what --only names")
         _prove_dialects(party, options, jobs)

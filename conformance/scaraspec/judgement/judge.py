@@ -82,7 +82,6 @@ class Judge:
         self._dialect = dialect
         self._needs_login = needs_login
         self._dialogues: dict[str, Dialogue] = {}
-        self._checks: dict[tuple[object, ...], _Checks] = {}
 
     def feed(self, event: WireEvent) -> Iterator[Happening | Finding]:
         """Take the next event; give what happened, each followed by what is wrong with it."""
@@ -133,7 +132,7 @@ class Judge:
         if isinstance(happening, Transfer):
             self.dialect_seen.counts.update(file_sightings(happening))
         tallies = self.tallies
-        for check, requirements in self._checks_for(happening):
+        for check, requirements in _checks_for(happening):
             judged = check(happening, scene)
             if judged is None:
                 continue
@@ -155,19 +154,23 @@ class Judge:
         """What the recording amounts to."""
         return conclude(Counter(tally.verdict for tally in self.tallies.values()))
 
-    def _checks_for(self, happening: Happening) -> "_Checks":
-        """The checks that look at such a happening, each once, with what they decide."""
-        kind = kind_of(happening)
-        checks = self._checks.get(kind)
-        if checks is None:
-            rules = [rule for rule in RULES if rule.looks_at(happening)]
-            grouped = groupby(rules, key=lambda rule: rule.check)
-            checks = tuple((c, tuple(rule.requirement for rule in g)) for c, g in grouped)
-            self._checks[kind] = checks
-        return checks
-
 
 _Checks = tuple[tuple[Check, tuple[str, ...]], ...]
+
+_CHECKS: Final[dict[tuple[object, ...], _Checks]] = {}
+"""What was found for each kind of happening: the rules are the same for every judge."""
+
+
+def _checks_for(happening: Happening) -> _Checks:
+    """The checks that look at such a happening, each once, with what they decide."""
+    kind = kind_of(happening)
+    checks = _CHECKS.get(kind)
+    if checks is None:
+        rules = [rule for rule in RULES if rule.looks_at(happening)]
+        grouped = groupby(rules, key=lambda rule: rule.check)
+        checks = tuple((c, tuple(rule.requirement for rule in g)) for c, g in grouped)
+        _CHECKS[kind] = checks
+    return checks
 
 
 def _finding(requirement: str, judged: Judged, happening: Happening) -> Finding:
