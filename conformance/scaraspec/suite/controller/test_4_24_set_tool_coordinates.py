@@ -32,7 +32,15 @@ from scaraspec.suite.as_client.motion import (
 from scaraspec.suite.as_client.performing import perform
 from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
 from scaraspec.suite.as_client.subject import MOMENT_S, Subject
-from scaraspec.suite.as_client.tasks import MOVE, accepted, done, finish, has, offered
+from scaraspec.suite.as_client.tasks import (
+    MOVE,
+    accepted,
+    done,
+    find_out_whether_it_listens,
+    finish,
+    has,
+    offered,
+)
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
 from scaraspec.suite.wire import Answer
@@ -138,6 +146,7 @@ def test_every_speed(subject: Subject, line: Line) -> None:
 def test_there_and_back(subject: Subject, line: Line, axis: str) -> None:
     """A step along one axis ends at the pose that was commanded, and so does the way back."""
     has(subject, MOVE)
+    find_out_whether_it_listens(subject, line)
     gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
         before = joints_of(line)
@@ -180,6 +189,7 @@ def _expect_reached(
 def test_fractions(subject: Subject, line: Line) -> None:
     """Targets with decimals are reached as they are, one after the other."""
     has(subject, MOVE)
+    find_out_whether_it_listens(subject, line)
     gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
         there, answer = begin_step_somewhere(subject, line)

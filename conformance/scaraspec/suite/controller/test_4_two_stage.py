@@ -45,6 +45,7 @@ from scaraspec.suite.as_client.tasks import (
     attentive,
     begin,
     done,
+    find_out_whether_it_listens,
     finish,
     harmless,
     has,
@@ -391,6 +392,7 @@ def test_queries_meanwhile(subject: Subject, line: Line) -> None:
 def test_reply_before_execution(subject: Subject, line: Line, name: str) -> None:
     """The first reply comes before the execution: it does not wait for what takes seconds."""
     perform(subject, line, name)
+    find_out_whether_it_listens(subject, line)
     with returning(subject, line):
         program = stored(subject, line, 1)
         before = line.ask("get_status")

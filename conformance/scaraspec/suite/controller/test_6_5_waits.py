@@ -16,6 +16,7 @@ from scaraspec.suite.as_client.ports import (
     with_port,
 )
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import find_out_whether_it_listens
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect
 from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench
@@ -78,6 +79,7 @@ def test_wait_of_no_time(subject: Subject, line: Line) -> None:
 @case("6.5/20", name="long", hazards=PROGRAMS)
 def test_long_wait(subject: Subject, line: Line) -> None:
     """A wait of 200 seconds is not over at once."""
+    find_out_whether_it_listens(subject, line)
     with bench(subject, line) as robot:
         robot.start(wait(_LONG_S))
         line.wait(robot.ours_s(_STILL_S))

@@ -217,7 +217,7 @@ def _within_half_a_turn(angle_deg: float) -> float:
     return 180 - (180 - angle_deg) % 360
 
 
-@pytest.mark.parametrize("requirement", ["4.17/7", "6.5/25"])
+@pytest.mark.parametrize("requirement", ["3/18", "4/14", "4.17/7", "4.24/8", "6.5/20", "6.5/25"])
 def test_deafness_is_found_out_by_whoever_has_to_know(tried: Try, requirement: str) -> None:
     """Who answers nothing while it executes (A-4-3) is failed by no case that is tried alone."""
     assert not tried(Deaf, requirement, examples=100).failed
