@@ -233,7 +233,19 @@ def go_on_if_it_listens(subject: Subject, line: Line) -> None:
 
 
 def stop(subject: Subject, line: Line) -> Answer:
-    """Stop what executes, to the end; the first reply to the stop.
+    """Stop what executes, to the end, and release its latch; the first reply to the stop.
+
+    Raises:
+        NoAnswer: The stop, or its result, is not answered.
+    """
+    answer = halt(subject, line)
+    if answer.accepted:
+        release_latch(subject, line)
+    return answer
+
+
+def halt(subject: Subject, line: Line) -> Answer:
+    """Stop what executes, to the end; the first reply to the stop. The arm stays where it is.
 
     Raises:
         NoAnswer: The stop, or its result, is not answered.
@@ -243,7 +255,6 @@ def stop(subject: Subject, line: Line) -> Answer:
         line.result("emergency_stop", within_s=subject.reply_s)
         _await_own_result(line)
         await_rest(subject, line)
-        release_latch(subject, line)
     return answer
 
 

@@ -225,16 +225,14 @@ def offered(
     So it is where the connection ends. Everything else that comes before the reply to a query
     stays to be taken.
     """
-    opcode = line.send(name, value, data=data).opcode
+    line.send(name, value, data=data)
     try:
         line.heard[:0] = line.fence()
     except NoAnswer:
         if line.ending is None:
             raise
-    for seen in line.heard:
-        if seen.frame.opcode == opcode and not seen.frame.tagged:
-            line.heard.remove(seen)
-            return Answer(seen, seen.value)
+    with suppress(NoAnswer):
+        return line.reply(name, within_s=0.0)
     return None
 
 

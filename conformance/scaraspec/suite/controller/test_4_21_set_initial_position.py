@@ -24,6 +24,7 @@ from scaraspec.suite.wire import Answer
 _MEANT: Final = 4  # x, y, z and thetaX; the others mean nothing (L1006)
 _ASIDE: Final = 0.5  # mm or degrees
 _SOON_S: Final = 0.2
+_READINGS: Final = 5
 
 
 def _at(pose: Pose, decimals: int) -> Pose:
@@ -35,14 +36,15 @@ def _at(pose: Pose, decimals: int) -> Pose:
 def _near(line: Line) -> Pose:
     """Make where the arm stands the initial position, and the gripper's centre that of the tool.
 
-    Then both are the same, whichever of them 0x38 gives (A-4.23-1).
+    Then both are the same, whichever of them 0x38 gives (A-4.23-1). At an end of the travel what is
+    read may lie beyond, where it is never still.
 
     Raises:
         Unmet: The subject refuses it, although the arm can be there.
     """
     line.ask("set_gripper_center", Point(0, 0, 0))
-    pose = pose_of(line)
-    for near in (_at(pose, 1), pose):
+    read = dict.fromkeys(pose_of(line) for _ in range(_READINGS))
+    for near in (each for pose in read for each in (_at(pose, 1), pose)):
         answer = line.ask("set_initial_tool_position", near)
         if answer.accepted:
             return near

@@ -13,10 +13,12 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import Malformed
 from scaraspec.suite.as_client.motion import (
     BUSY,
+    halt,
     joints_of,
     listens,
     pose_of,
     quieten,
+    release_latch,
     returning,
     status_of,
     stop,
@@ -99,8 +101,9 @@ def test_direction(subject: Subject, line: Line, direction: JogDirection) -> Non
             stop(subject, line)
             raise NotRun(f"the arm has no room towards {direction}: {answer}")
         _jogged(subject, line)
-        stop(subject, line)
+        halt(subject, line)
         now, after = pose_of(line), joints_of(line)
+        release_latch(subject, line)
         axis, sign = _AXES[direction]
         along = (getattr(now, axis) - getattr(pose, axis)) * sign
         across = max(
