@@ -3,10 +3,11 @@
 What a busy robot answers stands in `busy`; how an emergency stop goes in `stop`.
 """
 
+from itertools import islice
 from typing import Final
 
 from scaraspec.judgement.happenings import Exchange, FrameSeen, Unasked
-from scaraspec.judgement.rules.rule import PASSED, Judged, failed, rule, tolerated
+from scaraspec.judgement.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
@@ -117,23 +118,37 @@ def reply_before_execution(x: Exchange, scene: Scene) -> Judged | None:
     """The first reply comes before the execution, not at its end (L311, L363, L392, L490).
 
     It came at the end where it took long, the final result was with it, and queries take less.
-    Where the command was asked again it may be the answer to that.
+    Where the command was asked again it may be the answer to that; and once a packet may have been
+    lost on its way.
     """
     if not x.result or x.latency_ns is None or x.duration_ns is None or x.unsettled:
         return None  # what began or ended meanwhile may have kept it waiting (A-4-2)
     if scene.memory.asked.get(x.name) is not x.request:
         return None
-    if x.duration_ns > _AT_ONCE_NS or x.latency_ns < _LONG_NS:
+    if not _comes_at_its_end(x):
         return PASSED
     queries = [y for name in _ASKING if (y := scene.memory.last(name)) and y.latency_ns is not None]
     if not any((y.latency_ns or 0) * _TIMES < x.latency_ns for y in queries):
         return None
-    return failed(
+    said = (
         f"the first reply to {x.name} came after {x.latency_ns / 1e9:.1f} s, "
-        "together with its final result",
-        expected="the first reply before the execution",
-        observed="both at its end",
+        "together with its final result"
     )
+    before = (y for y in reversed(scene.memory.recent.get(x.name, [])) if _took_long(y))
+    if not any(map(_comes_at_its_end, islice(before, 1))):
+        return unsure(f"{said}: once, as where a packet is lost on its way")
+    return failed(said, expected="the first reply before the execution", observed="both at its end")
+
+
+def _comes_at_its_end(x: Exchange) -> bool:
+    return _took_long(x) and (x.duration_ns or 0) <= _AT_ONCE_NS and (x.latency_ns or 0) >= _LONG_NS
+
+
+def _took_long(x: Exchange) -> bool:
+    """Whether it is known to have lasted, from the request to the final result."""
+    if x.latency_ns is None or x.duration_ns is None:
+        return False
+    return x.latency_ns + x.duration_ns >= _LONG_NS
 
 
 # Final results

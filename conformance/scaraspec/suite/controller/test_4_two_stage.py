@@ -393,24 +393,29 @@ def test_reply_before_execution(subject: Subject, line: Line, name: str) -> None
     """The first reply comes before the execution: it does not wait for what takes seconds."""
     perform(subject, line, name)
     find_out_whether_it_listens(subject, line)
+    program = stored(subject, line, 1)
+    twice = range(2)  # once a packet may have been lost on its way
+    expect(
+        not all(_is_replied_to_at_its_end(subject, line, name, program) for _ in twice),
+        f"the first reply to {name} came late, with its final result",
+        expected="the first reply before the execution",
+        observed="both at its end",
+    )
+
+
+def _is_replied_to_at_its_end(subject: Subject, line: Line, name: str, program: bytes) -> bool:
     with returning(subject, line):
-        program = stored(subject, line, 1)
         before = line.ask("get_status")
         if name == MOVE:
             _, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
         else:
             answer = line.ask(name, program)
         accepted(name, answer)
-        late_s = answer.time_s - before.time_s
-        if late_s >= _SOON_S:  # it may be slow by itself
-            lasted_s = finish(subject, line, name).time_s - answer.time_s
-            expect(
-                lasted_s > _AT_ONCE_S,
-                f"the first reply to {name} came after {late_s:.1f} s, with its final result",
-                expected="the first reply before the execution",
-                observed="both at its end",
-            )
+        late = answer.time_s - before.time_s >= _SOON_S
+        if late:  # it may be slow by itself
+            late = finish(subject, line, name).time_s - answer.time_s <= _AT_ONCE_S
         quieten(subject, line)
+    return late
 
 
 @case("4/14", name="reset", hazards=_MOTION)

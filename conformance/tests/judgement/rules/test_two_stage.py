@@ -82,6 +82,13 @@ SLOW = """
     <90 run_program 11
 """
 
+SLOW_AGAIN = """
+    > run_program a.rob
+    +3
+    < run_program 1
+    <90 run_program 11
+"""
+
 CASES = (
     *cases(),
     ("4/1", "pass", refused("run_program", "1")),
@@ -129,7 +136,16 @@ CASES = (
         """,
     ),
     ("4/14", "pass", ended("run_program", "11")),
-    ("4/14", "fail", SLOW.format(query="get_status", answer="get_status 00")),
+    ("4/14", "fail", SLOW.format(query="get_status", answer="get_status 00") + SLOW_AGAIN),
+    # Once a packet may have been lost.
+    ("4/14", "inconclusive", SLOW.format(query="get_status", answer="get_status 00")),
+    (
+        "4/14",
+        "inconclusive",
+        SLOW.format(query="get_status", answer="get_status 00")
+        + "> run_program a.rob\n< run_program 1\n+3\n<90 run_program 11"
+        + SLOW_AGAIN,
+    ),
     # A program that does nothing, over a link that is slow.
     ("4/14", "none", SLOW.format(query="get_status\n+2", answer="get_status 00")),
     # A busy robot may have been silent the first time (A-4-2).
