@@ -179,6 +179,27 @@ class HidesWhatRuns(Brain):
         return super().is_program(name) and (task is None or task.program != name)
 
 
+class HidesItsDefault(Brain):
+    """The default program is not in the list."""
+
+    def list_programs(self, request: Request) -> NameListPart:
+        """Leave it out."""
+        part = super().list_programs(request)
+        hidden = self.store.settings.default_program
+        return part._replace(names=tuple(name for name in part.names if name != hidden))
+
+
+class ForgetsItsDefault(Brain):
+    """Whichever program is deleted, there is no default one any more."""
+
+    def delete_program(self, request: Request) -> bool:
+        """Forget it."""
+        deleted: bool = super().delete_program(request)
+        if deleted:
+            self.save(default_program=b"")
+        return deleted
+
+
 class NeverForgets(Brain):
     """While the arm jogs the last program is told to run."""
 
@@ -549,6 +570,16 @@ def test_who_tells_a_move_for_a_run_is_found() -> None:
 def test_who_ends_a_move_behind_a_stop_is_found() -> None:
     """Behind an emergency stop the arm stands (4.17/7), also where a program moved it."""
     assert "4.17/7" in found(EndsItsMove, "6.5/25")
+
+
+def test_who_hides_its_default_program_is_found() -> None:
+    """A program is listed as long as it is stored (4.10/11), also while it is the default one."""
+    assert "4.10/11" in found(HidesItsDefault, "4.13/3")
+
+
+def test_who_forgets_its_default_program_is_found() -> None:
+    """It is the default one (4.13/3) until another is, whatever else is deleted."""
+    assert "4.13/3" in found(ForgetsItsDefault, "4.12/4")
 
 
 def test_who_never_ends_without_its_client_is_found() -> None:

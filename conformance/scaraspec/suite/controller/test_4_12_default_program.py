@@ -74,12 +74,15 @@ def test_told(subject: Subject, line: Line) -> None:
 
 @case("4.12/4", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
 def test_none(subject: Subject, line: Line) -> None:
-    """Once the default program is deleted there is none, or it is told as before."""
+    """Once the default program is deleted there is none, or as before; another's end is nothing."""
     with default_kept(subject, line):
-        name = store_program(subject, line)
+        other, name = store_program(subject, line), store_program(subject, line)
         if not line.ask("set_default_program", name).accepted:
             raise NotRun("no program can be made the default one")
         expect_default(subject, line, name, "4.12/3")
+        if line.ask("delete_program", other).accepted:
+            subject.created.remove(other)
+            expect_default(subject, line, name, "4.13/3")
         if not line.ask("delete_program", name).accepted:
             raise NotRun("the default program cannot be deleted (A-4.11-1)")
         subject.created.remove(name)

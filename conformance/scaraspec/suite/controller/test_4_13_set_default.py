@@ -1,7 +1,7 @@
 """Clause 4.13: setting the default program (0x0E, L277-287)."""
 
 from scaraspec.judgement.places import STANDSTILL, farthest
-from scaraspec.protocol.fields import NAME_MAX_BYTES
+from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.defaults import default_kept, expect_default
 from scaraspec.suite.as_client.line import Line
@@ -10,7 +10,7 @@ from scaraspec.suite.as_client.motion import IDLE, joints_of, quieten
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect
-from scaraspec.suite.programs.listed import long_name, store_program
+from scaraspec.suite.programs.listed import long_name, program_names, store_program
 
 _SOON_S = 0.3
 
@@ -36,6 +36,14 @@ def test_set(subject: Subject, line: Line) -> None:
         for name in names:
             _set(line, name)
             expect_default(subject, line, name, "4.13/3")
+        listed = program_names(subject, line)
+        expect(
+            name in listed,
+            "a program that was uploaded is not listed while it is the default one",
+            expected=show(name),
+            observed=", ".join(map(show, listed)),
+            requirement="4.10/11",
+        )
         line.close()
         expect_default(subject, subject.open(), name, "4.13/3")
 
