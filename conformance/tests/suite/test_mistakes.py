@@ -200,6 +200,17 @@ class ForgetsItsDefault(Brain):
         return deleted
 
 
+class OneProgram(Brain):
+    """The default program and the one that was run last are the same."""
+
+    def run_program(self, request: Request) -> Acceptance:
+        """Make it the default one."""
+        answer = super().run_program(request)
+        if answer is ACCEPTED:
+            self.save(default_program=request.value)
+        return answer
+
+
 class NeverForgets(Brain):
     """While the arm jogs the last program is told to run."""
 
@@ -580,6 +591,11 @@ def test_who_hides_its_default_program_is_found() -> None:
 def test_who_forgets_its_default_program_is_found() -> None:
     """It is the default one (4.13/3) until another is, whatever else is deleted."""
     assert "4.13/3" in found(ForgetsItsDefault, "4.12/4")
+
+
+def test_who_takes_what_runs_for_the_default_program_is_found() -> None:
+    """The default program is the one that was named (4.13/3), whatever was run since."""
+    assert "4.13/3" in found(OneProgram, "4.13/6")
 
 
 def test_who_never_ends_without_its_client_is_found() -> None:

@@ -8,6 +8,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
 from scaraspec.suite.as_client.motion import IDLE, joints_of, quieten
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import RUN, finish, start_program
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect
 from scaraspec.suite.programs.listed import long_name, program_names, store_program
@@ -81,7 +82,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
 
 @case("4.13/6", "4.13/2", hazards=(Hazard.STATE, Hazard.MOTION))
 def test_moves_nothing(subject: Subject, line: Line) -> None:
-    """To name a default program starts nothing."""
+    """To name a default program starts nothing, and to run another names none."""
     with default_kept(subject, line):
         name = store_program(subject, line)
         before = joints_of(line)
@@ -97,5 +98,9 @@ def test_moves_nothing(subject: Subject, line: Line) -> None:
             if farthest(joints_of(line), before) > STANDSTILL:
                 message = "the arm moved after set_default_program"
                 subject.tolerate("4.13/6", "A-4.12-3", "moves", message)
+            if RUN not in subject.statement.lacks:
+                start_program(subject, line, RUN, 0)
+                finish(subject, line, RUN)
+                expect_default(subject, line, name, "4.13/3")
         finally:
             quieten(subject, line)
