@@ -72,7 +72,7 @@ def test_told(subject: Subject, line: Line) -> None:
         subject.follows("op_get_default", "both" if len(served) > 1 else served.pop())
 
 
-@case("4.12/4", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
+@case("4.12/4", "4.13/3", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
 def test_none(subject: Subject, line: Line) -> None:
     """Once the default program is deleted there is none, or as before; another's end is nothing."""
     with default_kept(subject, line):

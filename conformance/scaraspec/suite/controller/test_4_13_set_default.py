@@ -27,7 +27,7 @@ def _set(line: Line, name: bytes) -> None:
     )
 
 
-@case("4.13/3", "4.13/2")
+@case("4.13/3", "4.13/2", "4.10/11")
 def test_set(subject: Subject, line: Line) -> None:
     """The program that was named last is the default one, for every connection."""
     with default_kept(subject, line):
@@ -80,7 +80,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
                 expect_default(subject, line, name, "4.13/5")
 
 
-@case("4.13/6", "4.13/2", hazards=(Hazard.STATE, Hazard.MOTION))
+@case("4.13/6", "4.13/2", "4.13/3", hazards=(Hazard.STATE, Hazard.MOTION))
 def test_moves_nothing(subject: Subject, line: Line) -> None:
     """To name a default program starts nothing, and to run another names none."""
     with default_kept(subject, line):
