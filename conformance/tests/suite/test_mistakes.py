@@ -22,6 +22,7 @@ from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Point, RunningProgram
 from scaraspec.protocol.frames import Found, Frame
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, NameListPart
 from scaraspec.protocol.programs import NodeType, Operation, Opt
 from scaraspec.protocol.readings import DEFAULT
@@ -32,10 +33,10 @@ from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
 
-def found(brain: type[Brain], requirement: str) -> set[str]:
+def found(brain: type[Brain], requirement: str, allowed: frozenset[Hazard] = ALL) -> set[str]:
     """Which requirements are said to be violated by the cases of one."""
     access = MemoryAccess(Robot(brain, DEFAULT).network)
-    options = Options(only=frozenset({requirement}), allowed=ALL, examples=1)
+    options = Options(only=frozenset({requirement}), allowed=allowed, examples=1)
     results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
     return {r for case in results.cases if case.verdict is Verdict.FAIL for r in case.requirements}
 
@@ -209,6 +210,14 @@ class OneProgram(Brain):
         if answer is ACCEPTED:
             self.save(default_program=request.value)
         return answer
+
+
+class LatestProgram(SendsAfterTheEnd):
+    """The program that was uploaded last is the default one."""
+
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sent it
+        """Make it so."""
+        self.save(default_program=name)
 
 
 class NeverForgets(Brain):
@@ -591,6 +600,12 @@ def test_who_hides_its_default_program_is_found() -> None:
 def test_who_forgets_its_default_program_is_found() -> None:
     """It is the default one (4.13/3) until another is, whatever else is deleted."""
     assert "4.13/3" in found(ForgetsItsDefault, "4.12/4")
+
+
+def test_who_takes_the_latest_program_for_the_default_one_is_found() -> None:
+    """It is found without any motion, too: the default program is the one that was named."""
+    allowed = frozenset({Hazard.READ_ONLY, Hazard.STATE})
+    assert "4.13/3" in found(LatestProgram, "4.13/3", allowed)
 
 
 def test_who_takes_what_runs_for_the_default_program_is_found() -> None:

@@ -29,7 +29,7 @@ def _set(line: Line, name: bytes) -> None:
 
 @case("4.13/3", "4.13/2", "4.10/11")
 def test_set(subject: Subject, line: Line) -> None:
-    """The program that was named last is the default one, for every connection."""
+    """The program that was named last is the default one, not one that was uploaded since."""
     with default_kept(subject, line):
         names = [subject.new_name(), long_name(subject, NAME_MAX_BYTES), subject.new_name("a")]
         for name in names:
@@ -37,6 +37,8 @@ def test_set(subject: Subject, line: Line) -> None:
         for name in names:
             _set(line, name)
             expect_default(subject, line, name, "4.13/3")
+        store_program(subject, line)
+        expect_default(subject, line, name, "4.13/3")
         listed = program_names(subject, line)
         expect(
             name in listed,
