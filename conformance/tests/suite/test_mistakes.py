@@ -506,6 +506,19 @@ def no_nesting(begin: NodeType, end: NodeType) -> type[Brain]:
     return type(f"{begin.name.title()}To{end.name.title()}", (Brain,), {"interpreter": run})
 
 
+class _FromTheBeginning(interpreter.Run):
+    """Returns from the end of a loop to the first node of the program."""
+
+    def _repeat(self, start: int) -> None:  # noqa: ARG002 - wherever it starts
+        self._index = -1
+
+
+class FromTheBeginning(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _FromTheBeginning
+
+
 class _Subtracts(interpreter.Run):
     """Compares by the sign of the difference, as far as 32 bits hold it."""
 
@@ -547,6 +560,7 @@ class PointBehind(Brain):
         (no_nesting(NodeType.IF, NodeType.ELSE), "6.5/24"),
         (no_nesting(NodeType.IF, NodeType.ENDIF), "6.5/24"),
         (no_nesting(NodeType.ELSE, NodeType.ENDIF), "6.5/24"),
+        (FromTheBeginning, "6.5/23"),
         (SixteenBits, "4.24/9"),
         (GoesOn, "6.5/26"),
         (ShortNamesHideLong, "4.10/11"),

@@ -77,15 +77,17 @@ def test_output_node_in_time(subject: Subject, line: Line) -> None:
 
 @case("6.5/23", hazards=PROGRAMS)
 def test_loop(subject: Subject, line: Line) -> None:
-    """The nodes of a loop are executed again, the first as well as the last but one."""
+    """The nodes of a loop are executed again, from the first to the last but one; no other is."""
     first, last = OUTPUTS[:2]
-    body: list[Statement] = []
+    ahead = Calculate(3, variable(3), Opt.ADD, number(1))
+    body: list[Statement] = [If(variable(3), Opt.EQUAL, number(2), [Flip(_BAD)])]
     for key, port in ((1, first), (2, last)):
         body.append(Calculate(key, variable(key), Opt.ADD, number(1)))
         body.append(If(variable(key), Opt.EQUAL, number(2), [Flip(port)]))
     with bench(subject, line) as robot:
-        nodes = nodes_of([*body, Wait(1)], robot.before)
-        robot.start(loop(subject.dialect, nodes), variables_of({1: 0, 2: 0}))
+        nodes = loop(subject.dialect, nodes_of([*body, Wait(1)], robot.before))
+        nodes = [*nodes_of([ahead], robot.before), *nodes]
+        robot.start(nodes, variables_of({1: 0, 2: 0, 3: 0}))
         for port in (first, last):
             expect(
                 robot.until(port, on=not robot.before[port - 1], within_s=1 + _LATE_S),
@@ -93,6 +95,11 @@ def test_loop(subject: Subject, line: Line) -> None:
                 expected=f"output {port} changes then",
                 observed="it does not",
             )
+        expect_equal(
+            outputs(line)[_BAD - 1],
+            robot.before[_BAD - 1],
+            "what stands before a loop is executed with it again",
+        )
 
 
 _BRANCHES: Final[tuple[Block, ...]] = (
