@@ -143,8 +143,8 @@ class Subject:
         """
         if self._was_connected:  # it need not know yet that we have ended the one before
             self._hang_up()
-        while (stale := self.access.accept(self.access.now_s)) is not None:
-            stale.close()
+        while self._send_away(self.access.now_s):
+            pass
         ordered = {
             "host": self.access.host,
             "port": self.access.port,
@@ -294,7 +294,10 @@ class Subject:
         while not self._heard(call):
             if self.access.now_s >= deadline_s:
                 return False
-            self._wait(deadline_s)
+            if call.name == "disconnect":
+                self._send_away(deadline_s)  # who connects by himself first would wait there
+            else:
+                self._wait(deadline_s)
         return True
 
     def _heard(self, call: Call) -> bool:
@@ -503,6 +506,13 @@ class Subject:
 
     def _hang_up(self) -> None:
         self.settled(self.begin("disconnect"))
+
+    def _send_away(self, deadline_s: float) -> bool:
+        """End the next connection that it opens of its own accord; whether one came by then."""
+        link = self.access.accept(self._slice(deadline_s))
+        if link is not None:
+            link.close()
+        return link is not None
 
     def revive(self) -> None:
         """Start it anew.

@@ -319,6 +319,42 @@ def test_drivers(driver: type[Driver]) -> None:
     assert not wrong(AsyncClient, only, driver=driver)
 
 
+class Returns(AsyncClient):
+    """Connects anew by itself, once, when the controller has ended the connection."""
+
+    returning: asyncio.Task[None] | None = None
+    _left = False
+
+    async def close(self) -> None:
+        self._left = True
+        await super().close()
+
+    def _lose(self, reason: str) -> None:
+        super()._lose(reason)
+        if not self._left and self.returning is None:
+            self.returning = asyncio.get_running_loop().create_task(self._return())
+
+    async def _return(self) -> None:
+        self._core = self.core(self.dialect)
+        with suppress(ClientError):
+            await self.connect()
+
+
+class WaitsForReturns(Driver):
+    """Takes no order while the client connects anew."""
+
+    async def _do(self, number: Any, name: str, values: dict[str, Any]) -> None:
+        if isinstance(self._client, Returns) and self._client.returning:
+            await self._client.returning
+        await super()._do(number, name, values)
+
+
+def test_connecting_anew() -> None:
+    """Who is told to disconnect, and waits for the reply to a login of his own, gets none."""
+    patient = DEFAULT.replace(reply_timeout="20")
+    assert not wrong(Returns, frozenset({"2/1", "3/29", "4.8/11"}), patient, WaitsForReturns)
+
+
 class OneByOne(AsyncClient):
     """Does one thing after the other, and waits a second and a half for each."""
 
