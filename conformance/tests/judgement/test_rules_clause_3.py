@@ -81,6 +81,10 @@ CASES = (
         "fail 3/6 4.21/6",
         "login\n> = AA 36 19 32 30 30 7C 33 30 30 7C 33 32 34 7C 33 34 7C 33 34 7C 30 CC",
     ),
+    # Nor does it here, where the length is that of the whole frame: the login is never answered.
+    ("3/7", "fail 3/6", "> = AA 01 0C 70 61 73 73 77 6F 72 64 CC\n+5\n> close"),
+    ("3/7", "none", "> = AA 01 0D 70 61 73 73 77 6F 72 64 CC\n+5\n> close"),
+    ("3/7", "inconclusive", "> gap\n> = AA 01 0C 70 61 73 73 77 6F 72 64 CC\n> close"),
     ("3/8", "pass", QUERY),
     ("3/8", "fail 3/6 3/7", "login\n> = AA 09 00 30 CC\n> get_status\n< get_status 00"),
     ("3/10", "pass", QUERY),

@@ -51,8 +51,8 @@ def diagnose(found: Undecodable) -> Diagnosis:
         return Diagnosis(Fault.TAG, "no tag", f"{TAG:02X}")
     head = _HEAD_BYTES + (tagged and direction is C2A)
     if found.why is Why.TRUNCATED:  # no fault, unless it waits for bytes that were never meant
-        copied = _length(found, head)
-        return copied if copied.hint else Diagnosis(Fault.NONE)
+        explained = _length(found, head)
+        return explained if explained.hint else Diagnosis(Fault.NONE)
     if found.why is Why.STRAY:
         return _wrong_start(found) or _stray(found)
     if len(data) < head or (len(data) == _HEAD_BYTES and data[-1]):
@@ -97,5 +97,7 @@ def _length(found: Undecodable, head: int) -> Diagnosis:
     declared, true_bytes = data[head - 1], found.place.length_bytes - head - 1
     copied = recognise(found.place.direction, data)
     hint = f"copied from the document's example, L{copied.line}" if copied else ""
+    if declared == found.place.length_bytes and data[-1] == found.place.direction.end:
+        hint = hint or "the whole frame is counted"
     surplus = true_bytes - declared
     return Diagnosis(Fault.LENGTH, f"{true_bytes}", f"{declared}", hint, surplus)
