@@ -30,6 +30,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
     @example(Point(0, 0, 0))
     @example(Point(-0.1, 0.1, -100))
     @example(Point(0.00001, 1e6, -0.00001))  # what C's %g and others write with an exponent
+    @example(Point(1e-7, -1e-7, 1.2e-14))  # what JavaScript writes so; a cosine leaves the last
     @example(Point(-9999.9, 9999.9, 1000))
     @given(st.builds(Point, _tenths, _tenths, _tenths))
     def each(wanted: Point) -> None:

@@ -108,6 +108,31 @@ def test_who_declines_everything_has_shown_nothing() -> None:
         assert cases[case] is Verdict.NONE
 
 
+class WritesTinyNumbersWithExponents(ClientCore):
+    """Numbers are written as JavaScript prints them: with an exponent below a millionth."""
+
+    _numbers: Point = Point(0, 0, 0)
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        self._numbers = value if isinstance(value, Point) else self._numbers
+        return super().command(name, value)
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        super()._send(map(self._written, frames))
+
+    def _written(self, frame: Frame) -> Frame:
+        if frame.opcode != BY_NAME["set_gripper_center"].opcode:
+            return frame
+        texts = zip(frame.data.split(b"|"), self._numbers, strict=True)
+        tiny = (b"%.1e" % n if 0 < abs(n) < 1e-6 else text for text, n in texts)
+        return frame._replace(data=b"|".join(tiny))
+
+
+def test_tiny_numbers_are_ordered() -> None:
+    """What is left of a cosine of 90 degrees is sent without an exponent, or as 0."""
+    assert tried(WritesTinyNumbersWithExponents, "4.20/1")["4.20/1.numbers"] is Verdict.FAIL
+
+
 class GivesLongNamesUp(ClientCore):
     """A file whose name has thirty bytes is given up when its name has been taken."""
 
