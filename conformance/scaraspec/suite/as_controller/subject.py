@@ -459,9 +459,12 @@ class Subject:
 
     def unpolled(self, *names: str) -> tuple[str, str]:
         """The first two of these queries that it does not make by itself, if there are any."""
-        asked = {frame.opcode for frame in self.polled}
-        one, other, *_ = sorted(names, key=lambda name: BY_NAME[name].opcode in asked)
+        one, other, *_ = sorted(names, key=self.has_polled)
         return one, other
+
+    def has_polled(self, name: str) -> bool:
+        """Whether it has made this query by itself."""
+        return any(frame.opcode == BY_NAME[name].opcode for frame in self.polled)
 
     def lacks(self, name: str) -> bool:
         """Whether it says that it lacks this operation."""
