@@ -39,6 +39,7 @@ _HALVES: Final = (
     b"\xcc\x09",
     b"\xcc\x09\x02",
     b"\xcc\x09\x02\x30\x30",
+    b"\xcc\x09\x04",  # lacks as many bytes as the reply to the next login has
     b"\xcc\x0b\xff" + b"0|a.rob|b.rob" * 4,
     b"\xcc\x90\x30\x02",
 )

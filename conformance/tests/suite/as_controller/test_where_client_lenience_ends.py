@@ -1,6 +1,7 @@
 """Clients that are near to what the document leaves open, and wrong; or that show nothing."""
 
 import asyncio
+import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing, suppress
 from datetime import datetime
@@ -27,7 +28,7 @@ from scaraspec.protocol.commands import (
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame, Framer
-from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import BUFFER_BYTES, Receiver, State
 from scaraspec.suite.as_controller.orders import VALUES
 from scaraspec.suite.as_controller.setting import ClientSetting
@@ -198,6 +199,25 @@ class ListsEndAtOtherFrames(ClientCore):
         elif self.coming:
             return self._dispatch(Frame(C2A, BY_NAME["list_programs"].opcode, b"0"), now_s)
         return super()._dispatch(frame, now_s)
+
+
+class KeepsHalves(ClientCore):
+    """What had come of a frame when its connection ended begins what comes on the next one."""
+
+    kept = Framer(C2A)
+
+    def __init__(self, dialect: Dialect) -> None:
+        super().__init__(dialect)
+        self._framer, self._heard_s = self.kept, math.inf  # nothing was heard yet
+
+    def lose(self, reason: str, now_s: float) -> list[Event]:
+        self._framer = Framer(C2A)
+        return super().lose(reason, now_s)
+
+
+def test_half_a_frame_ends_with_its_connection() -> None:
+    """A reply to the next login is not taken for the rest of it."""
+    assert tried(KeepsHalves, "3/29")["3/29"] is Verdict.FAIL
 
 
 @pytest.mark.parametrize(
