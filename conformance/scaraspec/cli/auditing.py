@@ -62,7 +62,7 @@ def audit(
     accounted = not (isinstance(capture, McapCapture) and capture.summary.wrong_accounts)
     if not accounted and results.verdict is not Conclusion.NONCONFORMANT:
         results = replace(results, verdict=Conclusion.INCONCLUSIVE)
-    passed = results.session and any(results.session.bytes.values())
-    if results.verdict is Conclusion.CONFORMANT and not passed:  # a client was let in, at most
+    spoken = results.session and results.session.frames
+    if results.verdict is Conclusion.CONFORMANT and not spoken:  # a client was let in, at most
         results = replace(results, verdict=Conclusion.NOTHING_TESTED)
     return results, tuple(capture.summary.notes)

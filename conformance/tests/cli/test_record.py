@@ -69,14 +69,26 @@ def test_every_byte_is_recorded(
     assert secret not in (out / "capture.rrd").read_bytes()
 
 
-def test_a_robot_that_is_not_there(processes: Any, tmp_path: Path) -> None:
-    """Clients are cut, and a capture in which nothing passed is not called conformant."""
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        nowhere = "tcp://{}:{}".format(*taken.getsockname())
-    recorder = processes.start("record", nowhere, "--listen", "127.0.0.1:0", "--out", str(tmp_path))
-    where = address_in(recorder.stdout.readline())
-    with socket.create_connection(where, 10) as client, contextlib.suppress(ConnectionResetError):
-        assert client.recv(1) == b""
+@pytest.mark.parametrize("there", [False, True])
+def test_nothing_whole(processes: Any, tmp_path: Path, *, there: bool) -> None:
+    """A capture without any frame is not called conformant, whether a robot was there or not."""
+    with socket.create_server(("127.0.0.1", 0)) as robot:
+        where = "tcp://{}:{}".format(*robot.getsockname())
+        if not there:
+            robot.close()
+        recorder = processes.start(
+            "record", where, "--listen", "127.0.0.1:0", "--out", str(tmp_path)
+        )
+        listening = address_in(recorder.stdout.readline())
+        with socket.create_connection(listening, 10) as client:
+            if there:
+                half = b"\xaa\x01\x09pass"
+                client.sendall(half)
+                reached, _ = robot.accept()
+                with reached:
+                    assert reached.recv(len(half), socket.MSG_WAITALL) == half
+            with contextlib.suppress(ConnectionResetError):
+                assert client.recv(1) == b""
     recorder.send_signal(signal.SIGINT)
     recorder.communicate(timeout=60)
     done = processes.run("audit", str(tmp_path / "capture.mcap"))
