@@ -105,11 +105,12 @@ class Subject:
 
     # ------------------------------------------------------------------ connections
 
-    def open(self, *, judged: bool = True) -> Line:
+    def open(self, *, judged: bool = True, requirement: str = "") -> Line:
         """Let it connect and log in.
 
         Args:
             judged: False for a connection that is to carry what is no protocol.
+            requirement: What it violates if it says that a login that was granted has failed.
 
         Raises:
             Unmet: It does not.
@@ -123,7 +124,7 @@ class Subject:
             self.close_lines()  # a case was skipped in the midst of something
         line, call = self.dial(judged=judged)
         line.log_in(call)
-        self.done(call)
+        self.done(call, requirement=requirement)
         self._orders.remove(call)  # it is none of the case
         return line
 
@@ -497,7 +498,7 @@ class Subject:
             return  # he would be asked to do the same over and over
         self.close_lines()
         self._hang_up()
-        line = self.open()
+        line = self.open(requirement="T/9")
         call = self.begin("get_status")
         line.serve(call, "00")
         self.gives(call, "00", requirement="4.8/11")

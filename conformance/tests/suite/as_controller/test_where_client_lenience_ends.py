@@ -73,9 +73,21 @@ class MisreadsIdle(ClientCore):
         return super().feed(data.replace(_IDLE, _IDLE.replace(b"00", b"03")), now_s)
 
 
-def test_who_is_wrong_from_the_start_fails() -> None:
+class WaitsForOneMore(ClientCore):
+    """Takes no notice of the last byte that came until another one comes."""
+
+    held = b""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        data = self.held + data
+        self.held = data[-1:]
+        return super().feed(data[:-1], now_s)
+
+
+@pytest.mark.parametrize("core", [MisreadsIdle, WaitsForOneMore])
+def test_who_is_wrong_from_the_start_fails(core: type[ClientCore]) -> None:
     """No case can be tried, and what was wrong is a failure all the same."""
-    verdicts = tried(MisreadsIdle, "4.8/11")
+    verdicts = tried(core, "4.8/11")
     assert verdicts.pop("run.begin") is Verdict.FAIL
     assert set(verdicts.values()) == {Verdict.INCONCLUSIVE}
 
