@@ -8,6 +8,8 @@ STANDSTILL: Final = 0.2
 
 _TURN_DEG: Final = 360.0
 _TURNS_FROM: Final = 3
+_SIGNIFICANT: Final = 4
+"""Of the six values of a pose only x, y, z and thetaX say where the arm is (L1006)."""
 
 
 def turned(a: float, b: float) -> float:
@@ -27,4 +29,4 @@ def ways(a: Sequence[float], b: Sequence[float]) -> list[float]:
 
 def farthest(a: Sequence[float], b: Sequence[float]) -> float:
     """By how much the two differ where they differ most."""
-    return max(map(abs, ways(a, b)))
+    return max(map(abs, ways(a[:_SIGNIFICANT], b[:_SIGNIFICANT])))

@@ -78,6 +78,9 @@ CASES = (
     ("4.23/5", "fail", session(LOCKED, "+5", STATUS, pose(HERE_XY, THERE_XY), STATUS)),
     ("4.23/5", "pass", session(MOVED, pose(BEFORE_TURN, BEHIND_TURN))),
     ("4.23/5", "fail", session(MOVED, pose("300|300|0|179|0|0", BEHIND_TURN))),
+    # thetaY and thetaZ say nothing (L1006).
+    ("4.23/5", "pass", session(MOVED, pose(HERE_XY, "300|300|0|0|34.5|1"))),
+    ("4.23/5", "fail", session(MOVED, pose(HERE_XY, "300|300|0|34.5|0|0"))),
     # The pose may be that of the gripper (A-4.23-1).
     ("4.23/5", "none", session(MOVED, pose(HERE_XY), put("4.20/5"), pose(THERE_XY))),
     *(
