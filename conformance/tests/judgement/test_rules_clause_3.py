@@ -38,6 +38,8 @@ LEFT = """
     2> login password
     2< login 1
 """
+TWO_CLIENTS = "login\n2> login password\n2< login 1\n"
+
 LATER = """
     2> get_time
     2< get_time 20260101000000
@@ -256,6 +258,17 @@ CASES = (
     # Who started it has gone, and with it the final result.
     ("3/31", "tolerated busy_reply=silence", LEFT + "2> reset" + LATER),
     ("3/31", "fail", LEFT + "2> get_status\n2< get_status 00\n2> reset" + LATER),
+    # Another client was the first; that its program runs was not said yet.
+    (
+        "3/31",
+        "tolerated busy_reply=silence",
+        TWO_CLIENTS + "> run_program a\n2> reset\n< run_program 1" + LATER,
+    ),
+    (
+        "3/31",
+        "fail",
+        TWO_CLIENTS + "> run_program a\n2> reset\n< run_program 0|05" + LATER,
+    ),
     (
         "3/31",
         "tolerated A-4-3=not served",

@@ -302,9 +302,15 @@ def _is_in_its_notation(jog: Exchange, scene: Scene) -> bool:
 
 
 def _may_be_busy(x: Exchange, scene: Scene) -> bool:
-    """Whether the end of what was accepted last was not seen: its client may have hung up."""
+    """Whether the robot may have been executing although no frame before `x` says so.
+
+    The "1" of what was asked before was still on its way, or the end of what was accepted last was
+    not seen: its client may have hung up.
+    """
     accepted = reversed(scene.memory.accepted)
-    last = next((y for y in accepted if answered_ns(y) < x.time_ns), None)
+    last = next((y for y in accepted if y.time_ns < x.time_ns), None)
+    if last and answered_ns(last) > x.time_ns:
+        return True
     if last is None or last.result:
         return False
     return not answered_ns(last) < scene.memory.idle_seen_ns < x.time_ns
