@@ -25,7 +25,7 @@ class Stream:
     def __init__(self, connection: str, direction: Direction) -> None:
         self._connection = connection
         self._direction = direction
-        self._framer = Framer(direction)
+        self._framer = Framer(direction, recovery=commands.plausible)
         self._pieces: deque[tuple[int, int]] = deque()  # offset of the first byte, time
         self._run: Undecodable | None = None
         self._in_step = True
@@ -110,6 +110,8 @@ class Stream:
             self._run = replace(run, data=run.data + item.data[:room], place=place)
             return
         yield from self.flush()
+        if item.why is Why.IMPLAUSIBLE and item.size_bytes == 1 and self._in_step:
+            return  # the wrong end byte of a frame that has been told
         data = item.data[:_KEPT_UNDECODABLE_BYTES]
         self._run = Undecodable(data, item.why, place, touches_gap=not self._in_step)
 

@@ -57,7 +57,7 @@ class Why(Enum):
 
     STRAY = "stray"  # no start byte of this direction begins here
     BAD_END = "bad end"  # a start byte, but no end byte where the length says
-    IMPLAUSIBLE = "implausible"  # looking for a first foothold: no command of this direction
+    IMPLAUSIBLE = "implausible"  # looking for a foothold: no command of this direction
     TRUNCATED = "truncated"  # the stream ended, or was given up, inside a frame
 
 
@@ -87,16 +87,22 @@ class Framer:
         direction: Whose frames these are.
         foothold: Where given, the scan starts unsynchronised (a capture that begins mid-stream)
             and takes as its first frame only one for which ``foothold(opcode, tagged)`` holds.
+        recovery: Where given, this is asked of the first frame behind bytes that are none: a wrong
+            end byte may look like a start byte, and "CC CC 09 ..." is no frame with the opcode CC.
     """
 
     def __init__(
-        self, direction: Direction, foothold: Callable[[int, bool], bool] | None = None
+        self,
+        direction: Direction,
+        foothold: Callable[[int, bool], bool] | None = None,
+        recovery: Callable[[int, bool], bool] | None = None,
     ) -> None:
         self.direction = direction
         self.offset_bytes = 0
         """Stream offset of the first byte not yet told as part of a frame or a skipped run."""
         self._held = b""
         self._foothold = foothold
+        self._recovery = recovery
         self._start, self._end = direction.start, direction.end
         self._tag = TAG if direction is Direction.C2A else -1  # clients send no tag (3/15)
         # Making a tuple costs a third of calling Frame; one look-up gives all that the loop needs.
@@ -167,24 +173,27 @@ class Framer:
             if buffer[at] != self._start:
                 next_start = buffer.find(start, at)
                 at = size if next_start < 0 else next_start
+                self._foothold = self._foothold or self._recovery
                 continue
             tagged = size - at > 1 and buffer[at + 1] == self._tag
             head = at + 4 if tagged else at + 3
             stop = head + buffer[head - 1] if head <= size else size
-            if stop >= size:
+            asked = self._foothold if head <= size else None
+            plausible = not asked or asked(buffer[head - 2], tagged)
+            if stop >= size and plausible:
                 break
-            opcode = buffer[head - 2]
-            if buffer[stop] == self._end and (not self._foothold or self._foothold(opcode, tagged)):
+            if plausible and buffer[stop] == self._end:
                 tell_run(at)
                 self._foothold = None
-                found.append(Frame(self.direction, opcode, buffer[head:stop], tagged))
+                found.append(Frame(self.direction, buffer[head - 2], buffer[head:stop], tagged))
                 at = run_from = stop + 1
                 run_why = Why.STRAY
                 continue
             if run_why is Why.STRAY:  # stray bytes before a false frame are a run of their own
                 tell_run(at)
                 run_from = at
-                run_why = Why.BAD_END if buffer[stop] != self._end else Why.IMPLAUSIBLE
+                run_why = Why.BAD_END if plausible else Why.IMPLAUSIBLE
+            self._foothold = self._foothold or self._recovery
             at += 1
         tell_run(at)
         return at

@@ -55,6 +55,8 @@ CASES = (
     ("3/2", "pass", QUERY),
     ("3/2", "fail", "login\n> = AB 09 00 CC\n> get_status\n< get_status 00"),
     ("3/2", "fail", "login\n> = CC 09 00 AA\n< get_status 00"),
+    # "AA AA 09 .. CC" would be a frame of 13 bytes with the opcode AA.
+    ("3/2", "fail", "login\n> = CC 09 00 AA" + "\n> get_status\n< get_status 00" * 3),
     ("3/3", "pass", QUERY),
     ("3/3", "fail", "login\n> = AA 09 00 CD\n> get_status\n< get_status 00"),
     ("3/4", "pass", QUERY),
@@ -64,6 +66,12 @@ CASES = (
     ("3/5", "fail", "login\n> get_status\n< = CC 09 02 30 30 BB\n> get_time"),
     ("3/5", "fail", "login\n> get_status\n< = CC 09 02 30 30 CC\n> get_time"),
     ("3/5", "fail", "login\n> reset\n< reset 1\n< = CC 90 33 02 31 31 BB\n> get_time"),
+    # "CC CC 09 .. AA" behind it would be a frame of 13 bytes with the opcode CC.
+    (
+        "3/5",
+        "fail",
+        "login\n> get_version\n< = CC 08 01 31 CC" + "\n> get_status\n< get_status 00" * 3,
+    ),
     ("3/6", "pass", QUERY),
     ("3/6", "fail 3/7", "login\n> get_status\n< = CC 09 01 30 30 AA\n> get_time"),
     ("3/7", "pass", QUERY),

@@ -123,6 +123,22 @@ def test_foothold() -> None:
     ]
 
 
+@pytest.mark.parametrize("piece_bytes", [1, 4, 5, 100])
+def test_recovery(piece_bytes: int) -> None:
+    """A wrong end byte that looks like a start byte begins no frame of an unknown command."""
+    framer = Framer(C2A, recovery=plausible)
+    stream = b"\xcc\x08\x011\xcc\xcc\x09\x0200\xaa\xcc\x09\x0201\xaa\xcc\xee\x00\xaa"
+    pieces = (stream[at : at + piece_bytes] for at in range(0, len(stream), piece_bytes))
+    found = [item for piece in pieces for item in framer.feed(piece)]
+    skipped = b"".join(item.data for item in found if isinstance(item, Skipped))
+    assert skipped == b"\xcc\x08\x011\xcc"
+    assert [item for item in found if isinstance(item, Frame)] == [
+        Frame(C2A, 0x09, b"00"),
+        Frame(C2A, 0x09, b"01"),
+        Frame(C2A, 0xEE),
+    ]
+
+
 def test_a_gap_moves_the_offset() -> None:
     """Bytes that passed unseen count, and what was held before them is given up."""
     framer = Framer(A2C)
