@@ -146,6 +146,7 @@ CASES = (
     ("5.2/13", "pass", UPLOAD),
     ("5.2/13", "fail", UPLOAD + "> chunk 300/300\n< upload_chunk 1"),
     ("5.2/13", "fail", DOWNLOAD + "< chunk 200/300\n> download_chunk 1"),
+    ("5.2/13", "fail", UPLOAD + "< upload_chunk 1"),
     # A 0 in place of a chunk, where an answer was awaited, and where it need not have been.
     ("5.2/13", "fail 5.1/1 5.3/4", DOWNLOAD + "< download_chunk 0"),
     ("5.2/13", "pass", down("chunk 0/300") + "< chunk 200/300\n+28\n> download_chunk 1\n< 56 0"),

@@ -13,7 +13,7 @@ from scaraspec.judgement.rules.rule import (
 )
 from scaraspec.judgement.scene import Scene
 from scaraspec.judgement.tracking import REFUSED_CHUNK, REFUSED_NAME, SILENCE
-from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, State
 
@@ -296,6 +296,21 @@ def nothing_after_the_end(x: Exchange, _: Scene) -> Judged | None:
         expected="nothing",
         observed="a chunk",
         at=(*places_of(before), x.request.place),
+    )
+
+
+@rule("5.2/13", on=Unasked, names=_UPLOAD_CHUNK, sender=C2A)
+def no_second_last_answer(unasked: Unasked, _: Scene) -> Judged | None:
+    """Nor is the last chunk answered twice (L737; A-5-15)."""
+    last = unasked.after
+    complete = last and last.transfer and last.transfer.state is State.DONE
+    if not last or not complete or unasked.late or not unasked.certain:
+        return None
+    return failed(
+        "an upload was answered once more although it was complete",
+        expected="nothing",
+        observed="a second answer",
+        at=(*places_of(last), unasked.seen.place),
     )
 
 
