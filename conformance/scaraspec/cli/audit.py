@@ -10,6 +10,7 @@ from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.report import html, terminal
+from scaraspec.report.visible import visible
 from scaraspec.report.words import Language
 from scaraspec_recorder.problems import CaptureError
 
@@ -68,6 +69,6 @@ def command(  # noqa: PLR0913 - one for each option
     except OSError as error:
         raise Problem(f"{error.filename} cannot be written: {error.strerror}") from None
     for note in notes:
-        click.echo(f"{file}: {note}", err=True)
+        click.echo(visible(f"{file}: {note}"), err=True)
     terminal.show(results, Console())
     raise SystemExit(results.verdict.exit_status)

@@ -10,6 +10,7 @@ import sys
 import click
 
 from scaraspec.cli.problems import Problem
+from scaraspec.report.visible import visible
 
 COMMANDS = {
     "audit": "Judge a capture: MCAP, pcap or pcapng.",
@@ -65,5 +66,5 @@ def main() -> None:
     try:
         group(prog_name="scaraspec")
     except Problem as problem:
-        click.echo(f"scaraspec: {problem}", err=True)
+        click.echo(f"scaraspec: {visible(str(problem))}", err=True)
         sys.exit(problem.exit_status)

@@ -20,6 +20,7 @@ from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer
 from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.report.visible import visible
 from scaraspec_recorder.capture import draw_capture
 from scaraspec_recorder.leftovers import hold, is_drawn, redraw
 from scaraspec_recorder.problems import CaptureError
@@ -87,7 +88,7 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
             with hold(file.resolve().parent):
                 report = recover(file)
                 for note in report.notes:
-                    click.echo(f"{file}: {note}", err=True)
+                    click.echo(visible(f"{file}: {note}"), err=True)
                 drawn = file.with_suffix(".rrd")
                 whole = is_drawn(drawn) and not report.repaired
                 return drawn if whole else redraw(file)
@@ -95,7 +96,7 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
             click.echo(f"{file} is shown as it is: {error.strerror or error}", err=True)
     draw_capture(capture, scratch, needs_login=capture.needs_login)
     for note in capture.summary.notes:
-        click.echo(f"{file}: {note}", err=True)
+        click.echo(visible(f"{file}: {note}"), err=True)
     return scratch
 
 

@@ -1,6 +1,7 @@
 """`scaraspec requirements`, `program` and `frame`, called as a user calls them."""
 
 import json
+import struct
 from pathlib import Path
 
 import pytest
@@ -87,6 +88,25 @@ def test_wrong_use(  # noqa: PLR0913 - each is a fixture or a parameter
     assert ended.value.code == 2
     assert says.replace("FOLDER", f"{tmp_path}") in capsys.readouterr().err
     assert capture.read_bytes() == before
+
+
+@pytest.mark.parametrize("kept_bytes", [3, 24])
+def test_hostile_file_name(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    kept_bytes: int,
+) -> None:
+    """A terminal acts on nothing in a file's name, be it no capture or one with nothing in it."""
+    capture = tmp_path / "\x1b]0;x\x07.pcap"
+    head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
+    capture.write_bytes(head[:kept_bytes])
+    monkeypatch.setattr("sys.argv", ["scaraspec", "audit", str(capture)])
+    with pytest.raises(SystemExit):
+        main()
+    told = capsys.readouterr()
+    assert "⟨U+001B⟩]0;x⟨U+0007⟩.pcap" in told.err
+    assert "\x1b" not in told.out + told.err
 
 
 def test_program_show(fixtures_dir: Path) -> None:
