@@ -81,6 +81,7 @@ class Dialogue:
         if event.kind is Kind.BYTES and event.offset_bytes and not self._begun:
             yield from self._begin_midway(event)
         self._begun = True
+        self.scene.connected.add(self.connection)
         match event.kind:
             case Kind.BYTES:
                 yield from self._bytes(event)
@@ -102,6 +103,7 @@ class Dialogue:
                 self._executing.abandon()
                 if event.kind is not Kind.HALF_CLOSED:
                     yield from self.close()
+                    self.scene.leave(self.connection, event.time_ns, self._hung_up)
 
     def _begin_midway(self, event: WireEvent) -> Iterator[Happening]:
         """What passed before its first event is not known."""

@@ -32,6 +32,8 @@ class Memory:
         """Deletions that were confirmed, by name, until the name is uploaded again."""
         self.passwords: set[bytes] = set()
         """Passwords that were accepted since one was set: the first two, of which one is wrong."""
+        self.hung_up_ns = -1
+        """When the controller had last ended all its connections: it may have been switched off."""
         self.idle_since_ns: int | None = None
         """Since when the robot does nothing, as far as results and statuses show; None: unknown."""
         self.idle_seen_ns = -1
@@ -82,6 +84,11 @@ class Memory:
             if answered is None or answered.request is not before:
                 self.passwords.clear()  # nobody knows whether the one before was set
         self.asked[name] = request
+
+    def hang_up(self, time_ns: int) -> None:
+        """The controller has ended the last of its connections; what survives is open (A-4-6)."""
+        self.hung_up_ns = time_ns
+        self.passwords.clear()
 
     def _learn(self, x: Exchange, *, busy: bool) -> None:
         if x.name == "get_status":

@@ -11,6 +11,7 @@ from typing import Final
 from scaraspec.judgement.doubt import Doubt
 from scaraspec.judgement.happenings import Exchange, Happening, Transfer
 from scaraspec.judgement.memory import Memory
+from scaraspec.protocol.direction import C2A, Direction
 
 FILES_LIMIT_BYTES: Final = 64 * 2**20
 FILES_LIMIT: Final = 4096
@@ -30,8 +31,10 @@ class Scene:
         """The last completed upload of each name, until it may be gone; oldest dropped first."""
         self.memory = Memory()
         """What was said before, for rules that hold one value against another."""
+        self.connected: set[str] = set()
+        """Connections that have not ended."""
         self.sessions: set[str] = set()
-        """Connections that have logged in and not ended."""
+        """Those of them that have logged in."""
         self.doubt = Doubt()
         """Which happenings a gap may have touched."""
         self.results_doubtful = False
@@ -74,6 +77,13 @@ class Scene:
             self.executing.remove(exchange)
         self.memory.ended(exchange, busy=self.busy)
         self.version += 1
+
+    def leave(self, connection: str, time_ns: int, hung_up: Direction) -> None:
+        """A connection has ended, `hung_up` having ended it first."""
+        self.connected.discard(connection)
+        if hung_up is C2A and not self.connected:
+            self.memory.hang_up(time_ns)
+            self.last.pop("login", None)
 
     def begun_elsewhere(self, name: str, connection: str) -> bool:
         """Whether a two-stage command was ever accepted on another connection than this."""

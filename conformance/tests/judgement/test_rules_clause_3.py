@@ -265,6 +265,17 @@ CASES = (
     ),
     # Who started it has gone, and with it the final result.
     ("3/31", "tolerated busy_reply=silence", LEFT + "2> reset" + LATER),
+    # Nobody here had begun what the robot says that it executes (A-4.12-3).
+    (
+        "3/31",
+        "tolerated busy_reply=silence",
+        TWO_CLIENTS + "> get_status\n< get_status 01\n2> reset" + LATER,
+    ),
+    (
+        "3/31",
+        "tolerated busy_reply=silence",
+        TWO_CLIENTS + "2> reset\n> get_status\n< get_status 01" + LATER,
+    ),
     ("3/31", "fail", LEFT + "2> get_status\n2< get_status 00\n2> reset" + LATER),
     # Another client was the first; that its program runs was not said yet.
     (

@@ -53,6 +53,8 @@ CASES = (
     ("4.1/2", "pass", RELOGIN.format(password="password", answer=0).replace("> c", "> gap 9\n> c")),
     # One client may be all that a controller takes (A-2-2).
     ("4.1/2", "pass", RELOGIN.format(password="password", answer=0).replace("> close", "")),
+    # It may have been switched off, and have forgotten the password that was set (A-4-6).
+    ("4.1/2", "pass", RELOGIN.format(password="password", answer=0).replace("> close", "< rst")),
     ("4.1/3", "pass", RELOGIN.format(password="wrong", answer=0)),
     ("4.1/3", "fail", RELOGIN.format(password="wrong", answer=1)),
     ("4.1/4", "pass", "login"),

@@ -1,7 +1,10 @@
 """Clause 3: frames, tags, and which reply belongs to which request."""
 
+from typing import Final
+
 from scaraspec.judgement.happenings import Ending, Exchange, FrameSeen, Unasked, Undecodable
 from scaraspec.judgement.memory import answered_ns
+from scaraspec.judgement.rules.busy import BUSY
 from scaraspec.judgement.rules.diagnosis import Fault, diagnose
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
 from scaraspec.judgement.scene import Scene
@@ -10,6 +13,9 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG
 from scaraspec.protocol.payloads import FinalResult
+
+_SOON_NS: Final = 1_000_000_000
+"""Within it a status tells how things were."""
 
 # Frames, and bytes that are none
 
@@ -305,8 +311,13 @@ def _may_be_busy(x: Exchange, scene: Scene) -> bool:
     """Whether the robot may have been executing although no frame before `x` says so.
 
     The "1" of what was asked before was still on its way, or the end of what was accepted last was
-    not seen: its client may have hung up.
+    not seen: its client may have hung up. Or the robot says that it executes what nobody here had
+    asked for: a program may be begun by another signal (A-4.12-3).
     """
+    statuses = scene.memory.between("get_status", x.time_ns, x.time_ns + _SOON_NS)
+    for y in (scene.memory.last("get_status", before_ns=x.time_ns), *statuses):
+        if y and y.answer in BUSY and not y.during:
+            return True
     accepted = reversed(scene.memory.accepted)
     last = next((y for y in accepted if y.time_ns < x.time_ns), None)
     if last and answered_ns(last) > x.time_ns:

@@ -5,7 +5,12 @@ from typing import Final
 from scaraspec.judgement.happenings import Exchange, FrameSeen
 from scaraspec.judgement.memory import KEPT_EXCHANGES, answered_ns
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule
-from scaraspec.judgement.rules.settings import UNSEEN_NS, executed_since, in_force
+from scaraspec.judgement.rules.settings import (
+    UNSEEN_NS,
+    executed_since,
+    in_force,
+    switched_off_since,
+)
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol.direction import A2C
 
@@ -56,6 +61,8 @@ def _before(x: Exchange, scene: Scene) -> Exchange | None:
     """The reading before this one, where only settings can have changed the outputs since."""
     before = scene.memory.last(x.name, before_ns=x.time_ns)
     if before is None or before.answer is None or x.time_ns - before.time_ns > UNSEEN_NS:
+        return None
+    if switched_off_since(before, scene):
         return None
     return None if executed_since(before.time_ns, scene, _CHANGERS) else before
 

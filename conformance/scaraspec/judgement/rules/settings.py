@@ -26,7 +26,7 @@ def in_force(setter: str, x: Exchange, scene: Scene) -> Exchange | None:
     """The accepted setting that is in force while `x` is answered, where that is sure.
 
     It was accepted not long before `x` was asked, it was the last that was asked, and the robot
-    was not shut down since: what survives that is open (A-4-6).
+    was not switched off since: what survives that is open (A-4-6).
     """
     found = scene.memory.last(setter, before_ns=x.time_ns)
     if found is None or not found.accepted or scene.memory.asked.get(setter) is not found.request:
@@ -36,10 +36,18 @@ def in_force(setter: str, x: Exchange, scene: Scene) -> Exchange | None:
     same = found.request.place.connection == x.request.place.connection
     if x.time_ns - found.time_ns > (_UNSEEN_HERE_NS if same else UNSEEN_NS):
         return None
+    return None if switched_off_since(found, scene) else found
+
+
+def switched_off_since(x: Exchange, scene: Scene) -> bool:
+    """Whether the robot may have been switched off since `x`: asked to, or without a word.
+
+    A new address ends the connections, too (A-4.4-1).
+    """
     shutdown = scene.memory.asked.get("shutdown")
-    if shutdown and shutdown.place.time_ns > found.time_ns:
-        return None
-    return found
+    if shutdown and shutdown.place.time_ns > x.time_ns:
+        return True
+    return x.name != "set_network" and scene.memory.hung_up_ns > x.time_ns
 
 
 def executed_since(time_ns: int, scene: Scene, names: Collection[str]) -> bool:
@@ -170,7 +178,7 @@ def gripper_stays(x: Exchange, scene: Scene) -> Judged | None:
     changed = scene.memory.asked.get("set_gripper_center")
     if before is None or (changed and changed.place.time_ns > before.time_ns):
         return None
-    if executed_since(before.time_ns, scene, PROGRAMS):
+    if executed_since(before.time_ns, scene, PROGRAMS) or switched_off_since(before, scene):
         return None
     if before.answer == x.answer:
         return PASSED

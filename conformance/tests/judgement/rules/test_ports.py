@@ -10,6 +10,7 @@ SET = "> set_digital_output {}\n< set_digital_output {}"
 SECOND = "2> login password\n2< login 1"
 ELSEWHERE = "2> set_digital_output 8|1\n2< set_digital_output 1"
 ANSWER = f"< get_digital_outputs 1|{NONE}"
+SWITCHED_OFF = "< rst\n> open\nlogin"
 PROGRAM = "> run_program a\n< run_program 1\n<90 run_program 11"
 
 
@@ -53,6 +54,9 @@ CASES = (
     # A setting elsewhere while the reading was under way may have come before or after it.
     ("4.32/6", "pass", session(SECOND, "> get_digital_outputs", ELSEWHERE, ANSWER, read(8))),
     ("4.32/6", "none", session(put(20, 1), read())),
+    # The robot has ended all connections, perhaps because it was switched off (A-4-6).
+    ("4.32/6", "none", session(put(8, 1), SWITCHED_OFF, read())),
+    ("4.32/6", "pass", session(read(3), SWITCHED_OFF, put(8, 1), read(8))),
     ("4.34/3", "pass", session(read(), put(16, 1), read(16))),
     ("4.34/3", "fail", session(read(), put(16, 1), read(1))),
     ("4.34/3", "fail", session(put(3, 1), read(14))),

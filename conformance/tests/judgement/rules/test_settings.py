@@ -28,6 +28,8 @@ GRIPPER = """
     < get_gripper_center {answer}
 """
 READ = "> get_gripper_center\n< get_gripper_center 0|0|5"
+SWITCHED_OFF = "< rst\n> open\nlogin"
+LEFT = "> close\n> open\nlogin"
 PROGRAM = "> run_program a\n< run_program 1\n<90 run_program 11"
 
 
@@ -113,6 +115,17 @@ CASES = (
     # Long after it the robot may have been switched off and on again.
     ("4.20/3", "fail", gripper("1|2|3", "0|0|0", between="+500")),
     ("4.20/3", "none", gripper("1|2|3", "0|0|0", between="+700")),
+    # It may also have been where it ended all connections itself; a new address does that, too.
+    ("4.20/3", "none", gripper("1|2|3", "0|0|0", between=SWITCHED_OFF)),
+    ("4.20/3", "fail", gripper("1|2|3", "0|0|0", between=LEFT)),
+    ("4.20/3", "fail", gripper("1|2|3", "0|0|0", between=f"2> open\n{SWITCHED_OFF}")),
+    ("4.21/3", "none", GRIPPER.format(before=READ, between=SWITCHED_OFF, answer="0|0|0")),
+    (
+        "4.21/3",
+        "none",
+        GRIPPER.format(before=f"{READ}\n{SWITCHED_OFF}", between="", answer="0|0|0"),
+    ),
+    ("4.4/4", "fail", network(HOME, OFFICE, between=SWITCHED_OFF)),
     ("4.21/3", "pass", position("1|2|3|4.5|6|7", "1|2|3|4.5|0|0")),
     ("4.21/3", "fail", position("1|2|3|4.5|0|0", "1|2|3|4|0|0")),
     ("4.21/3", "none", position("1|2|3|4|0|0", "9|2|3|4|0|0", between=PROGRAM)),
