@@ -47,6 +47,13 @@ class Memory:
         after = bisect_left(recent, before_ns, key=answered_ns)
         return recent[after - 1] if after else None
 
+    def awaits(self, name: str, since_ns: int) -> bool:
+        """Whether the last request of a command was sent behind this time and is not answered."""
+        asked, last = self.asked.get(name), self.last(name)
+        if asked is None or asked.place.time_ns < since_ns:
+            return False
+        return last is None or last.request is not asked
+
     def between(self, name: str, begin_ns: int, end_ns: int) -> Iterator[Exchange]:
         """The exchanges of a command that lie between two times, oldest first."""
         recent = self.recent.get(name, [])

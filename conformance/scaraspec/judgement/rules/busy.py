@@ -26,6 +26,8 @@ _STATUS: Final = ("get_status",)
 _SECOND_NS: Final = 1_000_000_000
 """Within it nobody whom the recording does not show begins and ends something unnoticed; and by
 it the frames of two connections may be in another order than they were sent in."""
+_REPLY_NS: Final = 5_000_000_000
+"""So long the answer to a request may be on its way (A-3-15)."""
 _SWAPPED_NS: Final = 50_000_000
 """By so much packets of two connections are swapped in a capture at most."""
 
@@ -178,7 +180,8 @@ def never_idle_while_executing(x: Exchange, _: Scene) -> Judged | None:
 def idle_after_success(x: Exchange, scene: Scene) -> Judged | None:
     """After a successful final result the status returns to 00 (L318).
 
-    On another connection the two may have been captured in another order, if it was at once.
+    On another connection the two may have been captured in another order, if it was at once; and
+    what another client asked for may have begun, its "1" being on the way.
     """
     ended = scene.memory.accepted[-1] if scene.memory.accepted else None
     if ended is None or not ended.result or not ended.outcome or not ended.outcome.done:
@@ -190,7 +193,8 @@ def idle_after_success(x: Exchange, scene: Scene) -> Judged | None:
         return None
     if x.answer == "00":
         return PASSED
-    if x.answer not in BUSY:
+    begun = any(scene.memory.awaits(name, x.time_ns - _REPLY_NS) for name in STATE_OF)
+    if begun or x.answer not in BUSY:
         return None
     return failed(
         f"the status is still {x.answer} although {ended.name} has ended",

@@ -89,6 +89,18 @@ FAULT = """
     > reset
     < reset {reply}
 """
+BEGUN_ELSEWHERE = """
+    login
+    2> login password
+    2< login 1
+    > reset
+    < reset 1
+    <90 reset 11
+    {begun}
+    > get_status
+    < get_status 01
+    {then}
+"""
 
 CASES = (
     ("4/6", "pass", two(RUN, RESET, "0|01", ends("run_program"))),
@@ -165,6 +177,9 @@ CASES = (
     ("4/7", "none", DONE.format(result="11", pause="+2", status="01")),
     ("4/7", "none", DONE_ELSEWHERE.format(pause="")),  # they may be in another order
     ("4/7", "fail", DONE_ELSEWHERE.format(pause="+0.2")),
+    # Another client has begun a program, and it only has not been told so yet.
+    ("4/7", "none", BEGUN_ELSEWHERE.format(begun="2> run_program a", then="2< run_program 1")),
+    ("4/7", "fail", BEGUN_ELSEWHERE.format(begun="2> get_time", then="2< get_time 20260101000000")),
     ("4.18/6", "pass", FAULT.format(status="12", reply="1")),
     ("4.18/6", "tolerated reset_from_error=idle-only", FAULT.format(status="12", reply="0|12")),
     ("4.18/6", "none", FAULT.format(status="00", reply="0|12")),
