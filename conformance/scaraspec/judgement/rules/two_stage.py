@@ -16,6 +16,7 @@ from scaraspec.protocol.fields import Wrong, show
 
 TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")
+_TAKING_TIME: Final = tuple(n for n in NOT_STOP if n not in ("release_joints", "lock_joints"))
 
 _ASKING: Final = ("get_status", "get_time", "get_version")
 _AT_ONCE_NS: Final = 50_000_000
@@ -113,13 +114,14 @@ def checked_before_replying(x: Exchange, _: Scene) -> Judged | None:
     return PASSED if x.accepted is not None else None
 
 
-@rule("4/14", on=Exchange, names=NOT_STOP)
+@rule("4/14", on=Exchange, names=_TAKING_TIME)
 def reply_before_execution(x: Exchange, scene: Scene) -> Judged | None:
     """The first reply comes before the execution, not at its end (L311, L363, L392, L490).
 
     It came at the end where it took long, the final result was with it, and queries take less.
-    Where the command was asked again it may be the answer to that; and once a packet may have been
-    lost on its way.
+    Where the command was asked again it may be the answer to that, and once a packet may have been
+    lost on its way. Joints are released and locked at once (A-4.25-2): a late answer, both stages in
+    it, says nothing of them.
     """
     if not x.result or x.latency_ns is None or x.duration_ns is None or x.unsettled:
         return None  # what began or ended meanwhile may have kept it waiting (A-4-2)

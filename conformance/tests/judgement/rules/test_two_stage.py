@@ -148,6 +148,14 @@ CASES = (
     ),
     # A program that does nothing, over a link that is slow.
     ("4/14", "none", SLOW.format(query="get_status\n+2", answer="get_status 00")),
+    # Joints are locked at once, so that their result is with the reply where that is late.
+    (
+        "4/14",
+        "none",
+        SLOW.format(query="get_status", answer="get_status 00")
+        .replace("run_program a.rob", "lock_joints")
+        .replace("run_program", "lock_joints"),
+    ),
     # A busy robot may have been silent the first time (A-4-2).
     (
         "4/14",
