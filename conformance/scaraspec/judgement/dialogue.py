@@ -69,6 +69,7 @@ class Dialogue:
         self._last: dict[str, Exchange] = {}
         self._hung_up: Direction | None = None
         self._begun = False
+        self.scene.connected.add(self.connection)
 
     @property
     def transferring(self) -> bool:
@@ -81,7 +82,6 @@ class Dialogue:
         if event.kind is Kind.BYTES and event.offset_bytes and not self._begun:
             yield from self._begin_midway(event)
         self._begun = True
-        self.scene.connected.add(self.connection)
         match event.kind:
             case Kind.BYTES:
                 yield from self._bytes(event)
@@ -103,7 +103,7 @@ class Dialogue:
                 self._executing.abandon()
                 if event.kind is not Kind.HALF_CLOSED:
                     yield from self.close()
-                    self.scene.leave(self.connection, event.time_ns, self._hung_up)
+                    self.scene.hang_up(event.time_ns, self._hung_up)
 
     def _begin_midway(self, event: WireEvent) -> Iterator[Happening]:
         """What passed before its first event is not known."""
@@ -131,6 +131,7 @@ class Dialogue:
         yield from self._waiting.close(self._now_ns, self._hung_up)
         yield from self._executing.close(Ending.CUT_OFF, self._now_ns - self._waiting.reply_ns)
         yield from self._transfers.end("the link or the capture ended", self._now_ns)
+        self.scene.connected.discard(self.connection)
         self.scene.sessions.discard(self.connection)
         self.scene.doubt.close(self.connection, self._answered_ns)
 

@@ -78,9 +78,8 @@ class Scene:
         self.memory.ended(exchange, busy=self.busy)
         self.version += 1
 
-    def leave(self, connection: str, time_ns: int, hung_up: Direction) -> None:
+    def hang_up(self, time_ns: int, hung_up: Direction) -> None:
         """A connection has ended, `hung_up` having ended it first."""
-        self.connected.discard(connection)
         if hung_up is C2A and not self.connected:
             self.memory.hang_up(time_ns)
             self.last.pop("login", None)

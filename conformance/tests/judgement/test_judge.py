@@ -314,6 +314,13 @@ def test_controllers_beyond_count_are_forgotten(judged: Judged) -> None:
     assert len(judged("\n".join(lines)).judge.scenes) < 100
 
 
+def test_connections_beyond_count_are_forgotten(judged: Judged) -> None:
+    """Nor does a scene keep in mind those that were given up for others, or have ended."""
+    lines = (f"{n}> open 10.0.0.9:{n} → 10.0.0.1:8877" for n in range(5000))
+    assert not judged("\n".join(lines)).scene.connected
+    assert not judged("login\n> close\n2> open\n2< rst\n2> open").scene.connected
+
+
 @settings(max_examples=80)
 @given(st.data())
 def test_a_gap_fails_nobody(script: Script, judged: Judged, data: st.DataObject) -> None:
