@@ -120,8 +120,8 @@ def reply_before_execution(x: Exchange, scene: Scene) -> Judged | None:
 
     It came at the end where it took long, the final result was with it, and queries take less.
     Where the command was asked again it may be the answer to that, and once a packet may have been
-    lost on its way. Joints are released and locked at once (A-4.25-2): a late answer, both stages in
-    it, says nothing of them.
+    lost on its way. Joints are released and locked at once (A-4.25-2): a late answer, both stages
+    in it, says nothing of them.
     """
     if not x.result or x.latency_ns is None or x.duration_ns is None or x.unsettled:
         return None  # what began or ended meanwhile may have kept it waiting (A-4-2)

@@ -59,7 +59,7 @@ class KeepsSingles(Brain):
     [
         (KeepsSingles, ("4.20/3", "4.21/3")),
         (EndsWithABar, ("4.9/2", "4.27/2")),
-        (IgnoresMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
+        (IgnoresMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4", "4.33/3")),
     ],
 )
 def test_what_is_open_is_not_failed(tried: Try, brain: type[Brain], only: tuple[str, ...]) -> None:
