@@ -266,6 +266,15 @@ class NoAnglesOnTheWay(Brain):
             super().emit(session, frame)
 
 
+class HalfAsLong(Brain):
+    """Programs are told to have run for half as long as they have."""
+
+    def get_running_program(self, request: Request) -> RunningProgram | None:
+        """Halve it."""
+        told = super().get_running_program(request)
+        return told and told._replace(run_time_s=told.run_time_s // 2)
+
+
 class VersionOfARun(Brain):
     """The text of the version is made where the name of a program was put."""
 
@@ -557,6 +566,7 @@ class PointBehind(Brain):
         (OneBuffer, "5.2/12"),
         (LimitedTenths, "4.20/3"),
         (VersionOfARun, "4.7/4"),
+        (HalfAsLong, "4.9/5"),
         (HidesWhatRuns, "4.10/11"),
         (NeverForgets, "4.9/6"),
         (OldTimeOut, "5.4/5"),
