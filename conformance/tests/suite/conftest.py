@@ -26,7 +26,8 @@ class Tried(dict[str, Case]):
 
     @property
     def wrong(self) -> list[str]:
-        """Those that neither passed nor were tolerated."""
+        """Those that neither passed nor were tolerated; there are some at all."""
+        assert self
         return self._of(*_RUN_AND_WRONG, Verdict.NONE)
 
     @property
@@ -37,7 +38,8 @@ class Tried(dict[str, Case]):
 
     @property
     def failed(self) -> set[str]:
-        """The requirements that are violated."""
+        """The requirements that are violated; there are cases at all."""
+        assert self
         failed = (case for case in self.values() if case.verdict is Verdict.FAIL)
         return {requirement for case in failed for requirement in case.requirements}
 

@@ -589,50 +589,36 @@ def test_it_is_found(tried: Try, brain: type[Brain], requirement: str) -> None:
     assert requirement in tried(brain, requirement, examples=1).failed
 
 
-def test_who_takes_a_new_name_for_an_old_one_is_found(tried: Try) -> None:
-    """Names that differ only at their end are those of different files (5.2/2)."""
-    assert "5.2/2" in tried(SixteenNew, "4.10/4", examples=1).failed
-
-
-def test_who_tells_a_move_for_a_run_is_found(tried: Try) -> None:
-    """While a program moves the arm a program runs (4.8/4)."""
-    assert "4.8/4" in tried(MovesOnARun, "6.5/25", examples=1).failed
-
-
-def test_who_ends_a_move_behind_a_stop_is_found(tried: Try) -> None:
-    """Behind an emergency stop the arm stands (4.17/7), also where a program moved it."""
-    assert "4.17/7" in tried(EndsItsMove, "6.5/25", examples=1).failed
-
-
-def test_who_hides_its_default_program_is_found(tried: Try) -> None:
-    """A program is listed as long as it is stored (4.10/11), also while it is the default one."""
-    assert "4.10/11" in tried(HidesItsDefault, "4.13/3", examples=1).failed
-
-
-def test_who_forgets_its_default_program_is_found(tried: Try) -> None:
-    """It is the default one (4.13/3) until another is, whatever else is deleted."""
-    assert "4.13/3" in tried(ForgetsItsDefault, "4.12/4", examples=1).failed
+@pytest.mark.parametrize(
+    ("brain", "only", "requirement"),
+    [
+        # Names that differ only at their end are those of different files.
+        (SixteenNew, "4.10/4", "5.2/2"),
+        # While a program moves the arm a program runs, and behind a stop the arm stands then, too.
+        (MovesOnARun, "6.5/25", "4.8/4"),
+        (EndsItsMove, "6.5/25", "4.17/7"),
+        # A program is listed as long as it is stored, also while it is the default one.
+        (HidesItsDefault, "4.13/3", "4.10/11"),
+        # It is the default one until another is named, whatever is deleted or run since.
+        (ForgetsItsDefault, "4.12/4", "4.13/3"),
+        (OneProgram, "4.13/6", "4.13/3"),
+        # Whether a robot is free again is seen by a case that accepts runs, too.
+        (DiesWithItsClient, "4.15/4", "4/15"),
+        # What one client has begun ends with a result, whoever else comes and goes.
+        (StopsForAnyone, "4.17/6", "4.15/5"),
+    ],
+)
+def test_it_is_found_by_another(
+    tried: Try, brain: type[Brain], only: str, requirement: str
+) -> None:
+    """A case of one requirement fails for another one, which is violated."""
+    assert requirement in tried(brain, only, examples=1).failed
 
 
 def test_who_takes_the_latest_program_for_the_default_one_is_found(tried: Try) -> None:
     """It is found without any motion, too: the default program is the one that was named."""
     allowed = (Hazard.READ_ONLY, Hazard.STATE)
     assert "4.13/3" in tried(LatestProgram, "4.13/3", allowed=allowed).failed
-
-
-def test_who_takes_what_runs_for_the_default_program_is_found(tried: Try) -> None:
-    """The default program is the one that was named (4.13/3), whatever was run since."""
-    assert "4.13/3" in tried(OneProgram, "4.13/6", examples=1).failed
-
-
-def test_who_never_ends_without_its_client_is_found(tried: Try) -> None:
-    """Whether a robot is free again (4/15) is seen by a case that accepts runs (4.15/4), too."""
-    assert "4/15" in tried(DiesWithItsClient, "4.15/4", examples=1).failed
-
-
-def test_who_is_stopped_by_others_leaving_is_found(tried: Try) -> None:
-    """What one client has begun ends with a result, whoever else comes and goes."""
-    assert "4.15/5" in tried(StopsForAnyone, "4.17/6", examples=1).failed
 
 
 @pytest.mark.parametrize(

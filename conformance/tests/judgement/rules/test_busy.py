@@ -71,14 +71,16 @@ DONE = """
     > get_status
     < get_status {status}
 """
-DONE_ELSEWHERE = """
+RESET_BESIDE_ANOTHER = """
     login
     2> login password
     2< login 1
     > reset
     < reset 1
     <90 reset 11
-    {pause}
+"""
+DONE_ELSEWHERE = f"""{RESET_BESIDE_ANOTHER}
+    {{pause}}
     2> get_status
     2< get_status 03
 """
@@ -89,17 +91,11 @@ FAULT = """
     > reset
     < reset {reply}
 """
-BEGUN_ELSEWHERE = """
-    login
-    2> login password
-    2< login 1
-    > reset
-    < reset 1
-    <90 reset 11
-    {begun}
+BEGUN_ELSEWHERE = f"""{RESET_BESIDE_ANOTHER}
+    {{begun}}
     > get_status
     < get_status 01
-    {then}
+    {{then}}
 """
 
 CASES = (
