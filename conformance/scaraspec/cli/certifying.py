@@ -14,7 +14,7 @@ from rich.text import Text
 
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import has_viewer
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judgement.verdicts import Cause, Verdict
 from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report import ctrf, html, junit
@@ -79,6 +79,7 @@ class Display:
             transient=True,
         )
         self._task = self._bar.add_task("certifying", total=count)
+        self._why_none_is_left = ""
 
     def __enter__(self) -> Self:
         """Show it."""
@@ -101,10 +102,14 @@ class Display:
             self._console.print(Text(said), soft_wrap=True)
 
     def tell(self, outcome: Outcome, _count: int) -> None:
-        """A case is over."""
+        """A case is over; why no further one can be tried is told once, not with each of them."""
         self._number += 1
         self._bar.update(self._task, advance=1, description=outcome.case.id)
-        if self._ticks or outcome.verdict not in (Verdict.PASS, Verdict.NONE):
+        told = outcome.verdict not in (Verdict.PASS, Verdict.NONE)
+        if outcome.cause is Cause.DEPENDENCY:
+            told = outcome.message != self._why_none_is_left
+            self._why_none_is_left = outcome.message
+        if self._ticks or told:
             said = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"
             self._console.print(Text(visible(said)), soft_wrap=True)
 
