@@ -23,7 +23,7 @@ from bench.tap_forward import spool_writer
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C
-from scaraspec_recorder.records import stream_number
+from scaraspec_recorder.spooling.records import stream_number
 
 CHUNKS: Final = 200_000
 CHUNK: Final = b"\xaa\x09\x00\xcc"  # as the load asks

@@ -21,12 +21,12 @@ from bench import sampling, traffic
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec_recorder.archive import Archive, archive_sink
-from scaraspec_recorder.records import stream_number
-from scaraspec_recorder.rotation import Rotate, parse_rotate
+from scaraspec_recorder.deriving.sinks import TICK_NS
+from scaraspec_recorder.keeping.archive import Archive, archive_sink
+from scaraspec_recorder.keeping.rotation import Rotate, parse_rotate
 from scaraspec_recorder.scribe import Scribe, collect_rarely
-from scaraspec_recorder.sinks import TICK_NS
-from scaraspec_recorder.spool import SpoolReader, SpoolWriter
+from scaraspec_recorder.spooling.records import stream_number
+from scaraspec_recorder.spooling.spool import SpoolReader, SpoolWriter
 
 PER_SECOND: Final = 200
 POINTS: Final = 12
@@ -35,12 +35,11 @@ PLACES: Final = {
     "scaraspec.judgement": "judging",
     "scaraspec.protocol": "protocol",
     "scaraspec_recorder": "the rest of the recorder",
-    "scaraspec_recorder.schemas": "schemas",
-    "scaraspec_recorder.mcap_file": "mcap_file",
-    "scaraspec_recorder.chunk_writer": "chunk_writer",
-    "scaraspec_recorder.rerun_": "rerun_*",
-    "scaraspec_recorder.spool": "spool and scribe",
-    "scaraspec_recorder.unspool": "spool and scribe",
+    "scaraspec_recorder.mcap.schemas": "schemas",
+    "scaraspec_recorder.mcap.mcap_file": "mcap_file",
+    "scaraspec_recorder.mcap.chunk_writer": "chunk_writer",
+    "scaraspec_recorder.drawing": "drawing",
+    "scaraspec_recorder.spooling": "spool and scribe",
     "scaraspec_recorder.scribe": "spool and scribe",
     "__main__": sampling.LEFT_OUT,
     "bench": sampling.LEFT_OUT,

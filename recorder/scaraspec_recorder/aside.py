@@ -15,10 +15,10 @@ from typing import Final
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec_recorder import scribe
 from scaraspec_recorder.children import spawn
-from scaraspec_recorder.claims import claimed_spool
-from scaraspec_recorder.records import stream_number
-from scaraspec_recorder.sinks import SinkFactory, SinkFailed
-from scaraspec_recorder.spool import LIMIT_BYTES, SpoolWriter, read_checkpoint, trouble_of
+from scaraspec_recorder.deriving.sinks import SinkFactory, SinkFailed
+from scaraspec_recorder.spooling.claims import claimed_spool
+from scaraspec_recorder.spooling.records import stream_number
+from scaraspec_recorder.spooling.spool import LIMIT_BYTES, SpoolWriter, read_checkpoint, trouble_of
 
 DRAIN_S: Final = 600.0
 """How long the scribe may take to write what is left."""

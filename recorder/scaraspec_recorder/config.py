@@ -13,19 +13,19 @@ from pathlib import Path
 from typing import Any, Final
 
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec_recorder.archive import Archive, archive_sink
-from scaraspec_recorder.capture import capture_sink
-from scaraspec_recorder.inject import load_injection
+from scaraspec_recorder.deriving.sinks import SinkFactory
+from scaraspec_recorder.forwarding.routes import Mode
+from scaraspec_recorder.injection.files import load_injection
 from scaraspec_recorder.injection.rules import Injection
-from scaraspec_recorder.leftovers import repairing_sink
+from scaraspec_recorder.keeping.archive import Archive, archive_sink
+from scaraspec_recorder.keeping.capture import capture_sink
+from scaraspec_recorder.keeping.leftovers import repairing_sink
+from scaraspec_recorder.keeping.retention import Keep, parse_keep
+from scaraspec_recorder.keeping.rotation import Rotate, parse_rotate
+from scaraspec_recorder.keeping.seams import safe_name
+from scaraspec_recorder.keeping.triggers import parse_trigger
 from scaraspec_recorder.quantities import SECOND_NS, parse_duration, parse_size
-from scaraspec_recorder.retention import Keep, parse_keep
-from scaraspec_recorder.rotation import Rotate, parse_rotate
-from scaraspec_recorder.routes import Mode
-from scaraspec_recorder.seams import safe_name
-from scaraspec_recorder.sinks import SinkFactory
 from scaraspec_recorder.toml_file import TomlError, read_toml
-from scaraspec_recorder.triggers import parse_trigger
 
 DEFAULT_OUT: Final = Path("captures")
 MODES: Final = {"port": Mode.EXPLICIT, "redirect": Mode.REDIRECT, "tproxy": Mode.TPROXY}

@@ -12,15 +12,17 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from scaraspec_recorder import asking, scribe, tap
+from scaraspec_recorder import scribe
 from scaraspec_recorder.children import Child
-from scaraspec_recorder.claims import claimed_spool
+from scaraspec_recorder.deriving.sinks import SinkFactory
+from scaraspec_recorder.forwarding import tap
+from scaraspec_recorder.forwarding.routes import Route
 from scaraspec_recorder.injection.connection import InjectedConnection
 from scaraspec_recorder.injection.rules import Injection
-from scaraspec_recorder.routes import Route
 from scaraspec_recorder.scribe import Progress
-from scaraspec_recorder.sinks import SinkFactory
-from scaraspec_recorder.spool import LIMIT_BYTES, Trouble, read_checkpoint, trouble_of
+from scaraspec_recorder.spooling import asking
+from scaraspec_recorder.spooling.claims import claimed_spool
+from scaraspec_recorder.spooling.spool import LIMIT_BYTES, Trouble, read_checkpoint, trouble_of
 
 DRAIN_S: Final = 60.0
 """How long the scribe may take to write what is left when a recording ends."""
@@ -92,7 +94,7 @@ async def record(  # noqa: PLR0913 - what may be chosen, each on its own
         out_dir: Where the sinks write; made where it is not there.
         sinks: Make the sinks.
         limit_bytes: How far the writing may lag before recording is dropped.
-        injection: Faults on purpose, see `inject`; None to pass everything on unchanged.
+        injection: Faults on purpose, see `injection`; None to pass everything on unchanged.
         kernel_time: Whether to ask the system when bytes came in; else that is when they are read.
 
     Raises:

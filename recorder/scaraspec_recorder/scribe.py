@@ -21,11 +21,18 @@ from typing import Any, Final, NamedTuple
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec_recorder.children import SAID, ignore_signals
-from scaraspec_recorder.records import UNREACHED
-from scaraspec_recorder.seams import moment
-from scaraspec_recorder.sinks import TICK_NS, Folder, Remembering, Sink, SinkFactory, SinkFailed
-from scaraspec_recorder.spool import LIMIT_BYTES, Place, SpoolReader, Trouble, note_trouble
-from scaraspec_recorder.unspool import Count, Unspooler
+from scaraspec_recorder.deriving.sinks import (
+    TICK_NS,
+    Folder,
+    Remembering,
+    Sink,
+    SinkFactory,
+    SinkFailed,
+)
+from scaraspec_recorder.keeping.seams import moment
+from scaraspec_recorder.spooling.records import UNREACHED
+from scaraspec_recorder.spooling.spool import LIMIT_BYTES, Place, SpoolReader, Trouble, note_trouble
+from scaraspec_recorder.spooling.unspool import Count, Unspooler
 
 POLL_S: Final = 0.05
 """How long the scribe waits before it looks again into a spool that held nothing new."""

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from scaraspec_recorder.chunk_writer import MAGIC
-from scaraspec_recorder.mcap_reading import McapCapture, read_mcap
-from scaraspec_recorder.pcap import Capture, read_capture
+from scaraspec_recorder.mcap.chunk_writer import MAGIC
+from scaraspec_recorder.mcap.mcap_reading import McapCapture, read_mcap
+from scaraspec_recorder.pcap.pcap_reading import Capture, read_capture
 from scaraspec_recorder.problems import CaptureError
 
 __all__ = ["Capture", "McapCapture", "open_capture"]

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 
 from scaraspec.judgement.wire import WireEvent
-from scaraspec_recorder.sinks import Folder
+from scaraspec_recorder.deriving.sinks import Folder
 
 
 class Journal:

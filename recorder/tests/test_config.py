@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from scaraspec_recorder.archive import archive_sink
 from scaraspec_recorder.config import ConfigError, Robot, read_config, read_robot
-from scaraspec_recorder.leftovers import repairing_sink
+from scaraspec_recorder.forwarding.routes import Mode
+from scaraspec_recorder.keeping.archive import archive_sink
+from scaraspec_recorder.keeping.leftovers import repairing_sink
+from scaraspec_recorder.keeping.rotation import parse_rotate
 from scaraspec_recorder.quantities import SECOND_NS
-from scaraspec_recorder.rotation import parse_rotate
-from scaraspec_recorder.routes import Mode
 
 SAMPLE = Path(__file__).parents[2] / "fixtures" / "recorder" / "two-lines.toml"
 URL = "tcp://192.0.2.7"

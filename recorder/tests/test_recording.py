@@ -16,11 +16,11 @@ from typing import Any, Self
 
 import pytest
 
-from scaraspec_recorder import claims
 from scaraspec_recorder.children import Child
+from scaraspec_recorder.deriving.sinks import SinkFactory
+from scaraspec_recorder.forwarding.routes import Upstream
 from scaraspec_recorder.recording import Recording, record
-from scaraspec_recorder.routes import Upstream
-from scaraspec_recorder.sinks import SinkFactory
+from scaraspec_recorder.spooling import claims
 
 TIMEOUT_S = 30
 pytestmark = pytest.mark.skipif(
@@ -353,8 +353,8 @@ import asyncio, pathlib, sys
 sys.path.insert(0, sys.argv[1])
 import journal
 from scaraspec_recorder import recording
-from scaraspec_recorder.routes import Upstream
-from scaraspec_recorder.sinks import SinkFactory
+from scaraspec_recorder.forwarding.routes import Upstream
+from scaraspec_recorder.deriving.sinks import SinkFactory
 
 async def main():
     recording._has_room = lambda _: False

@@ -12,13 +12,13 @@ from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec_recorder import scribe as scribe_module
-from scaraspec_recorder.archive import Archive, archive_sink
-from scaraspec_recorder.mcap_reading import read_mcap
+from scaraspec_recorder.deriving.sinks import TICK_NS
+from scaraspec_recorder.keeping.archive import Archive, archive_sink
+from scaraspec_recorder.mcap.mcap_reading import read_mcap
 from scaraspec_recorder.quantities import SECOND_NS
-from scaraspec_recorder.records import stream_number
 from scaraspec_recorder.scribe import Scribe
-from scaraspec_recorder.sinks import TICK_NS
-from scaraspec_recorder.spool import SpoolReader, SpoolWriter, backlog_bytes, unread_bytes
+from scaraspec_recorder.spooling.records import stream_number
+from scaraspec_recorder.spooling.spool import SpoolReader, SpoolWriter, backlog_bytes, unread_bytes
 
 BEFORE_S, AFTER_S = 10, 5
 ARCHIVE = Archive(

@@ -8,17 +8,17 @@ import pytest
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec_recorder.records import Mark, stream_number
+from scaraspec_recorder.deriving.sinks import TICK_NS, Folder, SinkFailed
 from scaraspec_recorder.scribe import NAMED_FILES, Progress, Scribe
-from scaraspec_recorder.sinks import TICK_NS, Folder, SinkFailed
-from scaraspec_recorder.spool import (
+from scaraspec_recorder.spooling.records import Mark, stream_number
+from scaraspec_recorder.spooling.spool import (
     SpoolReader,
     SpoolWriter,
     note_trouble,
     read_checkpoint,
     trouble_of,
 )
-from scaraspec_recorder.unspool import Count
+from scaraspec_recorder.spooling.unspool import Count
 
 STREAM = stream_number(1, A2C)
 OTHER = stream_number(1, C2A)

@@ -25,8 +25,8 @@ from scaraspec.suite.case import Case
 from scaraspec.suite.plan import Options, why_not
 from scaraspec.suite.statement import Statement
 from scaraspec_recorder.aside import Aside
-from scaraspec_recorder.capture import capture_sink
-from scaraspec_recorder.sinks import SinkFailed
+from scaraspec_recorder.deriving.sinks import SinkFailed
+from scaraspec_recorder.keeping.capture import capture_sink
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
 STATE: Final = "state.json"

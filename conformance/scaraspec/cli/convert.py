@@ -9,10 +9,10 @@ from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec_recorder.capture import draw_capture
-from scaraspec_recorder.deriver import Deriver
-from scaraspec_recorder.mcap_file import LINK, SERIAL, McapSink
-from scaraspec_recorder.pcap_writing import PcapngWriter
+from scaraspec_recorder.deriving.deriver import Deriver
+from scaraspec_recorder.keeping.capture import draw_capture
+from scaraspec_recorder.mcap.mcap_file import LINK, SERIAL, McapSink
+from scaraspec_recorder.pcap.pcap_writing import PcapngWriter
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.source import Capture, McapCapture, open_capture
 

@@ -23,11 +23,11 @@ from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.links.url import join_host_port, split_host_port
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report import html, terminal
-from scaraspec_recorder.capture import capture_sink
-from scaraspec_recorder.live import live_sink
+from scaraspec_recorder.drawing.live import live_sink
+from scaraspec_recorder.forwarding.routes import Upstream
+from scaraspec_recorder.keeping.capture import capture_sink
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recording import record
-from scaraspec_recorder.routes import Upstream
 
 EXAMPLE: Final = "Example: scaraspec demo --out demo"
 

@@ -28,7 +28,6 @@ from scaraspec.links.url import (
     parse,
     split_host_port,
 )
-from scaraspec_recorder import relay, rules
 from scaraspec_recorder.config import (
     DEFAULT_LISTEN,
     DEFAULT_OUT,
@@ -39,15 +38,16 @@ from scaraspec_recorder.config import (
     read_config,
     read_robot,
 )
-from scaraspec_recorder.dashboard import Dashboard, Display, Lines
-from scaraspec_recorder.live import live_sink
+from scaraspec_recorder.deriving.sinks import SinkFactory
+from scaraspec_recorder.drawing.live import live_sink
+from scaraspec_recorder.forwarding import relay, rules
+from scaraspec_recorder.forwarding.routes import Mode, Route, route
+from scaraspec_recorder.forwarding.tcp import is_loopback
+from scaraspec_recorder.keeping.seams import safe_name
+from scaraspec_recorder.keeping.triggers import SIGNAL
 from scaraspec_recorder.recording import Recording, record
-from scaraspec_recorder.routes import Mode, Route, route
-from scaraspec_recorder.seams import safe_name
-from scaraspec_recorder.sinks import SinkFactory
-from scaraspec_recorder.status import Status, Watch
-from scaraspec_recorder.tcp import is_loopback
-from scaraspec_recorder.triggers import SIGNAL
+from scaraspec_recorder.watching.dashboard import Dashboard, Display, Lines
+from scaraspec_recorder.watching.status import Status, Watch
 
 EXAMPLE = "Example: scaraspec record tcp://192.168.1.2 --listen 0.0.0.0:8877 --live"
 
@@ -217,7 +217,7 @@ def _metrics(
     if not address:
         return contextlib.nullcontext()
     try:
-        from scaraspec_recorder import metrics  # noqa: PLC0415 - an optional extra
+        from scaraspec_recorder.watching import metrics  # noqa: PLC0415 - an optional extra
     except ImportError as error:
         raise Problem(f"{error}") from None
 

@@ -9,9 +9,9 @@ import click
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer
 from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec_recorder.leftovers import hold, is_drawn, redraw
+from scaraspec_recorder.keeping.leftovers import hold, is_drawn, redraw
+from scaraspec_recorder.mcap.recover import Report, recover
 from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.recover import Report, recover
 
 EXAMPLE = "Example: scaraspec recover captures/*.mcap"
 

@@ -19,8 +19,8 @@ from scaraspec.client import Client
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec_recorder.passages import Passage
 from scaraspec_recorder.source import open_capture
+from scaraspec_recorder.spooling.passages import Passage
 
 LOCAL = ("--listen", "127.0.0.1:0")
 DEADLINE_S = 60

@@ -9,7 +9,7 @@ import pytest
 from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.judgement.verdicts import Conclusion, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec_recorder.pcap import read_capture
+from scaraspec_recorder.pcap.pcap_reading import read_capture
 
 Judged = Callable[..., Any]
 

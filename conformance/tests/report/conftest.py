@@ -31,7 +31,7 @@ from scaraspec.report.model import (
     TransferSeen,
 )
 from scaraspec.report.session import SessionStats
-from scaraspec_recorder.pcap import read_capture
+from scaraspec_recorder.pcap.pcap_reading import read_capture
 
 HOSTILE = (
     "</script><script>alert(1)</script><!-- ]]> & \"'` onload=x \x00\x1b[31m\u202etxt.exe\ufffe"

@@ -1,1 +1,4 @@
-"""Faults on purpose: what is done to frames, to which of them, and when; see `inject` for files."""
+"""Injection: faults on purpose, done to the frames that a file of rules means.
+
+Law: recorded is what came in; what goes out changed or late is told beside it.
+"""

@@ -11,10 +11,10 @@ from typing import Final
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec_recorder import tcp
+from scaraspec_recorder.forwarding import tcp
+from scaraspec_recorder.forwarding.tap import Connection, End, Tap
 from scaraspec_recorder.injection.injector import Action, Cut, Ended, Forward, Injector, Told
 from scaraspec_recorder.injection.rules import Injection
-from scaraspec_recorder.tap import Connection, End, Tap
 
 HELD_BYTES: Final = 256 << 10
 """How much of a direction may be held up, plus one read, before its sender is paused."""

@@ -20,8 +20,8 @@ from mcap.reader import make_reader
 
 from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.direction import Direction
-from scaraspec_recorder.mcap_file import McapSink
-from scaraspec_recorder.mcap_reading import Summary, records
+from scaraspec_recorder.mcap.mcap_file import McapSink
+from scaraspec_recorder.mcap.mcap_reading import Summary, records
 
 DISK_BYTES = 16 << 20
 FULL = "No space left on device"

@@ -21,11 +21,11 @@ import pytest
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import Direction
-from scaraspec_recorder import tcp
-from scaraspec_recorder.records import Record
-from scaraspec_recorder.routes import Mode, Route, route
-from scaraspec_recorder.rules import Rules
-from scaraspec_recorder.tap import Tap, new_event_loop
+from scaraspec_recorder.forwarding import tcp
+from scaraspec_recorder.forwarding.routes import Mode, Route, route
+from scaraspec_recorder.forwarding.rules import Rules
+from scaraspec_recorder.forwarding.tap import Tap, new_event_loop
+from scaraspec_recorder.spooling.records import Record
 
 TIMEOUT_S = 10.0
 CLIENT = "10.77.1.2"

@@ -6,8 +6,8 @@ Importable in the processes of a recorder, as no fixture is.
 import json
 
 from scaraspec.judgement.wire import WireEvent
-from scaraspec_recorder.accounts import Accounts
-from scaraspec_recorder.sinks import Folder
+from scaraspec_recorder.deriving.accounts import Accounts
+from scaraspec_recorder.deriving.sinks import Folder
 
 
 class Ledger:

@@ -8,7 +8,7 @@ import pytest
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import Direction
-from scaraspec_recorder.routes import Mode
+from scaraspec_recorder.forwarding.routes import Mode
 
 pytestmark = pytest.mark.network
 

@@ -9,7 +9,7 @@ import pytest
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec_recorder.routes import Mode
+from scaraspec_recorder.forwarding.routes import Mode
 
 pytestmark = [pytest.mark.network, pytest.mark.parametrize("mode", Mode)]
 

@@ -23,9 +23,9 @@ import pytest
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec_recorder.pcap import read_capture
+from scaraspec_recorder.forwarding.routes import Mode
+from scaraspec_recorder.pcap.pcap_reading import read_capture
 from scaraspec_recorder.recording import record
-from scaraspec_recorder.routes import Mode
 
 pytestmark = [pytest.mark.network, pytest.mark.parametrize("mode", Mode)]
 

@@ -1,0 +1,187 @@
+"""The archive: what a recorder that is left running for weeks writes into its folder.
+
+Law: it only joins the rooms that do the work: rotation, the ring, retention, the contents.
+"""
+
+import shutil
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from scaraspec.judgement.judge import Judge
+from scaraspec.judgement.wire import WireEvent
+from scaraspec_recorder.deriving.deriver import Deriver, Output
+from scaraspec_recorder.deriving.masking import Redactor
+from scaraspec_recorder.deriving.sinks import Folder, Sink, SinkFailed
+from scaraspec_recorder.keeping.contents import Contents
+from scaraspec_recorder.keeping.file_sets import Shelf, facts
+from scaraspec_recorder.keeping.retention import PERIOD_NS, Keep, Retention
+from scaraspec_recorder.keeping.ring import Incidents, Ring
+from scaraspec_recorder.keeping.rotation import Rotate, Rotation
+from scaraspec_recorder.keeping.triggers import Pressed, parse_trigger
+from scaraspec_recorder.mcap.recover import sweep
+from scaraspec_recorder.quantities import SECOND_NS, show_size
+
+RING_BYTES: Final = 64 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Archive:
+    """What is written, and what of it is kept.
+
+    Attributes:
+        robot: What the files are called by.
+        session: What is known beforehand, such as the addresses.
+        needs_login: False for a serial link (L83).
+        draw: Whether to write .rrd files too.
+        redact: Whether to hide passwords in the raw layer too.
+        continuous: Whether everything is written; else only what `triggers` ask for.
+        rotate: When a file ends and the next begins.
+        keep: For how long, and how much of it, is kept.
+        min_free_bytes: How much of the disk is to stay free; 0 for no such limit.
+        triggers: When an incident is written, see `triggers`.
+        before_ns: How much of what came before a trigger belongs to its incident.
+        after_ns: How much of what comes after it does.
+        ring_bytes: How much memory what came before may take, roughly.
+    """
+
+    robot: str
+    session: Mapping[str, str] = field(default_factory=dict)
+    needs_login: bool = True
+    draw: bool = True
+    redact: bool = False
+    continuous: bool = True
+    rotate: Rotate = field(default_factory=Rotate)
+    keep: Keep = field(default_factory=Keep)
+    min_free_bytes: int = 0
+    triggers: tuple[str, ...] = ()
+    before_ns: int = 60 * SECOND_NS
+    after_ns: int = 60 * SECOND_NS
+    ring_bytes: int = RING_BYTES
+
+
+def archive_sink(
+    folder: Folder,
+    *,
+    archive: Archive,
+    now_ns: Callable[[], int] = time.time_ns,
+    free_bytes: Callable[[], int] | None = None,
+) -> Sink:
+    """Make the sink that writes an archive (a `SinkFactory`).
+
+    What an earlier one left in the folder is repaired and listed first.
+
+    Args:
+        folder: Where to.
+        archive: What.
+        now_ns: The clock.
+        free_bytes: How much of the disk is free; asked of the system where it is not given.
+
+    Raises:
+        OSError: The folder cannot be used.
+        SinkFailed: Less of the disk is free than must be, and there is nothing to remove.
+        ImportError: Drawing needs an extra that is not installed; the text says which.
+    """
+    sweep(folder.path)
+    contents = Contents(folder.path)
+    free_bytes = free_bytes or (lambda: shutil.disk_usage(folder.path).free)
+    retention = Retention(contents, archive.keep, archive.min_free_bytes, free_bytes)
+    enough = retention.enforce(now_ns())
+    contents.save()
+    if not enough:
+        raise SinkFailed(_too_little(archive))
+    known = {"robot": archive.robot, **archive.session}
+    session = facts(known, needs_login=archive.needs_login, redact=archive.redact)
+    shelf = Shelf(folder, contents, archive.robot, session, archive.draw)
+    judge = Judge(needs_login=archive.needs_login)
+    rotation = Rotation(shelf, judge, archive.rotate) if archive.continuous else None
+    incidents = _incidents(archive, shelf) if archive.triggers else None
+    outputs: list[Output] = [output for output in (rotation, incidents) if output]
+    deriver = Deriver(outputs, judge, Redactor() if archive.redact else None)
+    retained = _Retained(deriver, retention, shelf, _too_little(archive))
+    return _Ringed(retained, deriver, rotation, incidents) if incidents else retained
+
+
+def _incidents(archive: Archive, shelf: Shelf) -> Incidents:
+    watchers = {text: parse_trigger(text) for text in archive.triggers}
+    for watcher in watchers.values():
+        if isinstance(watcher, Pressed):
+            shelf.folder.when_asked(watcher.press)
+    ring = Ring(archive.before_ns, archive.ring_bytes)
+    return Incidents(shelf, ring, watchers, archive.after_ns)
+
+
+def _too_little(archive: Archive) -> str:
+    return (
+        f"less than {show_size(archive.min_free_bytes)} is free on the disk, and no recording is "
+        "left that may be removed: recording waits for room"
+    )
+
+
+class _Ringed:
+    """A sink that writes incidents, and is told again what its ring held (a `Remembering`)."""
+
+    def __init__(
+        self, sink: Sink, deriver: Deriver, rotation: Rotation | None, incidents: Incidents
+    ) -> None:
+        self.write, self.tick, self.close = sink.write, sink.tick, sink.close
+        self._deriver = deriver
+        self._rotation = rotation
+        self._incidents = incidents
+
+    @property
+    def since_ns(self) -> int | None:
+        """Since when its ring, or an incident, needs what passed."""
+        return self._incidents.since_ns
+
+    def recall(self, events: Iterable[WireEvent], until_ns: int) -> None:
+        """Fill the ring, and begin again what incidents were being written."""
+        self._incidents.recalled_until_ns = until_ns
+        if self._rotation:
+            self._rotation.recalling = True
+        self._deriver.recall(events)
+        self._incidents.recalled_until_ns = None
+        if self._rotation:
+            self._rotation.recalling = False
+
+
+class _Retained:
+    """A sink that makes room as it writes; where there is none to make, it ends its files."""
+
+    def __init__(self, sink: Sink, retention: Retention, shelf: Shelf, too_little: str) -> None:
+        self._sink = sink
+        self._retention = retention
+        self._shelf = shelf
+        self._too_little = too_little
+        self._looked_ns = 0
+        self._full = False
+
+    def write(self, event: WireEvent) -> None:
+        """Take the next event.
+
+        Raises:
+            SinkFailed: The disk has no room that may be used.
+        """
+        if self._full:
+            raise SinkFailed(self._too_little)
+        self._sink.write(event)
+
+    def tick(self, now_ns: int) -> None:
+        """Make all durable, and see to the room on the disk now and then."""
+        if self._full:
+            raise SinkFailed(self._too_little)
+        self._sink.tick(now_ns)
+        self._shelf.settle()
+        if 0 <= now_ns - self._looked_ns < PERIOD_NS:
+            return
+        self._looked_ns = now_ns
+        if not self._retention.enforce(now_ns, self._shelf.unlisted_bytes):
+            self.close()  # what was taken is safe: after this tick it does not come again
+            self._full = True
+
+    def close(self) -> None:
+        """End the files."""
+        if not self._full:
+            self._sink.close()
+            self._shelf.settle(wait=True)

@@ -1,0 +1,194 @@
+"""A recorder that is left running for weeks: rotation, incidents and room on the disk together."""
+
+import gc
+import json
+import pickle
+from collections import Counter
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.judgement.wire import Kind, WireEvent
+from scaraspec.protocol.direction import A2C
+from scaraspec_recorder.deriving.sinks import Folder, Sink, SinkFailed
+from scaraspec_recorder.drawing.rerun_view import RerunSink
+from scaraspec_recorder.keeping.archive import Archive, archive_sink
+from scaraspec_recorder.keeping.retention import PERIOD_NS, parse_keep
+from scaraspec_recorder.keeping.rotation import parse_rotate
+from scaraspec_recorder.mcap.mcap_file import McapSink
+from scaraspec_recorder.mcap.mcap_reading import read_mcap
+from scaraspec_recorder.quantities import SECOND_NS
+
+GB = 10**9
+
+
+class Recorder:
+    """A sink with a clock and a disk, fed as the scribe does."""
+
+    def __init__(self, folder: Path, archive: Archive, now_ns: int, free_bytes: int = GB) -> None:
+        self.folder = folder
+        self.now_ns = now_ns
+        self.free_bytes = free_bytes
+        self.out = Folder(folder, [])
+        self.sink: Sink = archive_sink(
+            self.out,
+            archive=archive,
+            now_ns=lambda: self.now_ns,
+            free_bytes=lambda: self.free_bytes,
+        )
+
+    def feed(self, events: Iterable[WireEvent]) -> None:
+        """Write events, with a tick after each quarter of a second."""
+        for event in events:
+            while self.now_ns + SECOND_NS // 4 <= event.time_ns:
+                self.now_ns += SECOND_NS // 4
+                self.sink.tick(self.now_ns)
+            self.sink.write(event)
+
+    @property
+    def listed(self) -> list[dict[str, Any]]:
+        lines = (self.folder / "contents.jsonl").read_text().splitlines()
+        return [json.loads(line) for line in lines]
+
+
+def sinks() -> list[McapSink | RerunSink]:
+    """Those that there are in this process."""
+    return [each for each in gc.get_objects() if type(each) in (McapSink, RerunSink)]
+
+
+def payload(paths: Iterable[Path]) -> bytes:
+    return b"".join(event.data for path in paths for event in read_mcap(path))
+
+
+def test_files_and_incidents_lie_side_by_side(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """The continuous recording is whole, and the incidents are copies."""
+    archive = Archive("cell 2", draw=False, rotate=parse_rotate("1s"), triggers=("refusal",))
+    recorder = Recorder(tmp_path, archive, shift[0].time_ns)
+    recorder.feed(shift)
+    recorder.sink.close()
+    incidents = [line["name"] for line in recorder.listed if line["trigger"]]
+    files = [line["name"] for line in recorder.listed if not line["trigger"]]
+    assert len(incidents) == 1
+    assert len(files) > 2
+    assert payload(tmp_path / name for name in files) == b"".join(event.data for event in shift)
+
+
+def test_a_file_that_has_ended_is_forgotten_at_once(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Nothing waits for the collector, which a scribe seldom runs."""
+    recorder = Recorder(tmp_path, Archive("cell 2", rotate=parse_rotate("1s")), shift[0].time_ns)
+    gc.collect()
+    gc.disable()
+    try:
+        others = sinks()
+        recorder.feed(shift)
+        kinds = Counter(type(sink) for sink in sinks() if sink not in others)
+    finally:
+        gc.enable()
+    recorder.sink.close()
+    assert len(list(tmp_path.glob("*.mcap"))) > 2
+    assert kinds == {McapSink: 1, RerunSink: 1}
+
+
+def test_triggers_alone_write_nothing_else(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """A ring without a continuous recording."""
+    archive = Archive("cell 2", draw=False, continuous=False, triggers=("refusal", "signal"))
+    recorder = Recorder(tmp_path, archive, shift[0].time_ns)
+    recorder.feed(shift[:200])
+    assert not list(tmp_path.glob("*.mcap"))
+    recorder.out.ask()
+    recorder.feed(shift[200:])
+    recorder.sink.close()
+    assert {line["trigger"] for line in recorder.listed} == {"signal", "refusal"}
+
+
+def test_passwords_are_nowhere(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Redaction is in front of all files."""
+    triggers = ("refusal",)
+    archive = Archive("cell 2", draw=False, redact=True, triggers=triggers)
+    recorder = Recorder(tmp_path, archive, shift[0].time_ns)
+    recorder.feed(shift)
+    recorder.sink.close()
+    assert len(recorder.listed) == 2
+    for line in recorder.listed:
+        data = payload([tmp_path / line["name"]])
+        assert b"***********" in data
+        assert b"open sesame" not in data
+
+
+def test_a_killed_recorder_goes_on(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Its file is repaired and listed at the next start, before anything new is written."""
+    archive = Archive("cell 2", draw=False)
+    recorder = Recorder(tmp_path, archive, shift[0].time_ns)
+    recorder.feed(shift)
+    recorder.sink.close()
+    (name,) = (line["name"] for line in recorder.listed)
+    (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-9])
+    (tmp_path / "contents.jsonl").unlink()
+    again = Recorder(tmp_path, archive, shift[-1].time_ns)
+    (line,) = again.listed
+    assert line["notes"]
+    assert payload([tmp_path / name]) == b"".join(event.data for event in shift)
+    again.sink.close()
+
+
+def test_room_is_made_while_it_runs(tmp_path: Path, talk: Any) -> None:
+    """Looked for every few seconds, and what is being written stays."""
+    keep = parse_keep("30s")
+    archive = Archive("x", draw=False, rotate=parse_rotate("5s"), keep=keep)
+    talk.mark(A2C, Kind.OPENED)
+    for _ in range(90):
+        talk.time_ns += SECOND_NS
+        talk.ask("get_status", None, "00")
+    recorder = Recorder(tmp_path, archive, talk.events[0].time_ns)
+    recorder.feed(talk.events)
+    recorder.sink.close()
+    begun = sorted(line["begin_ns"] for line in recorder.listed if "removed" not in line)
+    left = sorted(tmp_path.glob("*.mcap"))
+    removed = {line["removed"] for line in recorder.listed if "removed" in line}
+    assert len(left) + len(removed) == len(begun)
+    assert not removed & {path.name for path in left}
+    assert 6 <= len(left) <= 10
+
+
+def test_a_disk_without_room_ends_the_files_and_stops(tmp_path: Path, talk: Any) -> None:
+    """In order, so that what was taken is safe; the next one begins when there is room again."""
+    archive = Archive("x", draw=False, min_free_bytes=2 * GB)
+    talk.mark(A2C, Kind.OPENED)
+    talk.ask("get_status", None, "00")
+    recorder = Recorder(tmp_path, archive, talk.time_ns, free_bytes=3 * GB)
+    recorder.feed(talk.events[:2])
+    recorder.free_bytes = GB
+    recorder.sink.tick(talk.time_ns + PERIOD_NS)
+    (line,) = recorder.listed
+    sentence = "less than 2 GB is free on the disk, and no recording is left that may be removed"
+    with pytest.raises(SinkFailed, match=sentence):
+        recorder.sink.write(talk.events[2])
+    with pytest.raises(SinkFailed, match=sentence):
+        recorder.sink.tick(talk.time_ns + 2 * PERIOD_NS)
+    recorder.sink.close()
+    assert line["a2c_bytes"] == len(talk.events[1].data)
+    with pytest.raises(SinkFailed, match=sentence):
+        Recorder(tmp_path, archive, talk.time_ns, free_bytes=GB)
+    Recorder(tmp_path, archive, talk.time_ns, free_bytes=3 * GB).sink.close()
+
+
+def test_it_can_be_handed_to_another_process() -> None:
+    """Which the scribe is."""
+    archive = Archive("x", rotate=parse_rotate("1h"), keep=parse_keep("30d"), triggers=("refusal",))
+    make = pickle.loads(pickle.dumps(partial(archive_sink, archive=archive)))
+    assert make.keywords == {"archive": archive}
+
+
+def test_what_is_drawn_belongs_to_its_file(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """A picture for each, which goes when its file goes."""
+    rotate, keep = parse_rotate("connection"), parse_keep("1h")
+    recorder = Recorder(tmp_path, Archive("x", rotate=rotate, keep=keep), shift[0].time_ns)
+    recorder.feed(shift)
+    recorder.sink.close()
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".jsonl", ".mcap", ".rrd"]
+    archive = Archive("x", rotate=rotate, keep=keep)
+    Recorder(tmp_path, archive, shift[-1].time_ns + 3601 * SECOND_NS).sink.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["contents.jsonl"]
