@@ -16,7 +16,7 @@ from pathlib import Path
 import click
 
 from scaraspec.cli.options import Real
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, no_such_fault
 from scaraspec.controller.behaviour.settings import PASSWORD_MAX_BYTES
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.console import Console
@@ -76,7 +76,9 @@ class _Options:
     metavar="KEY=OPTION",
     help="Read an open point of the document so; repeatable.",
 )
-@click.option("--fault", metavar="ID", help="Be wrong this way on purpose; see scaraspec prove.")
+@click.option(
+    "--fault", metavar="ID", help="Be wrong this way on purpose; see scaraspec prove --list."
+)
 @click.option("--control", is_flag=True, help="Break and drive the robot from stdin: say help.")
 @click.option("--ready-file", type=_PATH, metavar="FILE", help="Write host:port here when ready.")
 @click.option("-v", "--verbose", is_flag=True, help="Log every exchange, passwords masked.")
@@ -118,12 +120,10 @@ def command(  # noqa: PLR0913 - one for each option
 def _brain(fault: str | None) -> type[Brain]:
     if fault is None:
         return Brain
-    try:
-        return faults()[fault].wrong
-    except KeyError:
-        raise Problem(
-            f"--fault {fault}: there is no such fault; scaraspec prove --out DIR lists them"
-        ) from None
+    known = faults()
+    if fault not in known:
+        raise no_such_fault(fault, known, "controller")
+    return known[fault].wrong
 
 
 def _serial(text: str | None) -> Serial | None:

@@ -1,5 +1,7 @@
 """What a user can get wrong, as one sentence and an exit status."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 from scaraspec.judgement.verdicts import ExitStatus
@@ -11,6 +13,14 @@ class Problem(Exception):  # noqa: N818 - it is told to a user, who made no erro
     def __init__(self, sentence: str, exit_status: ExitStatus = ExitStatus.USAGE) -> None:
         super().__init__(sentence)
         self.exit_status = exit_status
+
+
+def no_such_fault(name: str, known: Iterable[str], role: str) -> Problem:
+    """A fault that was never seeded, with the names most like it."""
+    near = " or ".join(get_close_matches(name, known, n=2))
+    meant = f", did you mean {near}?" if near else ";"
+    listed = f"scaraspec prove --role {role} --list has all"
+    return Problem(f"--fault {name}: there is no such fault{meant} {listed}")
 
 
 def make_folder(path: Path) -> None:

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from scaraspec.cli.apart import apart
-from scaraspec.cli.problems import Problem
+from scaraspec.cli.problems import Problem, no_such_fault
 from scaraspec.cli.proofs import STANDS, Proof, alarm_of, dialects, proof_of
 from scaraspec.judgement.requirements import UnknownRequirementError, select
 from scaraspec.judgement.verdicts import Conclusion, ExitStatus
@@ -45,6 +45,7 @@ _RUNS: Final = 50  # in one process, for pytest and hypothesis keep something of
 @click.option(
     "--every", type=click.IntRange(1), default=1, metavar="N", help="Only every Nth of the faults."
 )
+@click.option("--list", "listed", is_flag=True, help="Say what these faults are, and try none.")
 @click.option(
     "--dialects",
     "other_dialects",
@@ -73,6 +74,7 @@ def command(  # noqa: PLR0913 - one for each option
     only: str | None,
     quick: bool,
     every: int,
+    listed: bool,
     other_dialects: bool,
     examples: int,
     jobs: int,
@@ -90,37 +92,31 @@ def command(  # noqa: PLR0913 - one for each option
         only=_requirements(only), allowed=ALL, undefined=True, examples=examples, exhaustive=True
     )
     if other_dialects:
-        if names or quick or every > 1 or out:
-            raise Problem("--dialects tries no fault: leave --fault, --quick, --every, --out")
-        if not collect(options, party):
-            raise _nothing_proved("no case tries what --only names")
+        if names or quick or every > 1 or listed or out:
+            raise Problem(
+                "--dialects tries no fault: leave --fault, --quick, --every, --list, --out"
+            )
         _prove_dialects(party, options, jobs)
         return
     chosen = _chosen(party, names, options)[::every]
     if not chosen:
         raise _nothing_proved("none of these faults violates what --only names")
-    sound = STANDS[party].prove(options)
-    if any(case.id == "run.interrupted" for case in sound.cases):
-        raise click.Abort
-    click.echo(f"without a fault: {sound.verdict.value}, {len(sound.cases)} cases")
+    if listed:
+        for fault in chosen:
+            click.echo(_told(fault))
+        return
+    sound = _without_fault(party, options)
     proofs = list(_shown(_proofs(party, chosen, options, jobs, quick=quick), len(chosen)))
-    survived = [proof for proof in proofs if not proof.killers]
-    for proof in survived:
-        click.echo(f"SURVIVED {proof.fault}: {proof.sentence} ({', '.join(proof.requirements)})")
     cases = [case.id for case in collect(options, party)]
     idle = _idle(cases, proofs) if not names and every == 1 else []
-    for case in idle:
-        click.echo(f"kills nothing: {case}")
     counts = _counts(proofs)
-    click.echo(
-        "{killed} of {faults} faults killed, {subtle_killed} of {subtle} subtle".format(**counts)
-    )
+    _tell(proofs, idle, counts)
     if out:
         out.mkdir(parents=True, exist_ok=True)
         matrix = {
             "role": role,
             "quick": quick,
-            "without_fault": sound.verdict.value,
+            "without_fault": sound.value,
             "counts": {**counts, "cases": len(cases), "idle": len(idle)},
             "faults": [proof.plain() for proof in proofs],
             "idle": idle,
@@ -128,8 +124,30 @@ def command(  # noqa: PLR0913 - one for each option
         write_whole(
             out / MATRIX.format(role=role), json.dumps(matrix, ensure_ascii=False, indent=1) + "\n"
         )
-    if survived or sound.verdict is not Conclusion.CONFORMANT:
+    if counts["killed"] < counts["faults"] or sound is not Conclusion.CONFORMANT:
         raise SystemExit(ExitStatus.NONCONFORMANT)
+
+
+def _without_fault(role: Role, options: Options) -> Conclusion:
+    """What the faultless implementation gets, told."""
+    sound = STANDS[role].prove(options)
+    if any(case.id == "run.interrupted" for case in sound.cases):
+        raise click.Abort
+    click.echo(f"without a fault: {sound.verdict.value}, {len(sound.cases)} cases")
+    return sound.verdict
+
+
+def _tell(proofs: Iterable[Proof], idle: Iterable[str], counts: Mapping[str, int]) -> None:
+    """What survived, what found nothing, and how many there were."""
+    for proof in proofs:
+        if not proof.killers:
+            violated = ", ".join(proof.requirements)
+            click.echo(f"SURVIVED {proof.fault}: {proof.sentence} ({violated})")
+    for case in idle:
+        click.echo(f"kills nothing: {case}")
+    click.echo(
+        "{killed} of {faults} faults killed, {subtle_killed} of {subtle} subtle".format(**counts)
+    )
 
 
 def _nothing_proved(why: str) -> SystemExit:
@@ -148,13 +166,20 @@ def _chosen(role: Role, names: Sequence[str], options: Options) -> list[Fault[An
     known = STANDS[role].faults()
     for name in names:
         if name not in known:
-            raise Problem(f"--fault {name}: there is no such fault; --out lists them all")
+            raise no_such_fault(name, known, role.value)
     only = options.only
     return [
         fault
         for name, fault in known.items()
         if (not names or name in names) and (only is None or only & set(fault.requirements))
     ]
+
+
+def _told(fault: Fault[Any]) -> str:
+    """A fault in one line: its name, what it does, and what it violates, under which readings."""
+    violated = ", ".join(fault.requirements)
+    under = f" under {', '.join(fault.reading)}" if fault.reading else ""
+    return f"{fault.name}: {fault.sentence} ({violated}{under}{'; subtle' if fault.subtle else ''})"
 
 
 def _proofs(
@@ -168,6 +193,8 @@ def _proofs(
 
 def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
     """Show that no conforming implementation is failed, whatever readings it follows."""
+    if not collect(options, role):
+        raise _nothing_proved("no case tries what --only names")
     spoken = list(dialects())
     wrong = 0
     work = partial(alarm_of, role=role, options=options)

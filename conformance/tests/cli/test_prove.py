@@ -73,11 +73,26 @@ def test_no_case_is_no_proof(processes: Any) -> None:
 
 
 def test_an_unknown_fault(refused: Refused) -> None:
-    """One sentence and exit status 2."""
-    assert "gremlin" in refused("prove", "--fault", "gremlin")
+    """One sentence and exit status 2, with what may have been meant."""
+    assert "gremlin: there is no such fault; " in refused("prove", "--fault", "gremlin")
+    told = refused("controller", "--fault", "status-of-no-digit")
+    assert "did you mean status-of-one-digit" in told
+    assert "prove --role controller --list has all" in told
 
 
-@pytest.mark.parametrize("option", ["--fault=clock-stands", "--quick", "--every=2", "--out=here"])
+def test_faults_are_listed() -> None:
+    """Each in a line, with what it violates, and nothing is tried."""
+    done = CliRunner().invoke(command, ["--list", "--only", "4.8/2"])
+    assert done.exit_code == 0
+    assert "status-of-one-digit: The status has one digit. (4.8/2, 4.8/3)" in done.output
+    assert done.output.count("\n") == sum(
+        "4.8/2" in fault.requirements for fault in STANDS[Role.CONTROLLER].faults().values()
+    )
+
+
+@pytest.mark.parametrize(
+    "option", ["--fault=clock-stands", "--quick", "--every=2", "--list", "--out=here"]
+)
 def test_dialects_are_no_faults(refused: Refused, option: str) -> None:
     """What is asked of faults is not left undone silently."""
     assert "--dialects tries no fault" in refused("prove", "--dialects", option)
