@@ -42,6 +42,7 @@ class Outcome:
         observed: What was there instead.
         duration_s: How long it took, on the subject's clock.
         frames: What passed last.
+        readings: What it tolerated, by key and option.
     """
 
     case: Case
@@ -53,6 +54,7 @@ class Outcome:
     observed: str = ""
     duration_s: float = 0.0
     frames: tuple[FrameSeen | Undecodable, ...] = ()
+    readings: tuple[tuple[str, str], ...] = ()
 
 
 class Bracket:
@@ -253,9 +255,11 @@ class Bracket:
                 message = f"the case broke down: {type(raised).__name__}: {raised}"[:_SENTENCE]
                 return Outcome(case, Verdict.ERROR, cause=Cause.SUITE, message=message)
         if self.subject.tolerated:
-            _, key, option, message = self.subject.tolerated[0]
-            observed = f"{key} = {option}"
-            return Outcome(case, Verdict.TOLERATED, message=message, observed=observed)
+            readings = tuple((key, option) for _, key, option, _ in self.subject.tolerated)
+            message, observed = self.subject.tolerated[0][3], " = ".join(readings[0])
+            return Outcome(
+                case, Verdict.TOLERATED, message=message, observed=observed, readings=readings
+            )
         return Outcome(case, Verdict.PASS, message=case.sentence)
 
     def _afterwards(self, case: Case, outcome: Outcome) -> Outcome:

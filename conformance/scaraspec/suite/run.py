@@ -8,7 +8,9 @@ import os
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache, partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final, Generic, Protocol, TypeVar
 
@@ -243,21 +245,40 @@ class Run(Generic[P]):
             role=setting.role,
             verdict=conclude(Counter(each.verdict for each in made)),
             counts=dict.fromkeys(Verdict, 0) | Counter(each.verdict for each in made),
-            readings={setting.role.value: self._readings()},
+            readings={setting.role.value: self._dialect()},
             requirements=requirements,
             cases=made,
             session=self._stats.session(),
         )
 
+    def _dialect(self) -> dict[str, ReadingSeen]:
+        """What was found out at the open points: what was seen, and else what a case tolerated."""
+        readings = self._readings()
+        told = {*chain.from_iterable(o.readings for o in self.bracket.outcomes)}
+        told |= {s.finding.reading for s in self._observer.sightings if s.finding.reading}
+        for key, reading in READINGS.items():
+            seen = readings.get(key, ReadingSeen((), default=False, mixed=False))
+            options = tuple(o.name for o in reading.options if (key, o.name) in told)
+            if options and not seen.options:
+                readings[key] = replace(
+                    seen, options=options, default=options == (reading.default,)
+                )
+        return {key: readings[key] for key in READINGS if key in readings}
+
     def _readings(self) -> dict[str, ReadingSeen]:
-        """What was seen at the open points, by the judge or by a probe, beside what is claimed."""
+        """What was seen at the open points, by the judge or by a probe, beside what is claimed.
+
+        A probe may have found what the subject takes; what it sends by itself outweighs that.
+        """
         statement = self.setting.statement
         claims = {key: statement.dialect[key] for key in statement.claimed}
         readings = dict(readings_of(self._observer.judge, speaks(self.setting.role), claims))
         for key, option in self._subject.found.items():
+            if key == "endian" and key in readings and readings[key].options:
+                continue
             default = option == READINGS[key].default
             readings[key] = ReadingSeen((option,), default, mixed=False, claimed=claims.get(key))
-        return {key: readings[key] for key in READINGS if key in readings}
+        return readings
 
     def _wrong_claims(self) -> Iterator[Outcome]:
         """A claim that is not what was seen, by the judge or by a case, is a failure of its own."""

@@ -18,11 +18,12 @@ _RUN_AND_WRONG = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
 
 
 class Tried(dict[str, Case]):
-    """What came of each case, by its id."""
+    """What came of each case, by its id; and what was found out at the open points."""
 
     def __init__(self, results: Results) -> None:
         super().__init__((case.id, case) for case in results.cases)
         self.counts = results.counts
+        self.readings = results.readings[results.role.value]
 
     @property
     def wrong(self) -> list[str]:
