@@ -105,6 +105,27 @@ class DeletesItsNeighbour(Brain):
 
 
 @fault("4.11/3", subtle=True)
+class DeletesNothingThatRuns(Brain):
+    """The deletion of a program that runs is answered 1, and it stays."""
+
+    def delete_program(self, request: Request) -> bool:
+        """Promise it."""
+        return self.is_in_use(request.value) or super().delete_program(request)
+
+
+@fault("4.11/2", subtle=True)
+class DeletesWhatRunsUnsaid(Brain):
+    """The deletion of a program that runs is answered 0, and it is deleted."""
+
+    def delete_program(self, request: Request) -> bool:
+        """Delete it, whatever is said."""
+        runs = self.is_in_use(request.value)
+        return (
+            self.remove(request.value) if runs else super().delete_program(request)
+        ) and not runs
+
+
+@fault("4.11/3", subtle=True)
 class DeletesEachNameOnce(Brain):
     """A name that was deleted before is deleted no more, though the answer is 1."""
 

@@ -13,8 +13,9 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import Malformed, malformed, offer
 from scaraspec.suite.as_client.motion import quieten
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.tasks import RUN, lasting, offered
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect
+from scaraspec.suite.expect import NotRun, expect
 from scaraspec.suite.programs.layout import short_program
 from scaraspec.suite.programs.listed import long_name, program_names, store_program
 
@@ -103,6 +104,33 @@ def test_not_run(subject: Subject, line: Line) -> None:
             )
     finally:
         quieten(subject, line)
+
+
+@case("4.11/3", "4.11/2", name="running", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
+def test_while_it_runs(subject: Subject, line: Line) -> None:
+    """A program that runs may be deleted or not (A-4.11-1); afterwards the answer holds."""
+    with lasting(subject, line, RUN) as task:
+        answer = offered(line, "delete_program", task.program)
+        task.lasts()
+    if answer is None:
+        raise NotRun("the robot did not answer a deletion while a program ran (A-4-3)")
+    listed = task.program in program_names(subject, line)
+    if not answer.accepted:
+        expect(
+            listed,
+            "a program that ran was deleted with the answer 0",
+            expected="listed still",
+            observed=show(task.program),
+            requirement="4.11/2",
+        )
+        return
+    subject.tolerate("4.11/5", "delete_guard", "allow", "a program was deleted while it ran")
+    expect(
+        not listed,
+        "a program that was deleted while it ran is listed afterwards",
+        expected="not in the list",
+        observed=show(task.program),
+    )
 
 
 @case("4.11/4", "4.11/2", hazards=_DESTRUCTIVE)
