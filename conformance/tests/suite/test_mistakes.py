@@ -6,6 +6,7 @@ Each by a case of a requirement that it violates.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from datetime import datetime
 from functools import cached_property
 from typing import Any
 
@@ -206,6 +207,30 @@ class LatestProgram(SendsAfterTheEnd):
     def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sent it
         """Make it so."""
         self.save(default_program=name)
+
+
+class HasNoTimeForSettings(Brain):
+    """While a program runs settings are answered "1", and forgotten."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Forget it."""
+        return self.robot.task is not None or super().set_default_program(request)
+
+    def set_time(self, request: Request) -> bool:
+        """Forget it."""
+        return self.robot.task is not None or super().set_time(request)
+
+
+class StopsItsClock(Brain):
+    """While a program runs the clock stands still."""
+
+    stopped: datetime | None = None
+
+    def get_time(self, request: Request) -> datetime:
+        """Tell when it began."""
+        time = super().get_time(request)
+        self.stopped = self.robot.task and (self.stopped or time)
+        return self.stopped or time
 
 
 class NeverForgets(Brain):
@@ -568,6 +593,8 @@ class PointBehind(Brain):
         (VersionOfARun, "4.7/4"),
         (HalfAsLong, "4.9/5"),
         (HidesWhatRuns, "4.10/11"),
+        (HasNoTimeForSettings, "4.5/4"),
+        (StopsItsClock, "4.6/4"),
         (NeverForgets, "4.9/6"),
         (OldTimeOut, "5.4/5"),
         (OldTimeOut, "5.3/7"),
@@ -601,6 +628,7 @@ def test_it_is_found(tried: Try, brain: type[Brain], requirement: str) -> None:
         (HidesItsDefault, "4.13/3", "4.10/11"),
         # It is the default one until another is named, whatever is deleted or run since.
         (ForgetsItsDefault, "4.12/4", "4.13/3"),
+        (HasNoTimeForSettings, "4.13/6", "4.13/3"),
         (OneProgram, "4.13/6", "4.13/3"),
         # Whether a robot is free again is seen by a case that accepts runs, too.
         (DiesWithItsClient, "4.15/4", "4/15"),

@@ -6,15 +6,19 @@ from typing import Final
 from hypothesis import example, given
 
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.suite.as_client.clock import Reading, expect_ran, read, set_to
+from scaraspec.suite.as_client.clock import Reading, expect_ran, read, set_to, shifted
 from scaraspec.suite.as_client.keeping import kept, patient
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
+from scaraspec.suite.as_client.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
+from scaraspec.suite.programs.bench import PROGRAMS, bench
+from scaraspec.suite.programs.writing import wait
 from scaraspec.suite.strategies import payload_values
 
+_NS: Final = 1e9
 _SECOND: Final = timedelta(seconds=1)
 
 
@@ -72,6 +76,22 @@ def test_set(subject: Subject, line: Line) -> None:
             first = set_to(subject, line, time)
             message = "the clock does not show the time that was set"
             expect_ran(subject, first, read(subject, line), message)
+
+
+@case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS)
+def test_set_while_running(subject: Subject, line: Line) -> None:
+    """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
+    with kept(subject, line, "clock"), bench(subject, line) as robot:
+        robot.start(wait(robot.theirs_s(5)))
+        go_on_if_it_listens(subject, line)
+        first, asked_s = read(subject, line), subject.now_ns / _NS
+        day = shifted(first.time, timedelta(days=1))  # a wait by the clock is over, not endless
+        time = day.replace(hour=12)  # an hour that every day has
+        answer = line.ask("set_time", time)
+        if answer.accepted:
+            first = Reading(time, asked_s, answer.time_s)
+        message = f"a setting while a program ran was answered {answer}, and the clock is another"
+        expect_ran(subject, first, read(subject, line), message, "4.5/4")
 
 
 @case("4.5/6", "4.5/4")

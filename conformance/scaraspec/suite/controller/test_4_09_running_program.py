@@ -4,6 +4,7 @@ from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
+from scaraspec.suite.as_client.clock import Reading, expect_ran, read
 from scaraspec.suite.as_client.executing import (
     ask_busy,
     begin,
@@ -119,14 +120,20 @@ def test_none(subject: Subject, line: Line) -> None:
         _expect_none(subject.open(), "a program is told to another connection although none runs")
 
 
-@case("4.9/2", "4.9/3", "4.9/4", "4.9/5", "4.9/6", "4.9/8", "4.9/9", "4.9/10", "4.10/11")
+@case(
+    *("4.9/2", "4.9/3", "4.9/4", "4.9/5", "4.9/6", "4.9/8", "4.9/9", "4.9/10"),
+    *("4.6/4", "4.10/11"),
+)
 def test_running(subject: Subject, line: Line) -> None:
-    """One of two programs runs: it is told, all 30 bytes of its name, and its run time grows."""
+    """One of two programs runs: it is told, all 30 bytes of its name, and its run time grows.
+
+    So does the time of the clock.
+    """
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
     try:
         begin(subject, line, "run_program", name)
-        first = None
+        first = clock = None
         for _ in range(1 + int(_WAIT_S / _STEP_S)):
             if first:
                 line.wait(_STEP_S / subject.statement.time_scale)
@@ -134,10 +141,11 @@ def test_running(subject: Subject, line: Line) -> None:
             if now is None:
                 break
             if first is None:
-                first = now
+                first, clock = now, _clock(subject, line)
                 _expect_listed_beside(subject, line, other, name)
             _expect_grown(subject, first, now, "")
             _expect_flag_and_status(line)
+            _expect_clock_on(subject, clock, _clock(subject, line))
         else:
             line.result("run_program")
         expect_rest(subject, line, "the robot is not idle although run_program has ended")
@@ -161,6 +169,22 @@ def _expect_listed_beside(subject: Subject, line: Line, other: bytes, running: b
         observed=", ".join(map(show, names)),
         requirement="4.10/11",
     )
+
+
+def _clock(subject: Subject, line: Line) -> Reading | None:
+    """What the clock shows; None where that is not told, as while it executes (A-4-3)."""
+    if "get_time" in subject.statement.lacks:
+        return None
+    try:
+        return read(subject, line)
+    except NoAnswer:
+        return None
+
+
+def _expect_clock_on(subject: Subject, first: Reading | None, then: Reading | None) -> None:
+    if first is not None and then is not None:
+        message = "the clock does not go on while a program runs"
+        expect_ran(subject, first, then, message, "4.6/4")
 
 
 def _expect_flag_and_status(line: Line) -> None:

@@ -6,9 +6,14 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.defaults import default_kept, expect_default
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.malformed import malformed, offer
-from scaraspec.suite.as_client.motion import IDLE, joints_of, quieten
+from scaraspec.suite.as_client.motion import IDLE, joints_of, listens, quieten
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import RUN, finish, start_program
+from scaraspec.suite.as_client.tasks import (
+    RUN,
+    find_out_whether_it_listens,
+    finish,
+    start_program,
+)
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect
 from scaraspec.suite.programs.listed import long_name, program_names, store_program
@@ -82,11 +87,14 @@ def test_malformed(subject: Subject, line: Line) -> None:
                 expect_default(subject, line, name, "4.13/5")
 
 
-@case("4.13/6", "4.13/2", "4.13/3", hazards=(Hazard.STATE, Hazard.MOTION))
+@case("4.13/6", "4.13/2", "4.13/3", "4.13/5", hazards=(Hazard.STATE, Hazard.MOTION))
 def test_moves_nothing(subject: Subject, line: Line) -> None:
-    """To name a default program starts nothing, and to run another names none."""
+    """To name a default program starts nothing, and to run another names none.
+
+    While that runs the default program is named as ever, or that is refused.
+    """
     with default_kept(subject, line):
-        name = store_program(subject, line)
+        other, name = store_program(subject, line), store_program(subject, line)
         before = joints_of(line)
         subject.moved = True
         _set(line, name)
@@ -101,7 +109,13 @@ def test_moves_nothing(subject: Subject, line: Line) -> None:
                 message = "the arm moved after set_default_program"
                 subject.tolerate("4.13/6", "A-4.12-3", "moves", message)
             if RUN not in subject.statement.lacks:
-                start_program(subject, line, RUN, 0)
+                find_out_whether_it_listens(subject, line)
+                start_program(subject, line, RUN, 1)
+                if listens(subject, line):
+                    expect_default(subject, line, name, "4.13/3")
+                    named = line.ask("set_default_program", other).accepted
+                    name = other if named else name
+                    expect_default(subject, line, name, "4.13/3" if named else "4.13/5")
                 finish(subject, line, RUN)
                 expect_default(subject, line, name, "4.13/3")
         finally:

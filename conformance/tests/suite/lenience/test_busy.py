@@ -150,6 +150,23 @@ def test_who_cannot_be_asked_while_executing_is_not_failed(tried: Try, brain: ty
     assert Verdict.FAIL not in {case.verdict for case in cases.values()}
 
 
+class TakesNoSettingsMeanwhile(Brain):
+    """While it executes it refuses every setting."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Refuse it."""
+        return self.robot.task is None and super().set_default_program(request)
+
+    def set_time(self, request: Request) -> bool:
+        """Refuse it."""
+        return self.robot.task is None and super().set_time(request)
+
+
+def test_settings_may_be_refused_while_a_program_runs(tried: Try) -> None:
+    """That is open as it is for the gripper centre (A-4.20-1)."""
+    assert not tried(TakesNoSettingsMeanwhile, "4.5/4", "4.13/6", "4.9/2").wrong
+
+
 class HearsNothingButTheStopWhileItJogs(Brain):
     """While it jogs only the emergency stop is served (A-4-3)."""
 
