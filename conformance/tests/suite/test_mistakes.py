@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.controller import interpreter
+from scaraspec.controller import interpreter, motion
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.controller.brain import Brain
@@ -498,6 +498,17 @@ class Absurd(Brain):
         super().emit(session, frame)
 
 
+class JogsNowhere(Brain):
+    """A jog is accepted, and lasts until it is stopped, and the arm stays where it is."""
+
+    def jog(self, request: Request) -> Acceptance:
+        """Hold the arm."""
+        answer = super().jog(request)
+        still = replace(motion.hold(self.plant.joints(request.now_s)), duration_s=60.0)
+        self.plant.start(still, request.now_s)
+        return answer
+
+
 class SixteenBits(Brain):
     """Where a move goes is kept in whole millimetres of 16 bits."""
 
@@ -647,6 +658,12 @@ def test_who_takes_the_latest_program_for_the_default_one_is_found(tried: Try) -
     """It is found without any motion, too: the default program is the one that was named."""
     allowed = (Hazard.READ_ONLY, Hazard.STATE)
     assert "4.13/3" in tried(LatestProgram, "4.13/3", allowed=allowed).failed
+
+
+def test_a_jog_that_moves_nothing_is_not_called_right(tried: Try) -> None:
+    """Nor is it a mistake: towards an end of its travel the arm may stay."""
+    directions = tried(JogsNowhere, "4.28/3")
+    assert {case.verdict for case in directions.values()} == {Verdict.NONE}
 
 
 @pytest.mark.parametrize(
