@@ -1,11 +1,13 @@
 """What `scaraspec certify` shows while it runs, and the files that it leaves behind."""
 
+import math
 import signal
+import time
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Final, Self
 
 from rich.console import Console
@@ -114,9 +116,25 @@ class Display:
             self._console.print(Text(visible(said)), soft_wrap=True)
 
 
+_AT_ONCE_S: Final = 0.5
+"""Two signals within this time are one: `timeout` signals a process, and then its whole group."""
+
+
 def end_in_order() -> None:
-    """Let SIGTERM, as of a service manager or a CI, end a run as Ctrl-C does: all is put back."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Let SIGTERM, as of a service manager or a CI, end a run as Ctrl-C does: all is put back.
+
+    Another signal ends it at once.
+    """
+    last_s = -math.inf
+
+    def end(number: int, frame: FrameType | None) -> None:
+        nonlocal last_s
+        before_s, last_s = last_s, time.monotonic()
+        if last_s - before_s > _AT_ONCE_S:
+            signal.default_int_handler(number, frame)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
 
 
 class Files:

@@ -164,16 +164,25 @@ class Run(Generic[P]):
         Raises:
             SuiteError: The suite itself is broken.
             OSError: The subject's state cannot be written down.
+            KeyboardInterrupt: The tester ended it twice.
         """
+        interrupted = False
         try:
             self.begin()
             self._try_cases()
         except KeyboardInterrupt:
+            interrupted = True
             self.bracket.outcomes.append(
                 _set_up("interrupted", "the tester ended the run before its end")
             )
         finally:
-            self.end()
+            try:
+                self.end()
+            except KeyboardInterrupt:
+                if interrupted:
+                    raise
+                self._subject.close_lines()
+                self.end()  # nothing is left half put back, unless he insists
         return self.told()
 
     def _try_cases(self) -> None:

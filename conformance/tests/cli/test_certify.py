@@ -17,6 +17,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from scaraspec.cli.certifying import end_in_order
 from scaraspec.client import Client
 from scaraspec.protocol.commands import COMMANDS
 from scaraspec.protocol.hazard import Hazard
@@ -212,15 +213,15 @@ def test_hostile_subjects(
 
 
 @pytest.mark.parametrize(
-    ("files", "only", "number"),
+    ("files", "only", "signals"),
     [
-        (1, (), signal.SIGINT),
-        (5, ("--only", "5.2"), signal.SIGINT),
-        (1, ("--only", "5.2"), signal.SIGTERM),
+        (1, (), [signal.SIGINT]),
+        (5, ("--only", "5.2"), [signal.SIGINT]),
+        (1, ("--only", "5.2"), [signal.SIGTERM, signal.SIGTERM]),  # so does timeout(1)
     ],
 )
 def test_interrupted(
-    processes: Any, tmp_path: Path, files: int, only: tuple[str, ...], number: signal.Signals
+    processes: Any, tmp_path: Path, files: int, only: tuple[str, ...], signals: list[signal.Signals]
 ) -> None:
     """Ended while a file of the suite is stored: it is taken away, and the run inconclusive."""
     host, port = processes.controller()
@@ -233,11 +234,34 @@ def test_interrupted(
                 assert run.poll() is None, run.stdout.read()
             seen = stored
         assert json.loads((out / "state.json").read_text(encoding="utf-8"))
-        run.send_signal(number)
+        for number in signals:
+            run.send_signal(number)
         told, _ = run.communicate(timeout=60)
         assert run.returncode in (1, 3), told
         assert not (out / "state.json").exists(), told
         assert robot.list_programs() == before, told
+
+
+@pytest.fixture
+def handlers() -> Iterator[None]:
+    """Put back what handles signals."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("handlers")
+def test_two_signals_at_once_are_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """timeout(1) signals a process and then its whole group; who means it twice comes later."""
+    times_s = iter((10.0, 10.001, 11.0))
+    monkeypatch.setattr("time.monotonic", lambda: next(times_s))
+    end_in_order()
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGTERM)
+    signal.raise_signal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
 
 
 def test_the_plugin_by_itself(processes: Any, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """What a case raises, and what its subject does meanwhile, make the right verdict."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -167,6 +168,37 @@ def test_two(subject, line):
     assert seen["set_gripper_center"] == 2
     assert seen["set_time"] == 2
     assert "run.restore" not in {case.id for case in results.cases}
+
+
+_LEAVES_A_CENTER = """
+from scaraspec.protocol.commands import Point
+
+@case('4.20/3')
+def test_one(subject, line):
+    line.ask('set_gripper_center', Point(1, 2, 3))
+"""
+
+
+@pytest.mark.parametrize(("signals", "left"), [(1, (0.0, 0.0, 0.0)), (2, (1.0, 2.0, 3.0))])
+def test_who_ends_a_run_while_it_puts_back_has_to_insist(
+    trial: Try, signals: int, left: tuple[float, ...]
+) -> None:
+    """The first signal leaves nothing half put back, the second ends it at once."""
+    stores = []
+
+    class Signalled(Brain):
+        signals_left = signals
+
+        def set_gripper_center(self, request: Request) -> bool:
+            stores.append(self.store)
+            if request.value == (0, 0, 0) and self.signals_left:
+                self.signals_left -= 1
+                raise KeyboardInterrupt
+            return super().set_gripper_center(request)
+
+    with pytest.raises(KeyboardInterrupt) if signals > 1 else nullcontext():
+        assert {case.id for case in trial(_LEAVES_A_CENTER, Signalled).cases} == {"4.20/3"}
+    assert stores[-1].settings.gripper_center == left
 
 
 class KeepsSmallLetters(Brain):
