@@ -568,6 +568,20 @@ class Subtracts(Brain):
     interpreter = _Subtracts
 
 
+class _ComparesWithTheKey(interpreter.Run):
+    """Compares with the key of a variable, where that is the second operand."""
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        a, b = super()._operands(operation)
+        return a, operation.value_b if operation.opt >= Opt.GREATER else b
+
+
+class ComparesWithTheKey(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _ComparesWithTheKey
+
+
 class PointBehind(Brain):
     """An address may have a point behind it."""
 
@@ -617,6 +631,7 @@ class PointBehind(Brain):
         (ShortestText, "T/5"),
         (Boundless, "4.21/3"),
         (Subtracts, "6.6a/12"),
+        (ComparesWithTheKey, "6.6a/14"),
         (LiteralsOfALanguage, "4.21/4"),
         (SmallPasswords, "4.2/4"),
         (PasswordBuffer, "4.2/4"),

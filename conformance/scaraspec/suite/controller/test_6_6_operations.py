@@ -140,6 +140,7 @@ def test_operands(subject: Subject, line: Line) -> None:
         If(variable(_X), Opt.LESS, variable(_Y), [], [Flip(_BAD)]),
         If(number(_X), Opt.LESS, number(_Y), [], [Flip(_BAD)]),
         If(variable(_X), Opt.EQUAL, number(_X), [Flip(_BAD)]),
+        If(number(60), Opt.EQUAL, variable(_Y), [], [Flip(_BAD)]),
         Flip(_GOOD),
     ]
     with bench(subject, line) as robot:
