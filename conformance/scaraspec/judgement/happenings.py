@@ -133,6 +133,7 @@ class Exchange:
         unsettled: That is not sure, or something changed between the two.
         scene_version: The scene's when it was asked.
         doubled: A request of the same opcode was unanswered when this one was sent.
+        pipelined: A request of any opcode was, and still had time for its answer.
         later_answered: While it was unanswered a later request was answered.
         overdue: So it was, and its own answer came after the reply time.
         stray: A reply that belonged to no request, and came while this one was unanswered.
@@ -164,6 +165,7 @@ class Exchange:
     unsettled: bool = False
     scene_version: int = 0
     doubled: bool = False
+    pipelined: bool = False
     later_answered: bool = False
     overdue: bool = False
     stray: FrameSeen | None = None

@@ -294,6 +294,8 @@ def _silence(x: Exchange, scene: Scene) -> Judged | None:
         return tolerated("jog_byte", option, message)
     if not x.later_answered:
         return unsure(f"nothing was answered any more from {x.name} on: the link may have died")
+    if x.pipelined:
+        return tolerated("pipelining", "one", f"{x.name} behind another request was not served")
     return None
 
 
