@@ -55,7 +55,7 @@ def test_passwords(subject: Subject, line: Line) -> None:
     """Passwords of many characters are logged in with, one after the other, with blanks too."""
 
     @example(" a b ")
-    @example("\"'\\%s{}<>&;#")
+    @example("\"'\\%s%%{}<>&;#")
     @example("0123456789012345678901234567890123456789")
     @given(st.text(_PRINTABLE, min_size=1, max_size=24))
     def each(password: str) -> None:

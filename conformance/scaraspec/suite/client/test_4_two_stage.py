@@ -17,6 +17,7 @@ from scaraspec.suite.as_controller.executing import (
     RESET,
     RUN,
     SIMULATE,
+    STOP,
     Order,
     beside,
     code_of,
@@ -263,14 +264,15 @@ def test_not_repeated_when_idle(subject: Subject, line: Line) -> None:
 @client_case("4/16", name="reconnected")
 def test_not_repeated_on_a_new_connection(subject: Subject, line: Line) -> None:
     """A request whose result was lost with the link is not sent again, nor said to be done."""
-    call = executing(subject, line, MOVE)
-    line.wait(_SHORT_S)
-    line.close()
-    again = subject.open()
-    again.wait(subject.silence_s)
-    _not_sent(again, MOVE)
-    message = "a move whose result was lost with the link is said to be done"
-    expect(not call.ok or call.failed, message, expected="an error", observed=f"{call}")
+    for order in (MOVE, STOP):
+        call = executing(subject, line, order)
+        line.wait(_SHORT_S)
+        line.close()
+        line = subject.open()
+        line.wait(subject.silence_s)
+        _not_sent(line, order)
+        message = f"{order.name} is said to be done, and its result was lost with the link"
+        expect(not call.ok or call.failed, message, expected="an error", observed=f"{call}")
 
 
 def _not_sent(line: Line, order: Order) -> None:

@@ -13,7 +13,7 @@ import pytest
 from scaraspec.cli.proving_client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
 from scaraspec.client.core import Event
-from scaraspec.client.exchange import Exchange, Listing
+from scaraspec.client.exchange import Exchange, Listing, Stage, TwoStage
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import (
@@ -410,6 +410,29 @@ class TakesLossForYes(ClientCore):
         return self._Sent(BY_NAME[name], value, self.dialect)
 
 
+class TakesLossForStopped(ClientCore):
+    """A stop that was executing when the connection ended is told as done."""
+
+    class _Sent(TwoStage):
+        def fail(self, problem: ClientError) -> None:
+            if isinstance(problem, LinkLost) and self.stage is Stage.EXECUTING:
+                self.settle(None)
+            else:
+                super().fail(problem)
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if name != "emergency_stop":
+            return super().command(name, value)
+        return self._Sent(BY_NAME[name], value, self.dialect)
+
+
+class FormatsPasswords(ClientCore):
+    """A password is a format of its own."""
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        return super().command(name, value.replace(b"%%", b"%") if name == "login" else value)
+
+
 class WritesNowhere(AsyncClient):
     """A download that cannot be written is told as done."""
 
@@ -420,11 +443,21 @@ class WritesNowhere(AsyncClient):
 
 
 @pytest.mark.parametrize(
-    ("make", "case"), [(TakesLossForYes, "3/33.flag"), (WritesNowhere, _REFUSED_THEN_SENT)]
+    ("make", "case"),
+    [
+        (TakesLossForYes, "3/33.flag"),
+        (TakesLossForStopped, "4/16.reconnected"),
+        (WritesNowhere, _REFUSED_THEN_SENT),
+    ],
 )
 def test_nothing_is_no_success(make: type[ClientCore] | type[AsyncClient], case: str) -> None:
     """Neither a missing reply nor a missing file is told as done."""
     assert tried(make, case.rpartition(".")[0])[case] is Verdict.FAIL
+
+
+def test_passwords_are_no_formats() -> None:
+    """Two percent signs in a password are two."""
+    assert tried(FormatsPasswords, "4.1/1")["4.1/1.passwords"] is Verdict.FAIL
 
 
 def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCore]:
