@@ -12,7 +12,7 @@ from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
-from scaraspec.suite.expect import NoAnswer, NotRun, expect, expect_in
+from scaraspec.suite.expect import NoAnswer, NotRun, expect, expect_equal, expect_in
 
 
 class Order(NamedTuple):
@@ -76,8 +76,10 @@ def run_at_will(subject: Subject, line: Line, order: Order) -> None:
     """
     call = subject.begin(order.name, **order.values)
     with subject.at_will():
-        line.serve(call, data=b"1", sent=order.values["name"].encode())
+        request = line.serve(call, data=b"1")
         line.result(order.name)
+        name = order.values["name"].encode()
+        expect_equal(request.seen.text, name, f"what {order.name} carries")
         finished(subject, call)
 
 

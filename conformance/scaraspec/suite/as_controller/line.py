@@ -169,7 +169,7 @@ class Line(Wire):
     def serve(
         self, call: Call, value: Any = YES, *, data: bytes | None = None, sent: bytes | None = None
     ) -> Answer:
-        """Await the request of an operation, and answer it.
+        """Await the request of an operation, and answer it, whatever it carries.
 
         Args:
             call: The operation.
@@ -182,10 +182,10 @@ class Line(Wire):
             Unmet: It carries something else.
         """
         request = self.request(call.name, call)
+        self.reply(call.name, value, data=data)
         if sent is not None:
             carried = request.seen.text if sent else request.frame.data  # NUL may end text (A-T-3)
             expect_equal(carried, sent, f"what {call.name} carries")
-        self.reply(call.name, value, data=data)
         return request
 
 

@@ -76,8 +76,8 @@ def _log_in(subject: Subject, line: Line, password: bytes) -> None:
     if sent_or_settled(subject, line, call) is None:
         return  # refused
     request = awaited(line, "login", call)
-    expect_carries(subject, request, "login", password)
     line.reply("login")
+    expect_carries(subject, request, "login", password)
     subject.done(call)
 
 

@@ -48,8 +48,9 @@ def test_numbers(subject: Subject, line: Line) -> None:
     def each(speed: int, wanted: Pose) -> None:
         call = subject.begin(_MOVE, speed=speed, **wanted._asdict())
         with subject.at_will():
-            expect_pose(subject, line.serve(call, data=b"1"), wanted, speed=speed)
+            request = line.serve(call, data=b"1")
             line.result(_MOVE)
+            expect_pose(subject, request, wanted, speed=speed)
             finished(subject, call)
 
     each()

@@ -433,6 +433,26 @@ class FormatsPasswords(ClientCore):
         return super().command(name, value.replace(b"%%", b"%") if name == "login" else value)
 
 
+class CutsTexts(ClientCore):
+    """Passwords, and the names of programs to run, have nine bytes at most."""
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        cut = value[:9] if name in ("login", "run_program") else value
+        return super().command(name, cut)
+
+
+def test_what_is_wrong_costs_no_time_out() -> None:
+    """A request that carries something else is answered all the same, and the next one sent."""
+    shell = type("Made", (AsyncClient,), {"core": CutsTexts})
+    with closing(MemoryClient(shell, DEFAULT)) as access:
+        options = Options(only=frozenset({"4.1/1", "4.15/1"}), allowed=ALL, examples=3)
+        begun_s = access.now_s
+        results = Run(ClientSetting(access, Statement(), options)).results()
+        assert access.now_s - begun_s < 1
+    verdicts = {case.id: case.verdict for case in results.cases}
+    assert verdicts["4.1/1.passwords"] is verdicts["4.15/1.names"] is Verdict.FAIL
+
+
 class WritesNowhere(AsyncClient):
     """A download that cannot be written is told as done."""
 
