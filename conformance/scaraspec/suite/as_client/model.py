@@ -115,6 +115,7 @@ class Model:
         self._constant: dict[str, bytes] = {}
         self._files: dict[bytes, bytes] = {}
         self._endless: list[bytes] = []
+        self._fetching: Line | None = None
         self._default: bytes | None = None
         self._centre: Point | None = None
         self._recentred = False
@@ -169,6 +170,7 @@ class Model:
             line = self._lines[0] = alive(self._subject, self._lines[0])
             if self._subject.moved:
                 quieten(self._subject, line)
+            self._settle_transfer(line)
             for name in self._files:
                 if not line.ask("delete_program", data=name).accepted and name == self._default:
                     self._let_go(name, line)
@@ -369,6 +371,7 @@ class Model:
     def _download(self, step: Step, line: Line) -> str | None:
         name = self._name(step)
         got, due = download(line, name), self._files.get(name)
+        self._fetching = line
         if due is None:
             message = f"{show(name)} is not there and was promised"
             expect(got is None, message, expected="0", observed="1", requirement="5.3/3")
@@ -384,6 +387,7 @@ class Model:
 
     def _delete(self, step: Step, line: Line) -> str | None:
         name = self._name(step)
+        self._settle_transfer(line)
         answer, there = line.ask("delete_program", data=name), name in self._files
         if there and not answer.accepted and name == self._default:  # A-4.11-1
             return f"delete {show(name)}, refused"
@@ -400,6 +404,15 @@ class Model:
         if name == self._default:
             self._default = None
         return f"delete {show(name)}"
+
+    def _settle_transfer(self, line: Line) -> None:
+        """Let a download be over for the subject, too, before another connection deletes its file.
+
+        The answer to the last chunk has no reply; a file in transfer may be kept (A-4.11-1).
+        """
+        fetching, self._fetching = self._fetching, None
+        if fetching not in (None, line) and not fetching.closed and fetching.ending is None:
+            fetching.fence()
 
     def _list_programs(self, _: Step, line: Line) -> str | None:
         listed = [name for name in program_names(self._subject, line) if name in self._names]

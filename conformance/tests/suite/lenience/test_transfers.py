@@ -19,6 +19,7 @@ from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, Stat
 
 Try = Callable[..., Any]
 
+_TURN_S = 0.01
 _HASTE = {"dialect": DEFAULT.replace(xfer_timeout="1"), "claimed": {"xfer_timeout"}}
 
 
@@ -131,6 +132,46 @@ class WritesSlowly(Brain):
 def test_an_answer_to_a_chunk_may_take_its_time(tried: Try) -> None:
     """It is waited for as long as the document says (L763)."""
     assert not tried(WritesSlowly, "5.2/6", "5.1/8").alarms
+
+
+class LooksInTurns(Brain):
+    """Looks after its connections every 10 ms, one behind the other: the last client's first."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._waiting: list[tuple[float, Session, Frame]] = []
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Let the answers to chunks wait, behind which nothing has come from this client."""
+        self._look(now_s, behind=session)
+        if frame.opcode == 0x56:
+            self._waiting.append((now_s, session, frame))
+        else:
+            super().handle(session, frame, now_s)
+
+    def _look(self, now_s: float, behind: Session | None = None) -> None:
+        waiting, self._waiting = self._waiting, []
+        for came_s, session, frame in waiting:
+            if session is behind or now_s >= came_s + _TURN_S:
+                super().handle(session, frame, now_s)
+            else:
+                self._waiting.append((came_s, session, frame))
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        self._look(now_s)
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When it looks again, too."""
+        times_s = [super().next_event_s, *(came_s + _TURN_S for came_s, *_ in self._waiting)]
+        return min((at_s for at_s in times_s if at_s is not None), default=None)
+
+
+def test_a_download_may_end_at_the_next_look(tried: Try) -> None:
+    """Until then another client's deletion is refused: the file is in transfer (A-4.11-1)."""
+    only = ("3/31", "5.2/12", "4.11/2")
+    assert not tried(LooksInTurns, *only, examples=20).alarms
 
 
 def test_an_answer_to_no_chunk_may_be_refused(tried: Try) -> None:
