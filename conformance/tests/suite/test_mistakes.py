@@ -4,6 +4,7 @@ Each by a case of a requirement that it violates.
 """
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -25,7 +26,7 @@ from scaraspec.protocol.commands import Point, RunningProgram
 from scaraspec.protocol.frames import Found, Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, NameListPart
-from scaraspec.protocol.programs import NodeType, Operation, Opt
+from scaraspec.protocol.programs import NodeType, Operation, Opt, Program
 
 Try = Callable[..., Any]
 
@@ -425,6 +426,22 @@ class GoesOn(Brain):
         return answer
 
 
+class WaitsOn(Brain):
+    """A program behind one that was stopped has half a second of its waits behind it already."""
+
+    last: interpreter.Run | None = None
+
+    def run_program(self, request: Request) -> Acceptance | Silence:
+        """Begin earlier."""
+        answer = super().run_program(request)
+        task, last = self.robot.task, self.last
+        if answer is ACCEPTED and task is not None and isinstance(task.act, interpreter.Run):
+            self.last = task.act
+            if last is not None and last.outcome is None:
+                task.act.next_event_s -= 0.5
+        return answer
+
+
 class ShortNamesHideLong(Brain):
     """A program whose name begins as another's is not listed."""
 
@@ -473,6 +490,23 @@ class LiteralsOfALanguage(Brain):
             fields = [b"0" if f in (b"NaN", b"Infinity") else f for f in frame.data.split(b"|")]
             frame = frame._replace(data=b"|".join(f.removesuffix(b"f") for f in fields))
         super().handle(session, frame, now_s)
+
+
+class _Overlooks(Brain):
+    """Of a gripper centre it overlooks something in the numbers."""
+
+    overlooked = b""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Take it away."""
+        if frame.opcode == 0x35:
+            frame = frame._replace(data=re.sub(self.overlooked, b"", frame.data))
+        super().handle(session, frame, now_s)
+
+
+def overlooks(pattern: bytes) -> type[Brain]:
+    """A controller that does."""
+    return type("Overlooks", (_Overlooks,), {"overlooked": pattern})
 
 
 class Boundless(Brain):
@@ -582,6 +616,19 @@ class ComparesWithTheKey(Brain):
     interpreter = _ComparesWithTheKey
 
 
+class KeepsPrograms(Brain):
+    """What a program does is found out once for each name."""
+
+    @cached_property
+    def programs(self) -> dict[bytes, Program]:
+        """What was found out."""
+        return {}
+
+    def _program(self, name: bytes) -> Program | None:
+        program = super()._program(name)
+        return program and self.programs.setdefault(name, program)
+
+
 class PointBehind(Brain):
     """An address may have a point behind it."""
 
@@ -608,6 +655,13 @@ class PointBehind(Brain):
         (no_nesting(NodeType.IF, NodeType.ENDIF), "6.5/24"),
         (no_nesting(NodeType.ELSE, NodeType.ENDIF), "6.5/24"),
         (FromTheBeginning, "6.5/23"),
+        (WaitsOn, "6.5/20"),
+        (KeepsPrograms, "6.5/19"),
+        (KeepsPrograms, "6.5/24"),
+        # The characters on both sides of the digits are none, and no sign stands behind them.
+        (overlooks(rb"/"), "4.20/4"),
+        (overlooks(rb":"), "4.20/4"),
+        (overlooks(rb"-(?=\||$)"), "4.20/4"),
         (SixteenBits, "4.24/9"),
         (GoesOn, "6.5/26"),
         (ShortNamesHideLong, "4.10/11"),

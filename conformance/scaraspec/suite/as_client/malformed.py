@@ -162,6 +162,9 @@ _NUMBER: Final = (
     _Class("suffix", _behind(b"f")),
     _Class("underscore", _underscore),
     _Class("two-signs", _before(b"--")),
+    _Class("sign-behind", _behind(b"-")),
+    _Class("below-zero", _before(b"/")),  # the characters on both sides of the digits
+    _Class("above-nine", _behind(b":")),
     _Class("sign-alone", _by(b"-")),
     _Class("point-alone", _by(b".")),
     _Class("nul-inside", _behind(b"\x001")),

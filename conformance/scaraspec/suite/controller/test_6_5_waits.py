@@ -78,7 +78,7 @@ def test_wait_of_no_time(subject: Subject, line: Line) -> None:
 
 @case("6.5/20", name="long", hazards=PROGRAMS)
 def test_long_wait(subject: Subject, line: Line) -> None:
-    """A wait of 200 seconds is not over at once."""
+    """A wait of 200 seconds is not over at once, and once stopped nothing of it is left."""
     find_out_whether_it_listens(subject, line)
     with bench(subject, line) as robot:
         robot.start(wait(_LONG_S))
@@ -90,6 +90,9 @@ def test_long_wait(subject: Subject, line: Line) -> None:
             expected="none",
             observed=f"{result}",
         )
+        robot.stop()
+        robot.start(wait(1))
+        _lasted(subject, robot, [1])
 
 
 def _lasted(subject: Subject, robot: Bench, waits: Sequence[int]) -> None:

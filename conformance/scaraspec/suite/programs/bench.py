@@ -58,10 +58,12 @@ class Bench:
         )
 
     def store(self, content: bytes) -> bytes:
-        """Upload a file in place of the one before; its name."""
-        if self._stored:  # there may be room for few (A-5-21)
-            self._line.ask("delete_program", self._stored)
-        self._stored = self._subject.new_name()
+        """Upload a file in place of the one before, under its name; its name.
+
+        Nothing of the one before may be left; there may be room for few, too (A-5-21).
+        """
+        if not self._stored or not self._line.ask("delete_program", self._stored).accepted:
+            self._stored = self._subject.new_name()
         upload(self._line, self._stored, content)
         return self._stored
 
