@@ -20,9 +20,11 @@ from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults.breaking import OtherInlet
 from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.inlet import Inlet
+from scaraspec.controller.robot import Task
 from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Point, RunningProgram
+from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Found, Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, NameListPart
@@ -442,6 +444,60 @@ class WaitsOn(Brain):
         return answer
 
 
+class StopsLater(Brain):
+    """A stop that is not needed stops what begins next."""
+
+    stopped = False
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        """Keep it."""
+        answer = super().emergency_stop(request)
+        self.stopped = not answer.accepted
+        return answer
+
+    def run_program(self, request: Request) -> Acceptance | Silence:
+        """Obey it."""
+        answer = super().run_program(request)
+        if answer is ACCEPTED and self.stopped and isinstance(self.robot.task, Task):
+            self.stopped = False
+            task = self.robot.stop(request.now_s)
+            assert task is not None
+            self.emit(request.session, Frame(C2A, request.frame.opcode, b"1"))
+            self.conclude(task.request, task.stopped)
+            return SILENCE
+        return answer
+
+
+class SameLetters(Brain):
+    """Names are told apart by the sum of their characters."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Take one for the other."""
+        if frame.opcode in (0x0C, 0x54):
+            like = (name for name in self.store.names() if sorted(name) == sorted(frame.data))
+            frame = frame._replace(data=next(like, frame.data))
+        super().handle(session, frame, now_s)
+
+
+class DefaultPlace(SendsAfterTheEnd):
+    """The default program is a place in the store: who comes to it next inherits it."""
+
+    heir = False
+
+    def delete_program(self, request: Request) -> bool:
+        """Leave the place."""
+        before = self.store.settings.default_program
+        deleted: bool = super().delete_program(request)
+        self.heir = self.heir or (deleted and before == request.value)
+        return deleted
+
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sends it
+        """Take it."""
+        if self.heir:
+            self.heir = False
+            self.save(default_program=name)
+
+
 class ShortNamesHideLong(Brain):
     """A program whose name begins as another's is not listed."""
 
@@ -658,6 +714,10 @@ class PointBehind(Brain):
         (WaitsOn, "6.5/20"),
         (KeepsPrograms, "6.5/19"),
         (KeepsPrograms, "6.5/24"),
+        (StopsLater, "4.15/5"),
+        (SameLetters, "4.11/4"),
+        (SameLetters, "5.3/3"),
+        (DefaultPlace, "4.12/4"),
         # The characters on both sides of the digits are none, and no sign stands behind them.
         (overlooks(rb"/"), "4.20/4"),
         (overlooks(rb":"), "4.20/4"),

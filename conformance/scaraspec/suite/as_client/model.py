@@ -1,9 +1,9 @@
 """Model: what a subject has to be like after all that it was asked, step by step.
 
 What it was told is remembered: files, settings, outputs, what executes. A step that has no meaning
-where it stands, as stopping a robot that is idle, is passed over, so that whatever is left of a
-sequence is a sequence again. What may be refused for a listed reason is taken from the reply, and
-nothing is expected where the document leaves the outcome open.
+where it stands, as asking for a default program before one was named, is passed over, so that
+whatever is left of a sequence is a sequence again. What may be refused for a listed reason is taken
+from the reply, and nothing is expected where the document leaves the outcome open.
 """
 
 from collections.abc import Callable, Sequence
@@ -53,6 +53,7 @@ from scaraspec.suite.as_client.tasks import (
     accepted,
     done,
     offered,
+    stop_nothing,
 )
 from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
 from scaraspec.suite.programs.layout import configured, layout_in_use
@@ -595,9 +596,12 @@ class Model:
         self._running = None
         return True
 
-    def _stop(self, _step: Step, _line: Line) -> str | None:
+    def _stop(self, _step: Step, line: Line) -> str | None:
         """On the connection that began it: the others are told of no result."""
-        if not self._running or self._is_over(within_s=0):
+        if not self._running:
+            stop_nothing(self._subject, line)
+            return "stop nothing"
+        if self._is_over(within_s=0):
             return None
         command, _name, owner = self._running
         answer = stop(self._subject, owner)

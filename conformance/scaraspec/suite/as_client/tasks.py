@@ -420,6 +420,17 @@ _BEGIN: Final[Mapping[str, _Begin]] = {
 # ---------------------------------------------------------------------- ending
 
 
+def stop_nothing(subject: Subject, line: Line) -> None:
+    """Stop a robot that is idle: that is refused, or done at once (A-4.17-1), and stops nothing.
+
+    What begins afterwards goes on.
+    """
+    subject.moved = True
+    if STOP not in subject.statement.lacks and line.ask(STOP).accepted:
+        finish(subject, line, STOP)
+        quieten(subject, line)
+
+
 def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = None) -> Answer:
     """Wait for a final result until the subject is idle, and a moment longer.
 

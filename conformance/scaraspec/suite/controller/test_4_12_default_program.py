@@ -86,6 +86,7 @@ def test_none(subject: Subject, line: Line) -> None:
         if not line.ask("delete_program", name).accepted:
             raise NotRun("the default program cannot be deleted (A-4.11-1)")
         subject.created.remove(name)
+        store_program(subject, line)  # which nobody has named, wherever it is put
         for reply in _told(subject, line):
             expect(
                 reply.value in (b"", name),

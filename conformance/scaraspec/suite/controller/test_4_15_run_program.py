@@ -19,6 +19,7 @@ from scaraspec.suite.as_client.tasks import (
     lasting,
     offered,
     start_program,
+    stop_nothing,
     stored,
     stored_as,
 )
@@ -127,8 +128,12 @@ def test_stored_programs_run(subject: Subject, line: Line) -> None:
 
 @case("4.15/5", hazards=_MOTION)
 def test_end_of_a_run(subject: Subject, line: Line) -> None:
-    """A run ends with "11" when its program does, not before: the status is 01 until then."""
+    """A run ends with "11" when its program does, not before: the status is 01 until then.
+
+    Of a stop that came before it nothing is left.
+    """
     attentive(subject, line)
+    stop_nothing(subject, line)
     begun = start_program(subject, line, RUN, seconds=1)
     line.wait(0.2)
     if line.ask("get_status").value == "01":

@@ -93,9 +93,13 @@ def test_file_that_is_not_there(subject: Subject, line: Line) -> None:
 
 @case("5.3/3", name="deleted", hazards=(Hazard.STATE,))
 def test_deleted_file(subject: Subject, line: Line) -> None:
-    """A file that was deleted is answered 0, also where it was fetched before."""
+    """A file that was deleted is answered 0, also where it was fetched before.
+
+    One of which the name has the same letters was never there.
+    """
     name = subject.new_name()
     upload(line, name, _CONTENT)
+    _absent(line, name[1::-1] + name[2:], "a file with another name was promised")
     expect_stored(line, name, _CONTENT)
     delete(line, name)
     _absent(line, name, "a file that was deleted was promised")
