@@ -133,7 +133,8 @@ class Exchange:
         unsettled: That is not sure, or something changed between the two.
         scene_version: The scene's when it was asked.
         doubled: A request of the same opcode was unanswered when this one was sent.
-        pipelined: A request of any opcode was, and still had time for its answer.
+        pipelined: A request of any opcode was, in an earlier segment, and still had time for its
+            answer.
         later_answered: While it was unanswered a later request was answered.
         overdue: So it was, and its own answer came after the reply time.
         stray: A reply that belonged to no request, and came while this one was unanswered.

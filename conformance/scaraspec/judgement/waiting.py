@@ -52,7 +52,7 @@ class Waiting:
         time_ns, request, name = exchange.time_ns, exchange.request, exchange.name
         limit_ns = self._chunk_ns if name in _CHUNKS else self.reply_ns
         open_ = self.asked_by(request.frame.direction)
-        exchange.pipelined = any(older.time_ns + self.reply_ns >= time_ns for older in open_)
+        exchange.pipelined = any(0 < time_ns - older.time_ns <= self.reply_ns for older in open_)
         for older in [e for e in self._open if e.name == name]:
             if request.certain and not older.exchange.request.certain:
                 yield self._drop(older, Ending.UNSEEN)  # perhaps it was no request

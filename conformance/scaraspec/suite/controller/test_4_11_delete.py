@@ -150,7 +150,7 @@ def test_missing(subject: Subject, line: Line) -> None:
         name[1:],
         stem + b"*" + dot + extension,
         stem[:-1] + b"?" + dot + extension,
-        name[1::-1] + name[2:],  # of the same letters
+        name[:1] + name[2:0:-1] + name[3:],  # of the same letters, and nobody's
     ):
         line = _expect_refused(
             subject, line, Malformed("a program that is not stored", wrong), "4.11/4"
