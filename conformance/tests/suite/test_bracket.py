@@ -103,6 +103,31 @@ def test_a_subject_that_a_case_kills(trial: Try) -> None:
     assert results.verdict is Conclusion.NONCONFORMANT
 
 
+class Reboots(Brain):
+    """Asked for its version, it answers nothing for twelve seconds."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Serve, or not."""
+        if frame.opcode == 0x08:
+            self.back_s = now_s + 12
+        if now_s >= self.back_s:
+            super().handle(session, frame, now_s)
+
+    back_s = 0.0
+
+
+def test_what_comes_back_is_put_back(trial: Try) -> None:
+    """Who has crashed is not left as the cases before made him, if he comes back in time."""
+    results = trial(
+        "from scaraspec.protocol.commands import Point\n\n"
+        "@case('4.20/3')\ndef test_one(line):\n"
+        "    line.ask('set_gripper_center', Point(1, 2, 3))\n    line.send('get_version')\n",
+        Reboots,
+    )
+    assert only(results, "4.20/3").verdict is Verdict.FAIL
+    assert {case.id for case in results.cases} == {"4.20/3"}
+
+
 class StaysAtFault(Brain):
     """Its arm is out of range, whatever is done about it."""
 

@@ -16,11 +16,13 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.clock import shifted
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, STEM, Subject
-from scaraspec.suite.expect import Undecided, Unmet, expect
+from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
 from scaraspec.suite.programs.listed import program_names
 
 _CLOCK_SLACK_S: Final = 2
 _HALF_S: Final = 0.5
+_COMES_BACK_S: Final = 10
+_ONCE_MORE_S: Final = 1
 _NS: Final = 1_000_000_000
 _BUFFERS_BYTES: Final = (64, 63, 32, 31, 30, 20, 16, 15, 10, 8)
 _REFUSED_PERHAPS: Final = ("default program", "initial tool position")
@@ -73,9 +75,7 @@ def restore(subject: Subject, state: Mapping[str, Any]) -> list[str]:
     """
     problems = []
     try:
-        restore_password(subject)
-        subject.settle()
-        line = subject.open()
+        line = _reached(subject)
     except (Unmet, Undecided) as error:
         return [f"nothing could be put back: {error}"]
     for item in ITEMS:
@@ -88,6 +88,26 @@ def restore(subject: Subject, state: Mapping[str, Any]) -> list[str]:
             problems.append(f"the {item.name} could not be put back to {wanted}: {error}")
     line.close()
     return problems
+
+
+def _reached(subject: Subject) -> Line:
+    """A connection to the subject at rest; who has just crashed has time to come back.
+
+    Raises:
+        Unmet: It cannot be reached.
+        Undecided: It does not come to rest.
+    """
+    begun_ns = subject.now_ns
+    while True:
+        try:
+            restore_password(subject)
+            subject.settle()
+            return subject.open()
+        except NoAnswer:
+            if subject.now_ns - begun_ns > _COMES_BACK_S * _NS:
+                raise
+        subject.close_lines()
+        subject.pause(_ONCE_MORE_S)
 
 
 def load(path: Path) -> dict[str, Any]:
