@@ -10,7 +10,10 @@ from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.strategies import names
 
-_NAMES: Final = (b"a", b"PRO1.TXT", b"pro1", b"my program.rob", b"pro1.2.txt", b"0123456789" * 3)
+_NAMES: Final = (
+    *(b"a", b"PRO1.TXT", b"pro1", b"my program.rob", b"pro1.2.txt", b"0123456789" * 3),
+    *(b"100%%d.rob", b"~it's.rob"),
+)
 
 
 @client_case("4.11/1", attended=True)

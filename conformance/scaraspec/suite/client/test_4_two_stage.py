@@ -9,6 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol import errors
+from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.executing import (
     JOG,
     MOVE,
@@ -330,7 +331,7 @@ def test_bare_refusal(subject: Subject, line: Line) -> None:
 
 @client_case("4/13", "4/12", name="unknown")
 def test_unknown_codes(subject: Subject, line: Line) -> None:
-    """A code that table 8-1 does not have, or reserves, makes neither stage a success."""
+    """A code that table 8-1 does not have, or reserves, is neither a success nor another code."""
 
     @example("")
     @given(st.text("0123456789ABCDEFabcdef", min_size=2, max_size=2))
@@ -338,13 +339,26 @@ def test_unknown_codes(subject: Subject, line: Line) -> None:
         call = ordered(subject, line, RUN)
         line.reply(RUN.name, data=b"0|" + code.encode())
         refused(subject, call, requirement="4/13")
+        _tells_no_other(call, code)
         call = executing(subject, line, JOG)
         line.result(JOG.name, data=b"00|" + code.encode())
         failed(subject, call, requirement="4/12")
+        _tells_no_other(call, code)
 
     for code in _UNKNOWN:
         each = example(code)(each)
     each()
+
+
+def _tells_no_other(call: Call, code: str) -> None:
+    said = (code_of(call) or "").upper()
+    expect(
+        said == code.upper() or said not in _CODES,
+        "a code that is unknown is told as another one",
+        expected=code,
+        observed=said,
+        requirement="T/9",
+    )
 
 
 # Codes

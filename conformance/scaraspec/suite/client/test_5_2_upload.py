@@ -326,7 +326,7 @@ def test_large_files(subject: Subject, line: Line, size: int, filling: bytes) ->
 @client_case("5.2/20")
 @given(content=st.binary(min_size=1, max_size=500))
 @example(content=bytes(range(256)))
-@example(content=b"\r\n".join([b"line"] * 60) + b"\n\r\n")
+@example(content=b"\r\n".join([b"line"] * 60) + b"\n\n\r\n")
 @example(content=b"\xef\xbb\xbfwith a mark\x1aand an end\x1a\x04")
 @example(content=b"  blanks and zeros \t\n\0\0\0")
 @example(content="控制层".encode("gb18030") * 50)

@@ -32,6 +32,7 @@ _NUMBERS: Final = (
     b"-0.5|-300|0",
     b"0.001|-0.001|0.0",
     b"100000|-12345.6|12345.678",
+    b"1.001|-4.35|0.29",  # which binary fractions keep a little too small
     b"-0|0|-0.0",
 )
 _STEMS: Final = ("程序", "猪", "é", "программа")

@@ -12,7 +12,7 @@ import pytest
 
 from scaraspec.cli.proving_client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
-from scaraspec.client.core import Event
+from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, Event
 from scaraspec.client.exchange import Exchange, Listing, Stage, TwoStage
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.judgement.verdicts import Verdict
@@ -426,11 +426,27 @@ class TakesLossForStopped(ClientCore):
         return self._Sent(BY_NAME[name], value, self.dialect)
 
 
-class FormatsPasswords(ClientCore):
-    """A password is a format of its own."""
+class Formats(ClientCore):
+    """A text is a format of its own."""
 
     def command(self, name: str, value: Any = None) -> Exchange:
-        return super().command(name, value.replace(b"%%", b"%") if name == "login" else value)
+        if isinstance(value, bytes):
+            value = value.replace(b"%%", b"%")
+        return super().command(name, value)
+
+
+class SkipsEmptyLines(ClientCore):
+    """Files are sent, and written, without the lines that hold nothing."""
+
+    class _Kept(Download):
+        def settle(self, value: Any) -> None:
+            super().settle(value.replace(b"\n\n", b"\n"))
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        return super().upload(name, content.replace(b"\n\n", b"\n"))
+
+    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
+        return self._Kept(name, limit_bytes, self.dialect)
 
 
 class CutsTexts(ClientCore):
@@ -475,9 +491,20 @@ def test_nothing_is_no_success(make: type[ClientCore] | type[AsyncClient], case:
     assert tried(make, case.rpartition(".")[0])[case] is Verdict.FAIL
 
 
-def test_passwords_are_no_formats() -> None:
-    """Two percent signs in a password are two."""
-    assert tried(FormatsPasswords, "4.1/1")["4.1/1.passwords"] is Verdict.FAIL
+@pytest.mark.parametrize(
+    ("make", "requirement", "name"),
+    [
+        (Formats, "4.1/1", ".passwords"),
+        (Formats, "4.11/1", ".names"),
+        (SkipsEmptyLines, "5.2/20", ""),
+        (SkipsEmptyLines, "5.3/11", ".content"),
+    ],
+)
+def test_nothing_is_tidied_up(
+    make: type[ClientCore] | type[AsyncClient], requirement: str, name: str
+) -> None:
+    """Two percent signs are two, and an empty line is a line."""
+    assert tried(make, requirement)[requirement + name] is Verdict.FAIL
 
 
 def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCore]:
@@ -497,6 +524,11 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
     [
         ("simulate_program", b"1", "run_program", b"1", "3/33.flag"),
         ("set_tool_coordinates", b"0", "set_tool_coordinates", b"0|05", "4/13.bare"),
+        ("run_program", b"0|21", "run_program", b"0|1F", "4/13.unknown"),
+        (
+            *("get_gripper_center", b"1.001|-4.35|0.29", "get_gripper_center"),
+            *(b"1.000|-4.34|0.28", "T/9.numbers"),
+        ),
         ("get_analog_input", b"1|65535", "get_analog_input", b"1|-1", "4.33/4.values"),
         ("upload_chunk", b"", "upload_chunk", b"1", "5.2/19.odd-answers"),
         ("get_default_program", b"1.rob", "get_default_program", b".rob", "T/9.default-program"),
@@ -505,7 +537,7 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
 def test_what_is_told_is_what_was_sent(
     name: str, data: bytes, other: str, taken: bytes, case: str
 ) -> None:
-    """Another's reply, an earlier code, 16 bits with a sign, nothing, and a name are told apart."""
+    """Another's reply, another code, cut decimals, 16 bits, nothing, and a name are told apart."""
     assert tried(misreads(name, data, other, taken), case.rpartition(".")[0])[case] is Verdict.FAIL
 
 
