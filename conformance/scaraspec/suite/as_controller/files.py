@@ -455,24 +455,26 @@ class Download:
         self._subject.tolerate("5.3/11", "A-5-12", "keep", message)
 
 
-def fetch(subject: Subject, line: Line) -> Download:
+def fetch(subject: Subject, line: Line, remote: str = "") -> Download:
     """Order a download, and promise the file.
 
     Raises:
         Unmet: Its name does not come.
     """
-    download = Download(subject, line)
+    download = Download(subject, line, remote)
     download.promise()
     return download
 
 
-def serve(subject: Subject, line: Line, content: bytes, requirement: str = "5.3/11") -> None:
+def serve(
+    subject: Subject, line: Line, content: bytes, requirement: str = "5.3/11", remote: str = ""
+) -> None:
     """Let the client download a file, and compare what it has then.
 
     Raises:
         Unmet: It has not got it.
     """
-    download = fetch(subject, line)
+    download = fetch(subject, line, remote)
     for chunk in chunks_of(content):
         download.give(chunk)
     download.expect_done(requirement)

@@ -128,9 +128,13 @@ def _recovered(subject: Subject, line: Line, download: Download, count: int) -> 
 
 @client_case("5.4/6", name="upload")
 def test_served_after_a_broken_upload(subject: Subject, line: Line) -> None:
-    """After an upload that was refused, at its name or a chunk, the link serves all else."""
+    """After an upload that was refused, at its name or a chunk, the link serves all else.
+
+    What broke off is sent once more, and begins anew.
+    """
     for count in (None, 0, 2):
-        upload = Upload(subject, line, _WHOLE)
+        name = "" if count is None else f"again{count}.rob"
+        upload = Upload(subject, line, _WHOLE, name)
         if count is None:
             line.reply("upload_name", value=False)
             upload.expect_failed()
@@ -139,27 +143,32 @@ def test_served_after_a_broken_upload(subject: Subject, line: Line) -> None:
             for _ in range(count):
                 upload.take(upload.next_chunk().length)
             upload.refuse(upload.next_chunk())
-        line = _next_transfers(subject, line, "a refused upload")
+        line = _next_transfers(subject, line, "a refused upload", sent=name)
 
 
 @client_case("5.4/6", name="download")
 def test_served_after_a_broken_download(subject: Subject, line: Line) -> None:
-    """After a download that was refused or broke off in any way, the link serves all else."""
+    """After a download that was refused or broke off in any way, the link serves all else.
+
+    What broke off is asked for once more, and begins anew.
+    """
     download = Download(subject, line)
     line.reply("download_name", value=False)
     expect_failed(subject, download.call)
     line = _next_transfers(subject, line, "a refused download")
     for bad in (Chunk(650, 200, 0, b""), Chunk(650, 200, 201, bytes(200)), _CHUNKS[3]):
-        download = fetch(subject, line)
+        download = fetch(subject, line, "again.rob")
         download.give(_CHUNKS[0])
         download.offer(bad)
         expect_failed(subject, download.call)
-        line = _next_transfers(subject, line, "a broken download")
+        line = _next_transfers(subject, line, "a broken download", fetched="again.rob")
 
 
-def _next_transfers(subject: Subject, line: Line, what: str) -> Line:
-    """The connection, once it has served a status, an upload and a download."""
+def _next_transfers(
+    subject: Subject, line: Line, what: str, *, sent: str = "", fetched: str = ""
+) -> Line:
+    """The connection, once it has served a status, an upload and a download, by these names."""
     line = serving(subject, line, what)
-    take(subject, line, _WHOLE)
-    serve(subject, line, _WHOLE, "5.4/6")
+    take(subject, line, _WHOLE, sent)
+    serve(subject, line, _WHOLE, "5.4/6", fetched)
     return line

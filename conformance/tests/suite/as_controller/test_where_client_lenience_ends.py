@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import closing, suppress
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -489,6 +490,40 @@ class WritesNowhere(AsyncClient):
 def test_nothing_is_no_success(make: type[ClientCore] | type[AsyncClient], case: str) -> None:
     """Neither a missing reply nor a missing file is told as done."""
     assert tried(make, case.rpartition(".")[0])[case] is Verdict.FAIL
+
+
+class Resumes(ClientCore):
+    """What of a file had been moved when its transfer broke off is kept for the next one."""
+
+    class _Kept(Download):
+        kept = b""
+
+        def settle(self, value: Any) -> None:
+            super().settle(self.kept + value)
+
+    @cached_property
+    def _begun(self) -> dict[bytes, Upload | Download]:
+        return {}
+
+    def _moved_bytes(self, name: bytes) -> int:
+        return self._begun[name].moved_bytes if name in self._begun else 0
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        upload = super().upload(name, content[self._moved_bytes(name) :])
+        self._begun[name] = upload
+        return upload
+
+    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
+        download = self._Kept(name, limit_bytes, self.dialect)
+        download.kept = bytes(self._moved_bytes(name))
+        self._begun[name] = download
+        return download
+
+
+@pytest.mark.parametrize("name", ["upload", "download"])
+def test_what_broke_off_begins_anew(name: str) -> None:
+    """No part of the first try is taken for one of the second."""
+    assert tried(Resumes, "5.4/6")[f"5.4/6.{name}"] is Verdict.FAIL
 
 
 @pytest.mark.parametrize(
