@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -20,7 +20,7 @@ from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults.breaking import OtherInlet
 from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.inlet import Inlet
-from scaraspec.controller.robot import Task
+from scaraspec.controller.robot import DONE, Task
 from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Point, RunningProgram
@@ -28,7 +28,14 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Found, Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, NameListPart
-from scaraspec.protocol.programs import NodeType, Operation, Opt, Program
+from scaraspec.protocol.programs import (
+    NodeType,
+    Operation,
+    Opt,
+    Program,
+    ResultType,
+    ValueType,
+)
 
 Try = Callable[..., Any]
 
@@ -468,6 +475,90 @@ class StopsLater(Brain):
         return answer
 
 
+class BusyLater(Brain):
+    """Only at the next instant it knows that a command executes."""
+
+    def lock_joints(self, request: Request) -> Acceptance | Silence:
+        """Lock the joints all the same."""
+        task = self.robot.task
+        if task is None or task.request.now_s != request.now_s:
+            return super().lock_joints(request)
+        self.emit(request.session, Frame(C2A, request.frame.opcode, b"1"))
+        self.conclude(request, DONE)
+        return SILENCE
+
+
+class SilenceByTheClock(Brain):
+    """Takes the time of day for the time that passes: an upload ends when the clock is set."""
+
+    def set_time(self, request: Request) -> bool:
+        """Give up what has lasted for so long."""
+        self.abandon(request.session)
+        was_set: bool = super().set_time(request)
+        return was_set
+
+
+class DeletesUploads(Brain):
+    """A deletion ends the uploads that are under way."""
+
+    def delete_program(self, request: Request) -> bool:
+        """End them."""
+        for session in self.sessions.values():
+            self.abandon(session)
+        return super().delete_program(request)
+
+
+class LongFilesReachOver(SendsAfterTheEnd):
+    """A file of more than 50,000 bytes is written over the beginning of the one before."""
+
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sends it
+        """Spoil it."""
+        before = max((other for other in self.store.names() if other < name), default=b"")
+        if before and len(self.store.read(name)) > 50_000:
+            content = self.store.read(before)
+            self.remove(before)
+            self.store.write(before, b"!" + content[1:])
+
+
+class _OneBuffer(interpreter.Run):
+    """What was sent last is what runs on."""
+
+    latest: ClassVar[Program | None] = None
+
+    def _step(self, now_s: float) -> None:
+        if self.latest is not None:
+            self._program, type(self).latest = self.latest, None
+        super()._step(now_s)
+
+
+class RunsWhatComes(SendsAfterTheEnd):
+    """A program that is sent while another one runs takes its place in memory."""
+
+    interpreter = _OneBuffer
+
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sends it
+        """Let it."""
+        if self.robot.task is not None:
+            _OneBuffer.latest = self.understood(self.store.read(name))
+
+
+class _InPlace(interpreter.Run):
+    """Writes A into the result before it looks at B."""
+
+    def _compute(self, operation: Operation) -> None:
+        if operation.result_type == ResultType.CALCULATION:
+            a, _ = self._operands(operation)
+            self._variables[operation.result] = a
+            operation = replace(operation, value_a_type=ValueType.NUMBER, value_a=a)
+        super()._compute(operation)
+
+
+class InPlace(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _InPlace
+
+
 class SameLetters(Brain):
     """Names are told apart by the sum of their characters."""
 
@@ -715,6 +806,11 @@ class PointBehind(Brain):
         (KeepsPrograms, "6.5/19"),
         (KeepsPrograms, "6.5/24"),
         (StopsLater, "4.15/5"),
+        (SilenceByTheClock, "5.4/8"),
+        (DeletesUploads, "5.4/8"),
+        (LongFilesReachOver, "5.2/12"),
+        (RunsWhatComes, "6.5/19"),
+        (InPlace, "6.6a/14"),
         (SameLetters, "4.11/4"),
         (SameLetters, "5.3/3"),
         (DefaultPlace, "4.12/4"),
@@ -770,6 +866,8 @@ def test_it_is_found(tried: Try, brain: type[Brain], requirement: str) -> None:
         (ForgetsItsDefault, "4.12/4", "4.13/3"),
         (HasNoTimeForSettings, "4.13/6", "4.13/3"),
         (OneProgram, "4.13/6", "4.13/3"),
+        # A robot is busy from the request on, not from its next look at what it does.
+        (BusyLater, "3/30", "4/6"),
         # Whether a robot is free again is seen by a case that accepts runs, too.
         (DiesWithItsClient, "4.15/4", "4/15"),
         # What one client has begun ends with a result, whoever else comes and goes.

@@ -154,17 +154,22 @@ def test_upload_in_one_segment(subject: Subject, line: Line) -> None:
     expect_stored(line, name, content, requirement="3/30")
 
 
-@case("3/30", name="stop", hazards=_MOTION)
+@case("3/30", "4/6", name="stop", hazards=_MOTION)
 def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
-    """One segment brings a jog and an emergency stop: first it moves, then it stands."""
+    """One segment brings a jog, a lock and an emergency stop: it moves, is busy, and stands."""
     _takes_several(subject)
     has(subject, "jog", "emergency_stop")
     with returning(subject, line):
         jog_somewhere(subject, line)  # finds out in which notation (A-4.28-1)
         stop(subject, line)
+        queues = subject.dialect["busy_reply"] == "queue"
+        between: list[tuple[str, object]] = [("lock_joints", None)]
+        if queues or "lock_joints" in subject.statement.lacks:
+            between.clear()
         for direction in JogDirection:
-            _send_together(line, [("jog", direction), ("emergency_stop", None)])
+            _send_together(line, [("jog", direction), *between, ("emergency_stop", None)])
             jog, stopped = line.reply("jog"), line.reply("emergency_stop")
+            locked = jog.accepted and _locked_between(line, jog, stopped)
             if stopped.accepted:
                 finish(subject, line, "emergency_stop")  # until then the arm may slow down
             status = line.ask("get_status").value
@@ -179,6 +184,26 @@ def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
             expected="1, and a status other than 04",
             observed=f"{stopped}, and {status}",
         )
+        expect(
+            not locked,
+            "a lock that came behind a jog was accepted",
+            expected="0|04, or silence",
+            observed="1",
+            requirement="4/6",
+        )
+
+
+def _locked_between(line: Line, jog: Answer, stopped: Answer) -> bool:
+    """Whether a lock was accepted between a jog and its stop, and before anything had ended."""
+    between = range(jog.seen.place.offset_bytes, stopped.seen.place.offset_bytes)
+    for seen in line.heard:
+        if seen.place.offset_bytes not in between:
+            continue
+        if seen.frame.tagged:
+            return False
+        if seen.name == "lock_joints" and Answer(seen, seen.value).accepted:
+            return True
+    return False
 
 
 def _send_together(line: Line, requests: Sequence[tuple[str, object]]) -> None:

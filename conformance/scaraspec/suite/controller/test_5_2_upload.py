@@ -36,6 +36,7 @@ from scaraspec.suite.strategies import NAME_CHARACTERS
 
 _MOST = 2**32 - 1
 _LARGEST = 70_000
+_NEIGHBOUR = content_of(250)
 _DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
 _BEGINNING_OTHERWISE: Final = ((3, 12, 100), (16, 99), (215,))
 """Sizes of segments that cut a chunk of AA CC AA CC ... so that later ones begin with AA, with CC,
@@ -503,7 +504,14 @@ def test_any_size(subject: Subject, line: Line, size: int) -> None:
 
 
 def _large(subject: Subject, line: Line, size: int) -> None:
-    """Send a large file and fetch it; if there is no room for it, the first chunk says so."""
+    """Send a large file and fetch it; if there is no room for it, the first chunk says so.
+
+    It is put between two others, which stay as they are.
+    """
+    neighbours, between = [subject.new_name(), subject.new_name()], subject.new_name()
+    for each in (neighbours[0], between, neighbours[1]):
+        upload(line, each, _NEIGHBOUR)
+    delete(line, between)
     name, content = subject.new_name(), content_of(size)
     begin(line, name)
     first, *others = chunks_of(content)
@@ -514,6 +522,8 @@ def _large(subject: Subject, line: Line, size: int) -> None:
         send(line, chunk, "5.2/16")
     expect_stored(line, name, content, "5.2/16")
     nothing_more(line, "something followed on a large file", "5.2/16")
+    for each in neighbours:
+        expect_stored(line, each, _NEIGHBOUR)
 
 
 def _expect_too_large(subject: Subject, line: Line, size: int) -> None:
@@ -527,25 +537,25 @@ def _expect_too_large(subject: Subject, line: Line, size: int) -> None:
     subject.tolerate("5.2/16", "A-5-25", "no room", f"there is no room for {size} bytes")
 
 
-@case("5.2/16", name="51200")
+@case("5.2/16", "5.2/12", name="51200")
 def test_size_51200(subject: Subject, line: Line) -> None:
     """A file of 256 full chunks arrives intact."""
     _large(subject, line, 51_200)
 
 
-@case("5.2/16", name="65535")
+@case("5.2/16", "5.2/12", name="65535")
 def test_size_65535(subject: Subject, line: Line) -> None:
     """The largest file whose size fits 16 bits arrives intact."""
     _large(subject, line, 65_535)
 
 
-@case("5.2/16", name="65536")
+@case("5.2/16", "5.2/12", name="65536")
 def test_size_65536(subject: Subject, line: Line) -> None:
     """The smallest file whose size does not fit 16 bits arrives intact."""
     _large(subject, line, 65_536)
 
 
-@case("5.2/16", name="70000")
+@case("5.2/16", "5.2/12", name="70000")
 def test_size_70000(subject: Subject, line: Line) -> None:
     """A file whose positions do not fit 16 bits arrives intact."""
     _large(subject, line, _LARGEST)

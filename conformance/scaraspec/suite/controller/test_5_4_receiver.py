@@ -5,11 +5,13 @@ a chunk that is refused, by the error signal of L787, by silence.
 """
 
 from collections.abc import Callable
+from datetime import timedelta
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import Chunk, chunks_of
+from scaraspec.suite.as_client.clock import read, shifted
 from scaraspec.suite.as_client.files import (
     CHUNK_S,
     again,
@@ -28,6 +30,7 @@ from scaraspec.suite.as_client.files import (
     transfer_frames,
     upload,
 )
+from scaraspec.suite.as_client.keeping import kept
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.timeouts import Track, run_tracks, uploads_at_once
@@ -40,6 +43,7 @@ from scaraspec.suite.limits import Limits, Silence, limits_of
 _CONTENT = content_of(650)
 _CHUNKS = tuple(chunks_of(_CONTENT))
 _POLL_S = 0.5
+_AHEAD = timedelta(hours=1)
 
 
 # The name
@@ -419,15 +423,27 @@ def _others(subject: Subject, line: Line) -> None:
 
 @case("5.4/8", name="upload")
 def test_commands_during_an_upload(subject: Subject, line: Line) -> None:
-    """Between the chunks of an upload other commands are answered, and the file arrives whole."""
-    name = subject.new_name()
+    """Between the chunks of an upload other commands are answered, and the file arrives whole.
+
+    The clock may be set ahead meanwhile: that is no silence. Another file may be deleted.
+    """
+    name, other = subject.new_name(), subject.new_name()
+    upload(line, other, _CONTENT)
+    with kept(subject, line, "clock"):
+        _upload_among_others(subject, line, name, other)
+    expect_stored(line, name, _CONTENT, "5.4/8")
+
+
+def _upload_among_others(subject: Subject, line: Line, name: bytes, other: bytes) -> None:
     begin(line, name)
     for chunk in _CHUNKS:
         _others(subject, line)
+        line.ask("delete_program", data=other)
+        if {"get_time", "set_time"}.isdisjoint(subject.statement.lacks):
+            line.ask("set_time", shifted(read(subject, line).time, _AHEAD))
         answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
         message = "a chunk was refused after other commands"
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
-    expect_stored(line, name, _CONTENT, "5.4/8")
 
 
 @case("5.4/8", name="download")

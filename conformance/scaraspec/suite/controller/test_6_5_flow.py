@@ -5,6 +5,8 @@ from typing import Final
 from hypothesis import Phase, assume, given, settings
 
 from scaraspec.protocol.programs import Opt
+from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.as_client.files import send
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.ports import digits, expect_outputs, outputs, with_port
 from scaraspec.suite.as_client.subject import Subject
@@ -51,7 +53,10 @@ def test_output_node_alone(subject: Subject, line: Line) -> None:
 
 @case("6.5/19", "6.5/26", name="in-time", hazards=PROGRAMS)
 def test_output_node_in_time(subject: Subject, line: Line) -> None:
-    """An output changes when the program gets to its node, not before and not at the end."""
+    """An output changes when the program gets to its node, not before and not at the end.
+
+    Another program that is sent meanwhile is without effect on it.
+    """
     first, second = OUTPUTS[:2]
     with bench(subject, line) as robot:
         pause_s = robot.theirs_s(1)
@@ -70,6 +75,9 @@ def test_output_node_in_time(subject: Subject, line: Line) -> None:
         expect_equal(
             digits(now), digits(due), "outputs are set before the program comes to their nodes"
         )
+        if line.ask("upload_name", data=subject.new_name()).accepted:
+            for chunk in chunks_of(robot.file(nodes_of([Flip(first)], robot.before))):
+                send(line, chunk)
         robot.finish(lasts_s=pause_s)
         due = with_port(due, second, on=not robot.before[second - 1])
         expect_outputs(line, due, "the outputs are not as the program left them")

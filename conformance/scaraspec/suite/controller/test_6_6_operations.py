@@ -137,6 +137,8 @@ def test_operands(subject: Subject, line: Line) -> None:
         If(variable(_Z), Opt.EQUAL, number(_X - 50), [], [Flip(_BAD)]),
         Calculate(_Z, variable(_Y), Opt.SUBTRACT, number(_Y)),  # 60 - 1000
         If(variable(_Z), Opt.EQUAL, number(60 - _Y), [], [Flip(_BAD)]),
+        Calculate(_Z, variable(_Y), Opt.SUBTRACT, variable(_Z)),  # into its own operand
+        If(variable(_Z), Opt.EQUAL, number(_Y), [], [Flip(_BAD)]),
         If(variable(_X), Opt.LESS, variable(_Y), [], [Flip(_BAD)]),
         If(number(_X), Opt.LESS, number(_Y), [], [Flip(_BAD)]),
         If(variable(_X), Opt.EQUAL, number(_X), [Flip(_BAD)]),
