@@ -508,6 +508,17 @@ class DeletesUploads(Brain):
         return super().delete_program(request)
 
 
+class TellsItsDefault(Brain):
+    """The program that runs is told to be the default one, where there is one."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Tell that name."""
+        default = self.store.settings.default_program
+        if frame.opcode == 0x0A and default and frame.data.startswith(b"1|"):
+            frame = frame._replace(data=b"|".join((b"1", default, frame.data[-8:])))
+        super().emit(session, frame)
+
+
 class LongFilesReachOver(SendsAfterTheEnd):
     """A file of more than 50,000 bytes is written over the beginning of the one before."""
 
@@ -808,6 +819,7 @@ class PointBehind(Brain):
         (StopsLater, "4.15/5"),
         (SilenceByTheClock, "5.4/8"),
         (DeletesUploads, "5.4/8"),
+        (TellsItsDefault, "4.9/4"),
         (LongFilesReachOver, "5.2/12"),
         (RunsWhatComes, "6.5/19"),
         (InPlace, "6.6a/14"),

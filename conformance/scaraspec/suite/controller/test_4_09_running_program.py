@@ -5,6 +5,7 @@ from typing import Final, NamedTuple
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.suite.as_client.clock import Reading, expect_ran, read
+from scaraspec.suite.as_client.defaults import default_kept
 from scaraspec.suite.as_client.executing import (
     ask_busy,
     begin,
@@ -25,6 +26,7 @@ from scaraspec.suite.wire import Answer
 
 _NONE: Final = (b"0", b"0||", b"\0", b"\0||")
 """No program runs; the ways to say so (A-4.9-2, A-T-1)."""
+_DEFAULTS: Final = ("get_default_program", "set_default_program")
 _WAIT_S: Final = 3
 _STEP_S: Final = 0.7
 _LAG_S: Final = 0.3
@@ -127,10 +129,19 @@ def test_none(subject: Subject, line: Line) -> None:
 def test_running(subject: Subject, line: Line) -> None:
     """One of two programs runs: it is told, all 30 bytes of its name, and its run time grows.
 
-    So does the time of the clock.
+    So does the time of the clock. The other one is the default program, as far as there is one.
     """
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
+    if not subject.statement.lacks.isdisjoint(_DEFAULTS):
+        _expect_told(subject, line, name, other)
+        return
+    with default_kept(subject, line):
+        line.ask("set_default_program", other)
+        _expect_told(subject, line, name, other)
+
+
+def _expect_told(subject: Subject, line: Line, name: bytes, other: bytes) -> None:
     try:
         begin(subject, line, "run_program", name)
         first = clock = None
