@@ -224,6 +224,7 @@ def test_no_chunk_is_repeated(subject: Subject, line: Line) -> None:
 def test_silence_of_the_client(subject: Subject, line: Line) -> None:
     """A download goes on after an answer that took 25 s, twice, and is over after 60 s."""
     name = some_file(subject, line, _CONTENT)
+    times = min(2, len(course_of(line, name)) - 1)  # of a stored program there may be less
     line.close()
     limits = limits_of(subject)
 
@@ -263,7 +264,7 @@ def test_silence_of_the_client(subject: Subject, line: Line) -> None:
         [
             Track(
                 partial(_ask_again, name=name),
-                ((limits.survived_s, survived), (limits.survived_s, survived)),
+                ((limits.survived_s, survived),) * times,
             ),
             Track(ask, ((limits.early_s, early),)),
             Track(ask, ((limits.late_s, late),)),

@@ -6,15 +6,19 @@ No case of the suite may fail of them, nor may the judge that watches it.
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
 from scaraspec.controller.session import Request, Session
 from scaraspec.controller.store import Store
+from scaraspec.judgement.requirements import REQUIREMENTS
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 
 Try = Callable[..., Any]
@@ -177,3 +181,18 @@ def test_a_download_may_end_at_the_next_look(tried: Try) -> None:
 def test_an_answer_to_no_chunk_may_be_refused(tried: Try) -> None:
     """The 0 is no chunk (A-5-16), neither for the cases nor for the judge."""
     assert not tried(RefusesAnswers, "5.3/10").alarms
+
+
+@pytest.mark.parametrize("chunks", [1, 2, 3, 4])
+def test_what_is_stored_may_be_short(tried: Try, chunks: int) -> None:
+    """Where nothing may be sent a program of the robot's own is fetched, of whatever size."""
+
+    class Delivered(Brain):
+        def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
+            if b"demo.rob" not in store:
+                store.write(b"demo.rob", bytes(200 * chunks - 25))
+            super().__init__(plant, store, dialect)
+
+    only = (r for r in REQUIREMENTS if r.startswith(("5.1/", "5.3/")))
+    cases = tried(Delivered, *only, allowed=(Hazard.READ_ONLY,), examples=1)
+    assert not cases.alarms
