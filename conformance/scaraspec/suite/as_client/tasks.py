@@ -223,13 +223,16 @@ def offered(
     """Ask for what may be refused or not answered (A-4-2, A-3-9); None where silence follows.
 
     So it is where the connection ends. Everything else that comes before the reply to a query
-    stays to be taken.
+    stays to be taken. What was granted may execute, and a robot that does may answer no query
+    (A-4-3).
     """
     line.send(name, value, data=data)
     try:
         line.heard[:0] = line.fence()
     except NoAnswer:
-        if line.ending is None:
+        replies = [s for s in line.heard if s.name == name and not s.frame.tagged]
+        granted = name in TWO_STAGE and any(Answer(s, s.value).accepted for s in replies)
+        if line.ending is None and not granted:
             raise
     with suppress(NoAnswer):
         return line.reply(name, within_s=0.0)

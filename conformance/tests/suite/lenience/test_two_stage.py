@@ -15,7 +15,7 @@ from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import ACCEPTED, refused
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
-from scaraspec.controller.robot import DONE
+from scaraspec.controller.robot import DONE, MOVING, Task
 from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.places import farthest, ways
 from scaraspec.judgement.requirements import REQUIREMENTS
@@ -166,6 +166,44 @@ class Deaf(Brain):
             super().handle(session, frame, now_s)
 
 
+class _Brakes:
+    """What takes a tenth of a second."""
+
+    def __init__(self, now_s: float) -> None:
+        self.next_event_s = now_s + 0.1
+
+    def advance(self, now_s: float) -> Outcome | None:
+        return DONE if now_s >= self.next_event_s else None
+
+
+class DeafAtItsBrakes(Deaf):
+    """The joints take their time to be released and locked, in which nothing is answered."""
+
+    def _set_locked(self, request: Request, *, locked: bool) -> Acceptance:
+        if code := self.robot.refusal(moves=False):
+            return refused(code)
+        self.plant.locked = locked
+        self.robot.task = Task(request, MOVING, _Brakes(request.now_s))
+        return ACCEPTED
+
+
+class SimulatesInNoTime(Brain):
+    """A simulation takes no time (A-4.16-1), and a stop of an idle robot succeeds (A-4.17-1)."""
+
+    def simulate_program(self, request: Request) -> Acceptance:
+        answer = super().simulate_program(request)
+        if answer is ACCEPTED:
+            self.robot.stop(request.now_s)
+            self.conclude(request, DONE)
+        return answer
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        answer = super().emergency_stop(request)
+        if not answer.accepted:
+            self.conclude(request, DONE)
+        return ACCEPTED
+
+
 class Trembles(Brain):
     """At the ends of its travel it stands, the last digits of its readings are never still, and
     every second one lies beyond; what does is refused (A-4.24-5)."""
@@ -221,6 +259,8 @@ def _within_half_a_turn(angle_deg: float) -> float:
     ("brain", "requirement"),
     [
         *((Deaf, alone) for alone in ("3/18", "4/14", "4.17/7", "4.24/8", "6.5/20", "6.5/25")),
+        (DeafAtItsBrakes, "4.25/2"),
+        (SimulatesInNoTime, "4.17/6"),
         (Latching, "3/17"),
         (Away, "4.28/3"),
         (Trembles, "4.21/3"),
