@@ -30,6 +30,7 @@ _BLAME: Final[Mapping[Fault, str]] = {
     Fault.TAG: "3/14",
 }
 _LONG_NAME_BYTES: Final = 30  # L226
+_FEW: Final = 7  # for which any robot has room
 _MANY: Final = 9  # so many such names, and their bars, do not fit one frame
 _SHORT_REPLIES: Final = 45  # so many replies with the status fill the longest frame
 _IDLE_S: Final = 0.6
@@ -107,8 +108,13 @@ def test_long_replies(subject: Subject, line: Line) -> None:
     content = short_program(subject)
     stem = "n" * (_LONG_NAME_BYTES - len(subject.new_name()) - 1)
     names = [subject.new_name(stem) for _ in range(_MANY)]
-    for name in names:
-        upload(line, name, content)
+    for number, name in enumerate(names):
+        try:
+            upload(line, name, content)
+        except Unmet as error:
+            if number < _FEW or error.requirement != "5.2/2":
+                raise
+            break  # there is no more room (A-5-21)
     with _told_apart(line, "download_name"):
         expect_stored(line, names[0], content)
     with _told_apart(line, "list_programs"):

@@ -8,6 +8,7 @@ from scaraspec.suite.as_client.files import (
     again,
     begin,
     course_of,
+    delete,
     download,
     expect_stored,
     nothing_more,
@@ -131,11 +132,14 @@ def test_end_of_a_download(subject: Subject, line: Line) -> None:
 def test_end_of_an_upload(subject: Subject, line: Line) -> None:
     """With the answer to its last chunk an upload is over: another transfer may begin at once."""
     for size in _SIZES:
-        upload(line, subject.new_name(), content_of(size))
-        answer = line.ask("upload_name", data=subject.new_name())
+        first, second = subject.new_name(), subject.new_name()
+        upload(line, first, content_of(size))
+        answer = line.ask("upload_name", data=second)
         message = "behind the last chunk of an upload no other can begin"
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
         send(line, Chunk(1, 0, 1, b"!"))
+        delete(line, first)
+        delete(line, second)
 
 
 @case("5.1/8")

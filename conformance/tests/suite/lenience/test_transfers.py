@@ -88,7 +88,7 @@ class IsSmall(Brain):
 
 def test_room_may_be_little(tried: Try) -> None:
     """How many files there may be, and how large, is nowhere said (A-5-21, A-5-25)."""
-    assert not tried(IsSmall, "5.2/10", "5.2/16", "5.4/2").alarms
+    assert not tried(IsSmall, "3/6", "5.1/7", "5.2/10", "5.2/16", "5.4/2").alarms
 
 
 class TakesPlainNames(Brain):
