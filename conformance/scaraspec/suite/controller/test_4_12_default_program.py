@@ -86,7 +86,8 @@ def test_none(subject: Subject, line: Line) -> None:
         if not line.ask("delete_program", name).accepted:
             raise NotRun("the default program cannot be deleted (A-4.11-1)")
         subject.created.remove(name)
-        store_program(subject, line)  # which nobody has named, wherever it is put
+        for _ in range(2):  # others, which nobody has named, wherever they are put
+            store_program(subject, line)
         for reply in _told(subject, line):
             expect(
                 reply.value in (b"", name),
