@@ -219,16 +219,12 @@ class LatestProgram(SendsAfterTheEnd):
         self.save(default_program=name)
 
 
-class HasNoTimeForSettings(Brain):
-    """While a program runs settings are answered "1", and forgotten."""
+class NamesNoDefaultMeanwhile(Brain):
+    """While a program runs another default program is answered "1", and forgotten."""
 
     def set_default_program(self, request: Request) -> bool:
         """Forget it."""
         return self.robot.task is not None or super().set_default_program(request)
-
-    def set_time(self, request: Request) -> bool:
-        """Forget it."""
-        return self.robot.task is not None or super().set_time(request)
 
 
 class StopsItsClock(Brain):
@@ -840,7 +836,6 @@ class PointBehind(Brain):
         (VersionOfARun, "4.7/4"),
         (HalfAsLong, "4.9/5"),
         (HidesWhatRuns, "4.10/11"),
-        (HasNoTimeForSettings, "4.5/4"),
         (StopsItsClock, "4.6/4"),
         (NeverForgets, "4.9/6"),
         (OldTimeOut, "5.4/5"),
@@ -876,7 +871,7 @@ def test_it_is_found(tried: Try, brain: type[Brain], requirement: str) -> None:
         (HidesItsDefault, "4.13/3", "4.10/11"),
         # It is the default one until another is named, whatever is deleted or run since.
         (ForgetsItsDefault, "4.12/4", "4.13/3"),
-        (HasNoTimeForSettings, "4.13/6", "4.13/3"),
+        (NamesNoDefaultMeanwhile, "4.13/6", "4.13/3"),
         (OneProgram, "4.13/6", "4.13/3"),
         # A robot is busy from the request on, not from its next look at what it does.
         (BusyLater, "3/30", "4/6"),

@@ -67,6 +67,15 @@ class SecondsAreNotSet(_SetsOtherwise):
         return time.replace(second=0)
 
 
+@fault("4.5/4", subtle=True)
+class TimeIsForgottenDuringARun(Brain):
+    """While a program runs a new time is answered 1 and not set."""
+
+    def set_time(self, request: Request) -> bool:
+        """Do nothing then."""
+        return self.robot.task is not None or super().set_time(request)
+
+
 @fault("4.5/4")
 class OnlyTheTimeOfDayIsSet(Brain):
     """The date remains what it was."""
