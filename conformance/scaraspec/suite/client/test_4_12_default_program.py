@@ -57,6 +57,7 @@ def test_names(subject: Subject, line: Line) -> None:
 
     @example(b"1.rob")
     @example(b"0.rob")
+    @example(b"pick and place.rob")
     @given(names)
     def each(name: bytes) -> None:
         _tells(subject, line, name, name.decode())

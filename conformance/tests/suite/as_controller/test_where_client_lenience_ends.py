@@ -567,6 +567,10 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
         ("get_analog_input", b"1|65535", "get_analog_input", b"1|-1", "4.33/4.values"),
         ("upload_chunk", b"", "upload_chunk", b"1", "5.2/19.odd-answers"),
         ("get_default_program", b"1.rob", "get_default_program", b".rob", "T/9.default-program"),
+        (
+            *("get_default_program", b"pick and place.rob", "get_default_program", b"pick"),
+            "T/9.default-program",
+        ),
     ],
 )
 def test_what_is_told_is_what_was_sent(
