@@ -1,0 +1,113 @@
+"""Mistakes of other hands in frames: how they are cut out of what comes.
+
+Each is found by a case of a requirement that it violates.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.faults.breaking import OtherInlet
+from scaraspec.controller.inlet import Inlet
+from scaraspec.controller.session import Action
+from scaraspec.protocol.frames import Found, Frame
+
+Try = Callable[..., Any]
+
+
+class _Restarts(Inlet):
+    """Takes a segment that begins with AA for a new frame."""
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        """Forget the old one."""
+        if data.startswith(b"\xaa"):
+            self._framer = self._new_framer()
+        return super().receive(data, now_s)
+
+
+class SegmentIsFrame(OtherInlet):
+    """What begins with AA begins a frame, wherever that is."""
+
+    inlet = _Restarts
+
+
+class _FullBuffer(Inlet):
+    """Reads 256 bytes at once, and has no room for these behind what it has kept."""
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        """Forget the beginning of a frame where a whole buffer follows it."""
+        found: list[Found] = []
+        for begin in range(0, len(data), 256):
+            part = data[begin : begin + 256]
+            if len(part) == 256:
+                self._framer = self._new_framer()
+            found += super().receive(part, now_s)
+        return found
+
+
+class FullBuffer(OtherInlet):
+    """Where one buffer ends inside of a frame, and another is full, the frame is lost."""
+
+    inlet = _FullBuffer
+
+
+class _FewPieces(Inlet):
+    """Puts a frame together of eight pieces."""
+
+    pieces = 0
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        """Give it up at the ninth."""
+        self.pieces += 1
+        if self.pieces > 8:
+            self._framer, self.pieces = self._new_framer(), 0
+        found = super().receive(data, now_s)
+        if found:
+            self.pieces = 0
+        return found
+
+
+class FewPieces(OtherInlet):
+    """What comes in more than eight pieces is no frame."""
+
+    inlet = _FewPieces
+
+
+class HalfAKilobyte(Brain):
+    """Of a segment of more than 512 bytes the rest is lost."""
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Cut it off."""
+        return super().receive(connection, data[:512], now_s)
+
+
+class _OutputsLast(Inlet):
+    """Settings of outputs wait until the rest of a segment has been served."""
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        """Put them behind it."""
+        found = super().receive(data, now_s)
+        return sorted(found, key=lambda each: isinstance(each, Frame) and each.opcode == 0x43)
+
+
+class OutputsLast(OtherInlet):
+    """The outputs have a task of their own, which comes later than that which answers."""
+
+    inlet = _OutputsLast
+
+
+@pytest.mark.parametrize(
+    ("brain", "tries", "requirement"),
+    [
+        (OutputsLast, "3/30", "3/30"),
+        (SegmentIsFrame, "2/5", "2/5"),
+        (FewPieces, "2/5", "2/5"),
+        (FullBuffer, "2/6", "2/6"),
+        (HalfAKilobyte, "2/6", "2/6"),
+    ],
+)
+def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+    """A case of what it tries fails, for what is violated."""
+    assert requirement in tried(brain, tries, examples=1).failed

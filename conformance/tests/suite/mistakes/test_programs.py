@@ -1,0 +1,196 @@
+"""Mistakes of other hands in programs: what a node does, and what is left for the next run.
+
+Each is found by a case of a requirement that it violates.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import pytest
+
+from scaraspec.controller import interpreter
+from scaraspec.controller.behaviour.base import ACCEPTED, Silence
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.faults.transferring import SendsAfterTheEnd
+from scaraspec.controller.session import Request, Session
+from scaraspec.protocol.payloads import Acceptance
+from scaraspec.protocol.programs import (
+    NodeType,
+    Operation,
+    Opt,
+    Program,
+    ResultType,
+    ValueType,
+)
+
+Try = Callable[..., Any]
+
+
+class GoesOn(Brain):
+    """A program that was stopped goes on from there when it is run again."""
+
+    last: interpreter.Run | None = None
+
+    def run_program(self, request: Request) -> Acceptance | Silence:
+        """Begin where it was."""
+        answer = super().run_program(request)
+        task, last = self.robot.task, self.last
+        if answer is ACCEPTED and task is not None and isinstance(task.act, interpreter.Run):
+            self.last = task.act
+            if last is not None and last.outcome is None and last._program == task.act._program:
+                task.act._index = last._index
+        return answer
+
+
+class WaitsOn(Brain):
+    """A program behind one that was stopped has half a second of its waits behind it already."""
+
+    last: interpreter.Run | None = None
+
+    def run_program(self, request: Request) -> Acceptance | Silence:
+        """Begin earlier."""
+        answer = super().run_program(request)
+        task, last = self.robot.task, self.last
+        if answer is ACCEPTED and task is not None and isinstance(task.act, interpreter.Run):
+            self.last = task.act
+            if last is not None and last.outcome is None:
+                task.act.next_event_s -= 0.5
+        return answer
+
+
+class _OneBuffer(interpreter.Run):
+    """What was sent last is what runs on."""
+
+    latest: ClassVar[Program | None] = None
+
+    def _step(self, now_s: float) -> None:
+        if self.latest is not None:
+            self._program, type(self).latest = self.latest, None
+        super()._step(now_s)
+
+
+class RunsWhatComes(SendsAfterTheEnd):
+    """A program that is sent while another one runs takes its place in memory."""
+
+    interpreter = _OneBuffer
+
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sends it
+        """Let it."""
+        if self.robot.task is not None:
+            _OneBuffer.latest = self.understood(self.store.read(name))
+
+
+class _InPlace(interpreter.Run):
+    """Writes A into the result before it looks at B."""
+
+    def _compute(self, operation: Operation) -> None:
+        if operation.result_type == ResultType.CALCULATION:
+            a, _ = self._operands(operation)
+            self._variables[operation.result] = a
+            operation = replace(operation, value_a_type=ValueType.NUMBER, value_a=a)
+        super()._compute(operation)
+
+
+class InPlace(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _InPlace
+
+
+class _NoNesting(interpreter.Run):
+    """Jumps from an IF or ELSE to the next marker of the kind of its partner, whosever that is."""
+
+    ways: Sequence[tuple[NodeType, NodeType]] = ()
+
+    def _partner(self) -> int:
+        partner, nodes = super()._partner(), self._program.nodes
+        way = nodes[self._index].type, nodes[partner].type
+        if way not in self.ways:
+            return partner
+        return next(n for n in range(self._index + 1, len(nodes)) if nodes[n].type is way[1])
+
+
+def no_nesting(begin: NodeType, end: NodeType) -> type[Brain]:
+    """A controller whose programs jump so."""
+    run = type("Run", (_NoNesting,), {"ways": [(begin, end)]})
+    return type(f"{begin.name.title()}To{end.name.title()}", (Brain,), {"interpreter": run})
+
+
+class _FromTheBeginning(interpreter.Run):
+    """Returns from the end of a loop to the first node of the program."""
+
+    def _repeat(self, start: int) -> None:  # noqa: ARG002 - wherever it starts
+        self._index = -1
+
+
+class FromTheBeginning(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _FromTheBeginning
+
+
+class _Subtracts(interpreter.Run):
+    """Compares by the sign of the difference, as far as 32 bits hold it."""
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        a, b = super()._operands(operation)
+        if operation.opt >= Opt.GREATER:
+            return (a - b + 2**31) % 2**32 - 2**31, 0
+        return a, b
+
+
+class Subtracts(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _Subtracts
+
+
+class _ComparesWithTheKey(interpreter.Run):
+    """Compares with the key of a variable, where that is the second operand."""
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        a, b = super()._operands(operation)
+        return a, operation.value_b if operation.opt >= Opt.GREATER else b
+
+
+class ComparesWithTheKey(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _ComparesWithTheKey
+
+
+class KeepsPrograms(Brain):
+    """What a program does is found out once for each name."""
+
+    @cached_property
+    def programs(self) -> dict[bytes, Program]:
+        """What was found out."""
+        return {}
+
+    def _program(self, name: bytes) -> Program | None:
+        program = super()._program(name)
+        return program and self.programs.setdefault(name, program)
+
+
+@pytest.mark.parametrize(
+    ("brain", "tries", "requirement"),
+    [
+        (no_nesting(NodeType.IF, NodeType.ELSE), "6.5/24", "6.5/24"),
+        (no_nesting(NodeType.IF, NodeType.ENDIF), "6.5/24", "6.5/24"),
+        (no_nesting(NodeType.ELSE, NodeType.ENDIF), "6.5/24", "6.5/24"),
+        (FromTheBeginning, "6.5/23", "6.5/23"),
+        (WaitsOn, "6.5/20", "6.5/20"),
+        (KeepsPrograms, "6.5/19", "6.5/19"),
+        (KeepsPrograms, "6.5/24", "6.5/24"),
+        (RunsWhatComes, "6.5/19", "6.5/19"),
+        (InPlace, "6.6a/14", "6.6a/14"),
+        (GoesOn, "6.5/26", "6.5/26"),
+        (Subtracts, "6.6a/12", "6.6a/12"),
+        (ComparesWithTheKey, "6.6a/14", "6.6a/14"),
+    ],
+)
+def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+    """A case of what it tries fails, for what is violated."""
+    assert requirement in tried(brain, tries, examples=1).failed

@@ -1,0 +1,100 @@
+"""Mistakes of other hands in transfers: a file arrives as it was sent, whatever else goes on.
+
+Each is found by a case of a requirement that it violates.
+"""
+
+import math
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import pytest
+
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.faults.transferring import SendsAfterTheEnd
+from scaraspec.controller.session import Request, Session
+from scaraspec.protocol.frames import Frame
+
+Try = Callable[..., Any]
+
+
+class OldTimeOut(SendsAfterTheEnd):
+    """The time-out of a transfer that has come to its end goes on, and ends the next one."""
+
+    @cached_property
+    def due_s(self) -> dict[int, float]:
+        """When the last transfer of each connection would have been given up."""
+        return {}
+
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whatever it was
+        """Forget to stop the timer."""
+        self.due_s[session.connection] = self._handled_s + 30
+
+    downloaded = uploaded
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Give up what is under way."""
+        self._handled_s = now_s
+        if now_s > self.due_s.get(session.connection, math.inf):
+            del self.due_s[session.connection]
+            self.abandon(session)
+        super().handle(session, frame, now_s)
+
+
+class OneBuffer(Brain):
+    """What a program does is written where a chunk is made."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Spoil it."""
+        task = self.robot.task
+        if frame.opcode == 0x56 and task is not None and task.program:
+            frame = frame._replace(data=frame.data[:-1] + b"\1")
+        super().emit(session, frame)
+
+
+class SilenceByTheClock(Brain):
+    """Takes the time of day for the time that passes: an upload ends when the clock is set."""
+
+    def set_time(self, request: Request) -> bool:
+        """Give up what has lasted for so long."""
+        self.abandon(request.session)
+        was_set: bool = super().set_time(request)
+        return was_set
+
+
+class DeletesUploads(Brain):
+    """A deletion ends the uploads that are under way."""
+
+    def delete_program(self, request: Request) -> bool:
+        """End them."""
+        for session in self.sessions.values():
+            self.abandon(session)
+        return super().delete_program(request)
+
+
+class LongFilesReachOver(SendsAfterTheEnd):
+    """A file of more than 50,000 bytes is written over the beginning of the one before."""
+
+    def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sends it
+        """Spoil it."""
+        before = max((other for other in self.store.names() if other < name), default=b"")
+        if before and len(self.store.read(name)) > 50_000:
+            content = self.store.read(before)
+            self.remove(before)
+            self.store.write(before, b"!" + content[1:])
+
+
+@pytest.mark.parametrize(
+    ("brain", "tries", "requirement"),
+    [
+        (SilenceByTheClock, "5.4/8", "5.4/8"),
+        (DeletesUploads, "5.4/8", "5.4/8"),
+        (LongFilesReachOver, "5.2/12", "5.2/12"),
+        (OneBuffer, "5.2/12", "5.2/12"),
+        (OldTimeOut, "5.4/5", "5.4/5"),
+        (OldTimeOut, "5.3/7", "5.3/7"),
+    ],
+)
+def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+    """A case of what it tries fails, for what is violated."""
+    assert requirement in tried(brain, tries, examples=1).failed

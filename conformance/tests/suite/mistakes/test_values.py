@@ -1,0 +1,174 @@
+"""Mistakes of other hands in values: what is a number or a password, and what is none.
+
+Each is found by a case of a requirement that it violates.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.session import Request, Session
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import Point
+from scaraspec.protocol.frames import Frame
+
+Try = Callable[..., Any]
+
+
+class ShortestText(Brain):
+    """Numbers are told as the programming language writes them."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Write them so."""
+        if frame.opcode == 0x34:
+            numbers = self.store.settings.gripper_center
+            frame = frame._replace(data="|".join(map(str, numbers)).encode())
+        super().emit(session, frame)
+
+
+class SumsItUp(Brain):
+    """Of a password it has kept nothing but the sum of its bytes."""
+
+    def login(self, request: Request) -> bool:
+        """Compare that."""
+        right = sum(request.value) == sum(self.store.settings.password)
+        request.session.logged_in |= right
+        return right
+
+
+class LimitedTenths(Brain):
+    """Numbers are kept as tenths in 16 bits."""
+
+    def set_gripper_center(self, request: Request) -> bool:
+        """Cut them off."""
+        value = request.value and Point(*(min(each, 3276.7) for each in request.value))
+        return super().set_gripper_center(replace(request, value=value))
+
+
+class SmallPasswords(Brain):
+    """New passwords are kept in small letters."""
+
+    def set_password(self, request: Request) -> bool:
+        """Change them."""
+        value = request.value
+        if value is not None:
+            request = replace(request, value=value._replace(new=value.new.lower()))
+        return super().set_password(request)
+
+
+class PasswordBuffer(Brain):
+    """New passwords are cut to what a buffer of 64 bytes holds."""
+
+    def set_password(self, request: Request) -> bool:
+        """Cut it."""
+        value = request.value
+        if value is not None:
+            request = replace(request, value=value._replace(new=value.new[:63]))
+        return super().set_password(request)
+
+
+class LiteralsOfALanguage(Brain):
+    """An initial tool position is read by what reads the literals of some language."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Understand them."""
+        if frame.opcode == 0x36:
+            fields = [b"0" if f in (b"NaN", b"Infinity") else f for f in frame.data.split(b"|")]
+            frame = frame._replace(data=b"|".join(f.removesuffix(b"f") for f in fields))
+        super().handle(session, frame, now_s)
+
+
+class _Overlooks(Brain):
+    """Of a gripper centre it overlooks something in the numbers."""
+
+    overlooked = b""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Take it away."""
+        if frame.opcode == 0x35:
+            frame = frame._replace(data=re.sub(self.overlooked, b"", frame.data))
+        super().handle(session, frame, now_s)
+
+
+def overlooks(pattern: bytes) -> type[Brain]:
+    """A controller that does."""
+    return type("Overlooks", (_Overlooks,), {"overlooked": pattern})
+
+
+class Boundless(Brain):
+    """An initial tool position that was never set is what the memory held."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Tell it."""
+        if frame.opcode == 0x37:
+            frame = frame._replace(data=b"|".join([b"%.1f" % 3.4e38] * 6))
+        super().emit(session, frame)
+
+
+class Absurd(Brain):
+    """What it tells under one opcode is nothing that anybody could have set."""
+
+    opcode = 0
+    data = b""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Tell it."""
+        if frame.opcode == self.opcode:
+            frame = frame._replace(data=self.data)
+        super().emit(session, frame)
+
+
+class PointBehind(Brain):
+    """An address may have a point behind it."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Overlook it."""
+        if frame.opcode == 0x05:
+            frame = frame._replace(data=frame.data.replace(b".|", b"|"))
+        super().handle(session, frame, now_s)
+
+
+@pytest.mark.parametrize(
+    ("brain", "tries", "requirement"),
+    [
+        (SumsItUp, "4.1/3", "4.1/3"),
+        (PointBehind, "4.4/5", "4.4/5"),
+        # The characters on both sides of the digits are none, and no sign stands behind them.
+        (overlooks(rb"/"), "4.20/4", "4.20/4"),
+        (overlooks(rb":"), "4.20/4", "4.20/4"),
+        (overlooks(rb"-(?=\||$)"), "4.20/4", "4.20/4"),
+        (LimitedTenths, "4.20/3", "4.20/3"),
+        (ShortestText, "T/5", "T/5"),
+        (Boundless, "4.21/3", "4.21/3"),
+        (LiteralsOfALanguage, "4.21/4", "4.21/4"),
+        (SmallPasswords, "4.2/4", "4.2/4"),
+        (PasswordBuffer, "4.2/4", "4.2/4"),
+    ],
+)
+def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+    """A case of what it tries fails, for what is violated."""
+    assert requirement in tried(brain, tries, examples=1).failed
+
+
+@pytest.mark.parametrize(
+    ("opcode", "data"),
+    [
+        (0x07, b"99991231235959"),
+        (0x07, b"00010101000000"),
+        (0x34, b"1%059d|0|0" % 0),
+        (0x37, b"1%059d|0|0|0|0|0" % 0),
+        (0x38, b"1%059d|0|0|0|0|0" % 0),
+        (0x3C, b"1%059d|0|0|0" % 0),
+    ],
+)
+def test_no_case_breaks_down_of_an_absurd_value(tried: Try, opcode: int, data: bytes) -> None:
+    """Nothing can be made of it: that is undecided, and no mistake of the suite."""
+    brain = type("Absurdly", (Absurd,), {"opcode": opcode, "data": data})
+    only = ("2/11", "3/30", "4.5/4", "4.9/2", "5.2/12", "6.5/25", "6.5/28")
+    counts = tried(brain, *only).counts
+    assert not counts[Verdict.ERROR]
+    assert counts[Verdict.PASS]
