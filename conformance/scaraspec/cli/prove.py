@@ -88,6 +88,8 @@ def command(  # noqa: PLR0913 - one for each option
     implementation conformant, 1 where not, 4 where there was no fault or no case to run.
     """
     party = Role(role)
+    if listed and (quick or out):
+        raise Problem("--list tries no fault: leave --quick, --out")
     options = Options(
         only=_requirements(only), allowed=ALL, undefined=True, examples=examples, exhaustive=True
     )

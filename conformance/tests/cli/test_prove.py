@@ -90,6 +90,12 @@ def test_faults_are_listed() -> None:
     )
 
 
+@pytest.mark.parametrize("option", ["--quick", "--out=here"])
+def test_what_is_listed_is_not_tried(refused: Refused, option: str) -> None:
+    """What is asked of a proof is not left undone silently."""
+    assert "--list tries no fault" in refused("prove", "--list", option)
+
+
 @pytest.mark.parametrize(
     "option", ["--fault=clock-stands", "--quick", "--every=2", "--list", "--out=here"]
 )
