@@ -162,10 +162,9 @@ def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
     with returning(subject, line):
         jog_somewhere(subject, line)  # finds out in which notation (A-4.28-1)
         stop(subject, line)
-        queues = subject.dialect["busy_reply"] == "queue"
-        between: list[tuple[str, object]] = [("lock_joints", None)]
-        if queues or "lock_joints" in subject.statement.lacks:
-            between.clear()
+        refuses = subject.dialect["busy_reply"] != "queue"
+        locks = refuses and "lock_joints" not in subject.statement.lacks
+        between = [("lock_joints", None)] if locks else []
         for direction in JogDirection:
             _send_together(line, [("jog", direction), *between, ("emergency_stop", None)])
             jog, stopped = line.reply("jog"), line.reply("emergency_stop")
