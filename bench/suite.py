@@ -23,8 +23,8 @@ from typing import Any, Final
 from bench import peers, sampling
 from hypothesis.internal import observability
 
-from scaraspec.cli import certify_controller
-from scaraspec.cli.proofs import STANDS
+from scaraspec.cli import certify
+from scaraspec.cli.prove.proofs import STANDS
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
 from scaraspec.controller.store import Store
@@ -148,7 +148,7 @@ def profile_over_tcp(folder: Path) -> None:
     ):
         asked = [url, *EVERYTHING, *_SOON, "--out", str(folder / "profiled")]
         try:
-            certify_controller.command.main(asked, standalone_mode=False)
+            certify.controller.command.main(asked, standalone_mode=False)
         except SystemExit as ended:
             status = ended.code
     busy_s = time.process_time() - begun_s

@@ -3,7 +3,7 @@
 import os
 from collections import Counter
 
-from scaraspec.cli.apart import apart
+from scaraspec.cli.prove.apart import apart
 
 
 def test_all_is_done_in_order_and_no_process_grows_old() -> None:

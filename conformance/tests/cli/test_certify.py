@@ -17,7 +17,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from scaraspec.cli.certifying import end_in_order
+from scaraspec.cli.certify.running import end_in_order
 from scaraspec.client import Client
 from scaraspec.protocol.commands import COMMANDS
 from scaraspec.protocol.hazard import Hazard

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from scaraspec.cli.proofs import STANDS, alarm_of, dialects
 from scaraspec.cli.prove import command
+from scaraspec.cli.prove.proofs import STANDS, alarm_of, dialects
 from scaraspec.judgement.requirements import REQUIREMENTS, by_clause
 from scaraspec.report.model import Role
 from scaraspec.suite.plan import ALL, Options

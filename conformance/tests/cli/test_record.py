@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli import demo_session
+from scaraspec.cli.demo import session
 from scaraspec.client import Client
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A
@@ -55,7 +55,7 @@ def test_every_byte_is_recorded(
             Client("tcp://{}:{}".format(*near.address), password=PASSWORD) as robot,
         ):
             now = datetime(2026, 1, 1)  # noqa: DTZ001 - the document names no zone
-            demo_session.run(robot, tmp_path, now, lambda _: None)
+            session.run(robot, tmp_path, now, lambda _: None)
         recorder.send_signal(signal.SIGINT)
         told, _ = recorder.communicate(timeout=60)
     assert recorder.returncode == 0, told

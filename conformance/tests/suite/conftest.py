@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.proving_controller import Robot, certified, hooks_of
+from scaraspec.cli.prove.controller import Robot, certified, hooks_of
 from scaraspec.controller.brain import Brain
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.hazard import Hazard

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from scaraspec.cli.data import sample_program
-from scaraspec.cli.proving_controller import PASSWORD, Robot, certified, hooks_of
+from scaraspec.cli.prove.controller import PASSWORD, Robot, certified, hooks_of
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Session
 from scaraspec.judgement.verdicts import Verdict

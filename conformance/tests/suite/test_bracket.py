@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.proving_controller import Robot, certified
+from scaraspec.cli.prove.controller import Robot, certified
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Request, Session
 from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict

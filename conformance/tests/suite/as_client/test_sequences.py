@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.cli.prove.controller import PASSWORD, Robot
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import faults
 from scaraspec.controller.session import Request, Session

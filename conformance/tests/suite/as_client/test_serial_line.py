@@ -1,6 +1,6 @@
 """Over a serial line, whose end no subject notices, nothing of a case is left to the next."""
 
-from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.cli.prove.controller import PASSWORD, Robot
 from scaraspec.controller.brain import Brain
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.readings import DEFAULT

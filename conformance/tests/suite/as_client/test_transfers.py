@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from scaraspec.cli.proving_controller import PASSWORD, Robot
+from scaraspec.cli.prove.controller import PASSWORD, Robot
 from scaraspec.controller.behaviour.base import SILENCE, Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults.transferring import AltersChunkData, JudgesChunks

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import pytest
 
-from scaraspec.cli.proving_client import MemoryClient
+from scaraspec.cli.prove.client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError, Refused
 from scaraspec.client.core import Event, Unexpected
 from scaraspec.client.driver import Driver

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.proving_client import MemoryClient
+from scaraspec.cli.prove.client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, TransferFailed
 from scaraspec.client.driver import Driver
 from scaraspec.client.exchange import Exchange, Progress

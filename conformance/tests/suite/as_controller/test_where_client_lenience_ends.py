@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.proving_client import MemoryClient
+from scaraspec.cli.prove.client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, Event
 from scaraspec.client.exchange import Exchange, Listing, Stage, TwoStage

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scaraspec.cli.proving_controller import prove_controller
+from scaraspec.cli.prove.controller import prove_controller
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import Fault
 from scaraspec.controller.interpreter import runnable

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from scaraspec.cli.certify_options import (
+from scaraspec.cli.certify.options import (
     again,
     conclude,
     requirements_of,
@@ -16,7 +16,7 @@ from scaraspec.cli.certify_options import (
     suite_options,
     told,
 )
-from scaraspec.cli.certifying import Display, Files, end_in_order, show_plan
+from scaraspec.cli.certify.running import Display, Files, end_in_order, show_plan
 from scaraspec.cli.grouped import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem

@@ -14,8 +14,8 @@ from typing import Final
 import click
 from rich.console import Console
 
-from scaraspec.cli import demo_session
 from scaraspec.cli.auditing import audit
+from scaraspec.cli.demo import session
 from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer, open_viewer
 from scaraspec.client import Client, ClientError
@@ -31,7 +31,7 @@ from scaraspec_recorder.recording import record
 
 EXAMPLE: Final = "Example: scaraspec demo --out demo"
 
-_FILES: Final = ("capture.mcap", "capture.rrd", "results.json", "report.html", demo_session.PROGRAM)
+_FILES: Final = ("capture.mcap", "capture.rrd", "results.json", "report.html", session.PROGRAM)
 _READY_S: Final = 30.0
 _POLL_S: Final = 0.05
 
@@ -93,7 +93,7 @@ async def _play(out: Path, viewer: str | None) -> None:
 def _work(url: str, out: Path) -> None:
     now = datetime.now(UTC).replace(tzinfo=None)
     with Client(url, password="password") as robot:  # noqa: S106 - the virtual controller's own
-        demo_session.run(robot, out, now, lambda step: click.echo(f"  {step}"))
+        session.run(robot, out, now, lambda step: click.echo(f"  {step}"))
 
 
 @asynccontextmanager

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from allpairspy import AllPairs  # type: ignore[import-untyped] # it ships no types
 
-from scaraspec.cli.proving_client import prove_client
-from scaraspec.cli.proving_controller import prove_controller
+from scaraspec.cli.prove.client import prove_client
+from scaraspec.cli.prove.controller import prove_controller
 from scaraspec.client import faults as client_faults
 from scaraspec.controller import faults as controller_faults
 from scaraspec.judgement.verdicts import Conclusion, Verdict

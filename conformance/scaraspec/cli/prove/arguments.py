@@ -11,9 +11,9 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from scaraspec.cli.apart import apart
 from scaraspec.cli.problems import Problem, no_such_fault
-from scaraspec.cli.proofs import STANDS, Proof, alarm_of, dialects, proof_of
+from scaraspec.cli.prove.apart import apart
+from scaraspec.cli.prove.proofs import STANDS, Proof, alarm_of, dialects, proof_of
 from scaraspec.judgement.requirements import UnknownRequirementError, select
 from scaraspec.judgement.verdicts import Conclusion, ExitStatus
 from scaraspec.report.files import write_whole

@@ -11,7 +11,7 @@ from typing import Final
 import click
 from rich.console import Console
 
-from scaraspec.cli.certify_options import (
+from scaraspec.cli.certify.options import (
     again,
     conclude,
     requirements_of,
@@ -19,7 +19,7 @@ from scaraspec.cli.certify_options import (
     suite_options,
     told,
 )
-from scaraspec.cli.certifying import Display, Files, end_in_order
+from scaraspec.cli.certify.running import Display, Files, end_in_order
 from scaraspec.cli.grouped import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem

@@ -2,9 +2,9 @@
 
 import click
 
-from scaraspec.cli import certify_client, certify_controller
+from scaraspec.cli.certify import client, controller
 
-EXAMPLE = certify_controller.EXAMPLE
+EXAMPLE = controller.EXAMPLE
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLE)
@@ -15,5 +15,5 @@ def command() -> None:
     """
 
 
-command.add_command(certify_controller.command, "controller")
-command.add_command(certify_client.command, "client")
+command.add_command(controller.command, "controller")
+command.add_command(client.command, "client")

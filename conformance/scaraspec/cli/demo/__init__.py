@@ -1,0 +1,5 @@
+"""`scaraspec demo`: its arguments and files, and the session that is recorded."""
+
+from scaraspec.cli.demo.arguments import command
+
+__all__ = ["command"]
