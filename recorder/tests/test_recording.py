@@ -16,6 +16,7 @@ from typing import Any, Self
 
 import pytest
 
+import journal
 from scaraspec_recorder.children import Child
 from scaraspec_recorder.deriving.sinks import SinkFactory
 from scaraspec_recorder.forwarding.routes import Upstream
@@ -26,15 +27,6 @@ TIMEOUT_S = 30
 pytestmark = pytest.mark.skipif(
     not hasattr(os, "pidfd_open"), reason="waits for processes by pidfd"
 )
-
-
-@pytest.fixture(autouse=True)
-def journal(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The sink of these tests, importable here and in the processes that are started."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    import journal as module  # noqa: PLC0415 - only now it can be found
-
-    return module
 
 
 @pytest.fixture(autouse=True)
@@ -131,7 +123,7 @@ async def kill(child: Child) -> None:
     await until(lambda: child.pid != old)
 
 
-def test_a_session_is_recorded_and_nothing_is_left_behind(tmp_path: Path, journal: Any) -> None:
+def test_a_session_is_recorded_and_nothing_is_left_behind(tmp_path: Path) -> None:
     """Both directions, byte for byte; the spool is gone, and the progress says all."""
 
     async def test() -> None:
@@ -155,7 +147,7 @@ def test_a_session_is_recorded_and_nothing_is_left_behind(tmp_path: Path, journa
     assert [path.name for path in tmp_path.iterdir()] == ["journal.jsonl"]
 
 
-def test_open_connections_end_with_the_recording(tmp_path: Path, journal: Any) -> None:
+def test_open_connections_end_with_the_recording(tmp_path: Path) -> None:
     """Stopping is told as such, not as the doing of either side."""
 
     async def test() -> None:
@@ -170,7 +162,7 @@ def test_open_connections_end_with_the_recording(tmp_path: Path, journal: Any) -
     run(test)
 
 
-def test_an_interrupted_recording_is_ended_in_order(tmp_path: Path, journal: Any) -> None:
+def test_an_interrupted_recording_is_ended_in_order(tmp_path: Path) -> None:
     """What breaks off the caller's work, Ctrl-C for one, leaves a finished recording too."""
     made: list[Recording] = []
 
@@ -188,7 +180,7 @@ def test_an_interrupted_recording_is_ended_in_order(tmp_path: Path, journal: Any
     assert [path.name for path in tmp_path.iterdir()] == ["journal.jsonl"]
 
 
-def test_a_killed_scribe_costs_nothing(tmp_path: Path, journal: Any) -> None:
+def test_a_killed_scribe_costs_nothing(tmp_path: Path) -> None:
     """SIGKILL, again and again, under traffic: the link notices nothing, every byte is recorded."""
 
     async def test() -> None:
@@ -212,7 +204,7 @@ def test_a_killed_scribe_costs_nothing(tmp_path: Path, journal: Any) -> None:
     run(test)
 
 
-def test_a_killed_tap_costs_its_connections_only(tmp_path: Path, journal: Any) -> None:
+def test_a_killed_tap_costs_its_connections_only(tmp_path: Path) -> None:
     """SIGKILL under traffic: what it had spooled is whole, what is unknown is told, and the next
     connection to the same address is recorded."""
 
@@ -244,7 +236,7 @@ def test_a_killed_tap_costs_its_connections_only(tmp_path: Path, journal: Any) -
     run(test)
 
 
-def test_a_disk_that_is_full_for_a_while_costs_nothing(tmp_path: Path, journal: Any) -> None:
+def test_a_disk_that_is_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
     """Sinks fail and are made anew until they can write; the spool bridges the time."""
     (tmp_path / "full").touch()
 
@@ -266,9 +258,7 @@ def test_a_disk_that_is_full_for_a_while_costs_nothing(tmp_path: Path, journal: 
     run(test)
 
 
-def test_a_scribe_that_cannot_finish_leaves_the_spool_to_the_next(
-    tmp_path: Path, journal: Any
-) -> None:
+def test_a_scribe_that_cannot_finish_leaves_the_spool_to_the_next(tmp_path: Path) -> None:
     """The end of a recording is bounded in time; the next recorder writes what was left."""
     (tmp_path / "full").touch()
 
@@ -290,7 +280,7 @@ def test_a_scribe_that_cannot_finish_leaves_the_spool_to_the_next(
     run(test)
 
 
-def test_a_folder_has_one_recorder(tmp_path: Path, journal: Any) -> None:
+def test_a_folder_has_one_recorder(tmp_path: Path) -> None:
     """A second one is told so, in a sentence."""
 
     async def test() -> None:
@@ -303,7 +293,7 @@ def test_a_folder_has_one_recorder(tmp_path: Path, journal: Any) -> None:
     run(test)
 
 
-def test_an_address_in_use_is_an_error_and_starts_nothing(tmp_path: Path, journal: Any) -> None:
+def test_an_address_in_use_is_an_error_and_starts_nothing(tmp_path: Path) -> None:
     """The caller learns it at once, before any process is there."""
 
     async def start(address: tuple[str, int]) -> None:
@@ -327,7 +317,7 @@ def test_a_sink_that_cannot_be_sent_to_the_scribe_is_an_error_at_once(tmp_path: 
         asyncio.run(start())
 
 
-def test_signals_to_all_are_for_the_recorder_alone(tmp_path: Path, journal: Any) -> None:
+def test_signals_to_all_are_for_the_recorder_alone(tmp_path: Path) -> None:
     """Ctrl-C in a terminal reaches every process; only the recorder decides what ends when."""
 
     async def test() -> None:
@@ -371,7 +361,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_killed_recorder_leaves_a_finished_recording(tmp_path: Path, journal: Any) -> None:
+def test_a_killed_recorder_leaves_a_finished_recording(tmp_path: Path) -> None:
     """Its processes notice, end the connections, write what is left, and are gone."""
     program = tmp_path / "program.py"
     program.write_text(RECORDER)
@@ -379,7 +369,7 @@ def test_a_killed_recorder_leaves_a_finished_recording(tmp_path: Path, journal: 
 
     async def test() -> None:
         async with echo() as upstream:
-            arguments = (str(Path(__file__).parent), str(upstream.port), str(out_dir))
+            arguments = (str(Path(journal.__file__).parent), str(upstream.port), str(out_dir))
             recorder = await asyncio.create_subprocess_exec(
                 sys.executable, program, *arguments, stdout=subprocess.PIPE
             )
@@ -407,7 +397,7 @@ def test_a_killed_recorder_leaves_a_finished_recording(tmp_path: Path, journal: 
     run(test)
 
 
-def test_processes_share_no_interpreter_with_the_caller(tmp_path: Path, journal: Any) -> None:
+def test_processes_share_no_interpreter_with_the_caller(tmp_path: Path) -> None:
     """The tap is alone: neither its caller nor the scribe can slow it down."""
 
     async def test() -> None:
@@ -420,7 +410,7 @@ def test_processes_share_no_interpreter_with_the_caller(tmp_path: Path, journal:
     run(test)
 
 
-def test_a_recording_is_seen_to_grow(tmp_path: Path, journal: Any) -> None:
+def test_a_recording_is_seen_to_grow(tmp_path: Path) -> None:
     """Its progress can be asked for while it lasts."""
 
     async def test() -> None:

@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import spectators
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C
@@ -27,18 +28,7 @@ from scaraspec_recorder.drawing.live import LiveSink, live_sink
 LARGE = WireEvent(1, "1", A2C, Kind.BYTES, bytes(60_000))
 
 
-@pytest.fixture(autouse=True)
-def spectators(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Processes that draw nothing, importable here and in the processes that are started."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    import spectators as module  # noqa: PLC0415 - only now it can be found
-
-    return module
-
-
-def test_a_process_that_keeps_up_gets_everything(
-    shift: list[WireEvent], tmp_path: Path, spectators: Any
-) -> None:
+def test_a_process_that_keeps_up_gets_everything(shift: list[WireEvent], tmp_path: Path) -> None:
     """All events, in order, across many batches; the sink is closed when all are drawn."""
     path = tmp_path / "drawn"
     sink = LiveSink(spectators.collect, path)
@@ -51,9 +41,7 @@ def test_a_process_that_keeps_up_gets_everything(
     assert sink.lost_events == 0
 
 
-def test_a_process_that_hangs_costs_events_and_no_time(
-    spectators: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_that_hangs_costs_events_and_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """The queue is bounded, what does not fit is counted, and closing does not wait for ever."""
     monkeypatch.setattr(live, "CLOSE_S", 0.1)
     sink = LiveSink(spectators.hang, most_batches=3)
@@ -63,7 +51,7 @@ def test_a_process_that_hangs_costs_events_and_no_time(
     assert 900 < sink.lost_events < 1000
 
 
-def test_a_process_that_dies_costs_nothing(spectators: Any) -> None:
+def test_a_process_that_dies_costs_nothing() -> None:
     """Writing, ticking and closing go on as if nothing were."""
     sink = LiveSink(spectators.die)
     sink._process.join()

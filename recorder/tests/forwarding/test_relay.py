@@ -16,6 +16,7 @@ from typing import Any, Self
 
 import pytest
 
+from journal import Journal, lines
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec_recorder.forwarding import relay, tcp
@@ -296,12 +297,8 @@ def test_a_controller_that_takes_nothing_blocks_the_client(cable: Any) -> None:
     run(test)
 
 
-def test_a_client_on_a_line_of_its_own(
-    cable: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_client_on_a_line_of_its_own(cable: Any, tmp_path: Path) -> None:
     """Line to line, all processes: bytes unchanged, a hang-up ends the session, another begins."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[1]))
-    from journal import Journal, lines  # noqa: PLC0415 - only now it can be found
 
     def exchange(client: Pty, controller: Pty) -> None:
         client.send(EVERY_BYTE)

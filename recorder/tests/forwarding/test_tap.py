@@ -7,8 +7,9 @@ import socket
 import struct
 import sys
 from collections.abc import Awaitable, Callable
+from functools import partial
 from hashlib import sha256
-from typing import Any, Self
+from typing import Any
 
 import pytest
 
@@ -17,93 +18,11 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec_recorder.forwarding import tap as tap_module
 from scaraspec_recorder.forwarding import tcp
 from scaraspec_recorder.forwarding.routes import Upstream
-from scaraspec_recorder.forwarding.tap import BUFFER_BYTES, Tap
-from scaraspec_recorder.spooling.records import Mark, Record
+from scaraspec_recorder.forwarding.tap import BUFFER_BYTES
+from scaraspec_recorder.spooling.records import Mark
+from tapped import Bench, at_end, receive, run_on, send, turn
 
-TIMEOUT_S = 10
 BULK_BYTES = 3 << 20
-
-
-class Bench:
-    """A tap on the present event loop, a server behind it, and all that the tap tells."""
-
-    kernel_time = False
-
-    def __init__(self, route: Any = None) -> None:
-        self.records: list[Record] = []
-        self.told = asyncio.Event()
-        self.server = tcp.listen("127.0.0.1", 0)
-        self.server.settimeout(0)
-        listener = tcp.listen("127.0.0.1", 0)
-        self.address = listener.getsockname()
-        self._listener = listener
-        self.tap = Tap(
-            route or Upstream(*self.server.getsockname()),
-            self.take,
-            kernel_time=self.kernel_time,
-            now_ns=lambda: 7,
-        )
-        self._sockets = [self.server]
-        self._stopped = False
-
-    async def __aenter__(self) -> Self:
-        await self.tap.start(self._listener)
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        await self.stop()
-        for sock in self._sockets:
-            sock.close()
-
-    async def stop(self) -> None:
-        if not self._stopped:
-            self._stopped = True
-            await self.tap.stop()
-            self._listener.close()
-
-    def take(self, *fields: Any) -> None:
-        self.records.append(Record(*fields))
-        self.told.set()
-
-    async def client(self) -> socket.socket:
-        """A client that is connected to the tap."""
-        sock = socket.socket()
-        sock.settimeout(0)
-        self._sockets.append(sock)
-        await asyncio.get_running_loop().sock_connect(sock, self.address)
-        return sock
-
-    async def accept(self) -> socket.socket:
-        """The server's socket of the tap's connection."""
-        sock, _ = await asyncio.get_running_loop().sock_accept(self.server)
-        self._sockets.append(sock)
-        return sock
-
-    async def pair(self) -> tuple[socket.socket, socket.socket]:
-        client = await self.client()
-        return client, await self.accept()
-
-    async def until(self, kind: Kind) -> Record:
-        """The first record of this kind."""
-        while True:
-            for record in self.records:
-                if record.kind is kind:
-                    return record
-            self.told.clear()
-            await self.told.wait()
-
-    def stream(self, direction: Direction) -> bytes:
-        """The bytes told of a direction; they follow each other without hole."""
-        data = b""
-        for record in self.records:
-            if record.kind is Kind.BYTES and record.direction is direction:
-                assert record.offset_bytes == len(data)
-                data += record.payload
-        return data
-
-    def story(self) -> list[tuple[Kind | Mark, Direction]]:
-        """What was told beside bytes."""
-        return [(r.kind, r.direction) for r in self.records if r.kind is not Kind.BYTES]
 
 
 @pytest.fixture(params=["uvloop", "asyncio", "uvloop, kernel time", "asyncio, kernel time"])
@@ -115,25 +34,7 @@ def run(
     monkeypatch.setattr(Bench, "kernel_time", bool(clock))
     if loop == "uvloop":
         pytest.importorskip("uvloop")
-        factory = tap_module.new_event_loop
-    else:
-        factory = asyncio.new_event_loop
-
-    def run_bounded(test: Callable[[], Awaitable[None]]) -> None:
-        with asyncio.Runner(loop_factory=factory) as runner:
-            runner.run(asyncio.wait_for(test(), TIMEOUT_S))
-
-    return run_bounded
-
-
-async def turn() -> None:
-    """Let the tap have its turn: it runs on the same event loop."""
-    await asyncio.sleep(0)
-
-
-async def send(sock: socket.socket, data: bytes) -> None:
-    await asyncio.get_running_loop().sock_sendall(sock, data)
-    await turn()
+    return partial(run_on, loop)
 
 
 async def send_for_ever(sock: socket.socket) -> None:
@@ -155,19 +56,6 @@ async def send_until_blocked(sock: socket.socket) -> bytes:
 async def receive_for_ever(sock: socket.socket) -> None:
     while await asyncio.get_running_loop().sock_recv(sock, 1 << 20):
         pass
-
-
-async def receive(sock: socket.socket, size_bytes: int) -> bytes:
-    data = b""
-    while len(data) < size_bytes:
-        more = await asyncio.get_running_loop().sock_recv(sock, size_bytes - len(data))
-        assert more, "the stream ended early"
-        data += more
-    return data
-
-
-async def at_end(sock: socket.socket) -> bool:
-    return await asyncio.get_running_loop().sock_recv(sock, 1) == b""
 
 
 def cut(sock: socket.socket) -> None:

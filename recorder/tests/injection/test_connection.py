@@ -6,24 +6,21 @@ import socket
 import struct
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any, Self
+from typing import Any
 
 import pytest
 
+import tapped
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame
 from scaraspec_recorder.forwarding import tap as tap_module
-from scaraspec_recorder.forwarding import tcp
-from scaraspec_recorder.forwarding.routes import Upstream
-from scaraspec_recorder.forwarding.tap import Connection, Tap
+from scaraspec_recorder.forwarding.tap import Connection
 from scaraspec_recorder.injection import connection as connection_module
 from scaraspec_recorder.injection.connection import InjectedConnection
 from scaraspec_recorder.injection.rules import Injection
-from scaraspec_recorder.spooling.records import Record
 from scaraspec_recorder.spooling.unspool import Count, Unspooler
-
-TIMEOUT_S = 20
+from tapped import at_end, receive, run_on, send, turn
 
 ASK = Frame(A2C, 0x09).encode()  # get_status
 IDLE = Frame(C2A, 0x09, b"00").encode()
@@ -32,56 +29,11 @@ STOP = Frame(A2C, 0x32).encode()
 Load = Callable[[str], Injection]
 
 
-class Bench:
-    """A tap with faults on the present event loop, a server behind it, and all that it tells."""
+class Bench(tapped.Bench):
+    """A tap with faults."""
 
     def __init__(self, injection: Injection | None) -> None:
-        self.records: list[Record] = []
-        self.told = asyncio.Event()
-        self.server = tcp.listen("127.0.0.1", 0)
-        self.server.settimeout(0)
-        self._listener = tcp.listen("127.0.0.1", 0)
-        self._sockets = [self.server]
-        self._stopped = False
-        connect = partial(InjectedConnection, injection) if injection else None
-        self.tap = Tap(Upstream(*self.server.getsockname()), self.take, connect, now_ns=lambda: 7)
-
-    async def __aenter__(self) -> Self:
-        await self.tap.start(self._listener)
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        await self.stop()
-        for sock in (*self._sockets, self._listener):
-            sock.close()
-
-    async def stop(self) -> None:
-        if not self._stopped:
-            self._stopped = True
-            await self.tap.stop()
-
-    def take(self, *fields: Any) -> None:
-        self.records.append(Record(*fields))
-        self.told.set()
-
-    async def pair(self) -> tuple[socket.socket, socket.socket]:
-        """A client, and the server's socket of its connection."""
-        loop, client = asyncio.get_running_loop(), socket.socket()
-        client.settimeout(0)
-        self._sockets.append(client)
-        await loop.sock_connect(client, self._listener.getsockname())
-        server, _ = await loop.sock_accept(self.server)
-        self._sockets.append(server)
-        return client, server
-
-    async def until(self, kind: Kind) -> Record:
-        """The first record of this kind."""
-        while True:
-            for told in self.records:
-                if told.kind is kind:
-                    return told
-            self.told.clear()
-            await self.told.wait()
+        super().__init__(connect=partial(InjectedConnection, injection) if injection else None)
 
     def events(self) -> list[WireEvent]:
         """What a recording makes of all that was told."""
@@ -91,35 +43,7 @@ class Bench:
 @pytest.fixture(params=["uvloop", "asyncio"])
 def run(request: pytest.FixtureRequest) -> Callable[[Callable[[], Awaitable[None]]], None]:
     """Run a test's coroutine on an event loop, for a bounded time."""
-    factory = tap_module.new_event_loop if request.param == "uvloop" else asyncio.new_event_loop
-
-    def run_bounded(test: Callable[[], Awaitable[None]]) -> None:
-        with asyncio.Runner(loop_factory=factory) as runner:
-            runner.run(asyncio.wait_for(test(), TIMEOUT_S))
-
-    return run_bounded
-
-
-async def send(sock: socket.socket, data: bytes) -> None:
-    await asyncio.get_running_loop().sock_sendall(sock, data)
-
-
-async def turn() -> None:
-    """Let the tap have its turn: it runs on the same event loop."""
-    await asyncio.sleep(0)
-
-
-async def receive(sock: socket.socket, size_bytes: int) -> bytes:
-    data = b""
-    while len(data) < size_bytes:
-        more = await asyncio.get_running_loop().sock_recv(sock, size_bytes - len(data))
-        assert more, "the stream ended early"
-        data += more
-    return data
-
-
-async def at_end(sock: socket.socket) -> bool:
-    return await asyncio.get_running_loop().sock_recv(sock, 1) == b""
+    return partial(run_on, request.param)
 
 
 HOLD = """

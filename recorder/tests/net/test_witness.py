@@ -21,6 +21,7 @@ from typing import Any
 
 import pytest
 
+from ledger import Ledger
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec_recorder.forwarding.routes import Mode
@@ -144,8 +145,6 @@ def conversation(
     lab: Any, mode: Mode, folder: Path, connections: int, size_bytes: int
 ) -> tuple[Counter[tuple[str, str]], Counter[tuple[str, str]]]:
     """Hold conversations through a recorder, all its processes; return what each side knows."""
-    from ledger import Ledger  # noqa: PLC0415 - the fixture has made it importable
-
     places = asyncio.Semaphore(AT_ONCE)
 
     async def clients_part(seed: int) -> tuple[str, str]:
@@ -181,16 +180,14 @@ def conversation(
 @pytest.mark.parametrize(
     ("connections", "size_bytes"), [(1, BULK_BYTES), (CONNECTIONS, 2000)], ids=["bulk", "many"]
 )
-def test_bytes_pass_unchanged_and_are_all_recorded(  # noqa: PLR0913, PLR0917 - fixtures
+def test_bytes_pass_unchanged_and_are_all_recorded(
     lab: Any,
     mode: Mode,
     connections: int,
     size_bytes: int,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Sent = seen on one cable = seen on the other = received = recorded, for every connection."""
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
     lab.install(mode)
     with (
         closing(Witness(lab.client, tmp_path / "client.pcap")) as near,
