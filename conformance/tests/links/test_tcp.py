@@ -53,6 +53,18 @@ def test_small_segments_are_sent_at_once(pair: tuple[SocketLink, socket.socket])
     assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
+@pytest.mark.skipif(tcp._QUICKACK is None, reason="only Linux can be asked to acknowledge at once")
+def test_what_arrives_is_acknowledged_at_once(pair: tuple[SocketLink, socket.socket]) -> None:
+    """TCP_QUICKACK, anew each time: a peer that writes in pieces waits for the acknowledgement."""
+    link, peer = pair
+    for _ in range(20):
+        link.send(b"ask")
+        peer.recv(10)
+        peer.sendall(b"answer")
+        link.receive(link.now_s + _SOON_S)
+        assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK)
+
+
 @pytest.mark.parametrize("wait_s", [-1.0, 0.0, 0.02])
 def test_silence_is_none_at_the_deadline(
     pair: tuple[SocketLink, socket.socket], wait_s: float

@@ -152,7 +152,6 @@ class DriverAccess:
             if listener in ready:
                 connected, _ = listener.accept()
                 self.dialled_port = listener.getsockname()[1]
-                connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 return WatchedLink(connected, self._driver)
         return None
 

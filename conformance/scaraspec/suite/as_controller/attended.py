@@ -106,7 +106,6 @@ class Attended:
         if self._listener not in ready_of(deadline_s, self._input_fd, self._listener):
             return None
         connected, _ = self._listener.accept()
-        connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return WatchedLink(connected, self._input_fd)
 
     def listen_at_default(self) -> bool:

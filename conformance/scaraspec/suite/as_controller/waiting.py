@@ -5,7 +5,7 @@ import socket
 import time
 from typing import Any
 
-from scaraspec.links.tcp import SocketLink
+from scaraspec.links.tcp import TcpLink
 
 _Selector: type[selectors.BaseSelector] = getattr(
     selectors, "PollSelector", selectors.SelectSelector
@@ -22,7 +22,7 @@ def ready_of(deadline_s: float, *sources: Any) -> list[Any]:
         return [key.fileobj for key, _ in selector.select(left_s)]
 
 
-class WatchedLink(SocketLink):
+class WatchedLink(TcpLink):
     """A link whose waiting ends early when something else can be read, too."""
 
     def __init__(self, connected: socket.socket, other: Any) -> None:
