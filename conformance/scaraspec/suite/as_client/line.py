@@ -6,6 +6,7 @@ subject does not notice that it ends, nothing is left half done on it. Which ans
 known here.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +17,9 @@ from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame
-from scaraspec.suite.expect import Undecided, Unmet
+from scaraspec.protocol.payloads import FinalResult
+from scaraspec.suite.as_client.due import Due
+from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.limits import limits_of
 from scaraspec.suite.wire import Answer, Wire
 
@@ -45,9 +48,22 @@ class Line(Wire):
         Returns:
             Its row.
         """
-        frame = self.request(name, value, data=data)
+        command, frame = BY_NAME[name], self.request(name, value, data=data)
+        if command.result:
+            self._drop_results(command)
         self.send_frame(frame)
-        return BY_NAME[name]
+        return command
+
+    def _drop_results(self, command: Command) -> None:
+        """Drop final results without a tag, which the judge has seen: no later request has them."""
+        self.pump()
+        self.heard[:] = [
+            seen
+            for seen in self.heard
+            if seen.frame.tagged
+            or seen.frame.opcode != command.opcode
+            or FinalResult().decode(seen.frame.data).value is None
+        ]
 
     def send_frame(self, frame: Frame) -> None:
         """Send one frame; a case that would send what its hazards do not say is our own error."""
@@ -105,9 +121,11 @@ class Line(Wire):
         """
         command = BY_NAME[name]
         opcodes = {command.opcode, command.also, command.reply_also} - {None}
-        answer = self.awaited(
+        answer = self._due(
+            Due(name),
             lambda seen: not seen.frame.tagged and seen.frame.opcode in opcodes,
-            self._subject.reply_s if within_s is None else within_s,
+            within_s,
+            self._subject.reply_s,
             f"{name} was not answered",
         )
         if name == "emergency_stop" and answer.accepted:
@@ -121,11 +139,34 @@ class Line(Wire):
             NoAnswer: None came in `within_s`, by default what the longest motion may take.
         """
         opcode = BY_NAME[name].opcode
-        return self.awaited(
+        return self._due(
+            Due(name, result=True),
             lambda seen: seen.frame.tagged and seen.frame.opcode == opcode,
-            self._subject.longest_s if within_s is None else within_s,
+            within_s,
+            self._subject.longest_s,
             f"no final result of {name} came",
         )
+
+    def _due(
+        self,
+        due: Due,
+        wanted: Callable[[FrameSeen], bool],
+        within_s: float | None,
+        full_s: float,
+        message: str,
+    ) -> Answer:
+        """Wait for what is due: for its full time unless told otherwise, or it never comes."""
+        patience, asked_s = self._subject.patience, full_s if within_s is None else within_s
+        try:
+            answer = self.awaited(wanted, patience.within_s(due, asked_s), message)
+        except NoAnswer as error:
+            if patience.vain(due):
+                error.requirement = due.requirement
+            if asked_s >= full_s and not self.over:
+                patience.missed(due)
+            raise
+        patience.came(due)
+        return answer
 
     def no_result(self, name: str, *, for_s: float) -> None:
         """Fail the subject if a final result of this command comes within this time.

@@ -10,6 +10,7 @@ from typing import Final
 
 from scaraspec.judgement.places import STANDSTILL, farthest, ways
 from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
+from scaraspec.suite.as_client.due import Due
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.poses import numbers_of
 from scaraspec.suite.as_client.subject import DEAF, LATCHED, SILENCE_S, Subject
@@ -28,6 +29,7 @@ BUSY: Final = ("01", "02", "03", "04")
 IDLE: Final = "00"
 
 _POLL_S: Final = 0.05
+_SLICE_S: Final = 0.5
 _DEAF_JOGGING: Final = "deaf while it jogs"
 _PUT_OFF_S: Final = 0.2  # what is answered so late, and as by an idle robot, had to wait for it …
 _TIMES_LATER: Final = 3  # … where an idle robot is that much quicker
@@ -173,7 +175,7 @@ def _go_back(subject: Subject, line: Line, pose: Pose) -> None:
     answer = ask_move(subject, line, pose)
     if not answer.accepted:
         raise Unmet("the way back is refused", expected="1", observed=f"{answer}")
-    line.result(_MOVE)
+    end_of(subject, line, _MOVE)
 
 
 # ---------------------------------------------------------------------- while it executes
@@ -252,7 +254,8 @@ def halt(subject: Subject, line: Line) -> Answer:
     """
     answer = line.ask("emergency_stop")
     if answer.accepted:
-        line.result("emergency_stop", within_s=subject.reply_s)
+        with suppress(NoAnswer):
+            line.result("emergency_stop", within_s=subject.reply_s)
         _await_own_result(line)
         await_rest(subject, line)
     return answer
@@ -316,6 +319,28 @@ def _set_aside(line: Line, name: str) -> Iterator[None]:
         line.heard[:0] = earlier
 
 
+def end_of(
+    subject: Subject, line: Line, name: str, *, within_s: float | None = None
+) -> Answer | None:
+    """Wait for a final result until the subject is idle, and a moment longer; None if none came.
+
+    At fault it may still be busy: the status tells of one of the two (A-4.8-2).
+    """
+    due = Due(name, result=True)
+    left_s = subject.patience.within_s(due, subject.longest_s if within_s is None else within_s)
+    idle = False
+    while not idle and left_s > 0:
+        with suppress(NoAnswer):
+            return line.result(name, within_s=min(_SLICE_S, left_s))
+        left_s -= _SLICE_S
+        listens(subject, line)  # a deaf robot is asked otherwise
+        idle = status_of(subject, line) == IDLE
+    with suppress(NoAnswer):
+        return line.result(name, within_s=SILENCE_S)
+    subject.patience.missed(due)
+    return None
+
+
 def await_rest(subject: Subject, line: Line) -> None:
     """Wait until nothing executes; the status may tell of a fault then."""
     left_s = subject.longest_s
@@ -335,7 +360,7 @@ def release_latch(subject: Subject, line: Line) -> None:
         with _set_aside(line, _MOVE):
             answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
             if answer.accepted:
-                line.result(_MOVE)
+                end_of(subject, line, _MOVE)
         if answer.accepted:
             if _LATCHES not in subject.known:
                 subject.known[LATCHED] = False
@@ -343,5 +368,5 @@ def release_latch(subject: Subject, line: Line) -> None:
     subject.known[_LATCHES] = True
     with _set_aside(line, _RESET):
         if line.ask(_RESET).accepted:
-            line.result(_RESET)
+            end_of(subject, line, _RESET)
             line.wait(_POLL_S)

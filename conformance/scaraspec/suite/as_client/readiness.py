@@ -15,6 +15,7 @@ from scaraspec.suite.as_client.motion import (
     IDLE,
     SLOWEST_PERCENT,
     ask_move,
+    end_of,
     in_box,
     pose_of,
     status_of,
@@ -74,14 +75,15 @@ def come_back(subject: Subject) -> list[str]:
 
 def _command(subject: Subject, line: Line, name: str) -> None:
     if name not in subject.statement.lacks and line.ask(name).accepted:
-        line.result(name)
+        end_of(subject, line, name)
 
 
 def _goes(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = None) -> bool:
     lacks = _MOVE in subject.statement.lacks
     if lacks or not ask_move(subject, line, pose, speed_percent).accepted:
         return False
-    return line.result(_MOVE).done is True
+    end = end_of(subject, line, _MOVE)
+    return end is None or end.done is True
 
 
 def _has_room(subject: Subject, line: Line) -> bool:

@@ -12,6 +12,7 @@ from scaraspec.links.link import LinkError
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.access import Access
+from scaraspec.suite.as_client.due import ANSWERED, Patience
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.hooks import HookError
@@ -31,7 +32,8 @@ _RECONNECT_S: Final = 0.1
 _REFUSAL_S: Final = 0.05  # within which one that is not served is ended (A-2-2)
 _POLL_S: Final = 0.05
 _ALWAYS: Final = ("login",)
-_FILES_TOO: Final = ("login", "delete_program")  # of what the suite itself has stored
+_DELETE: Final = "delete_program"
+_FILES_TOO: Final = ("login", _DELETE)  # of what the suite itself has stored
 _REMEDIES: Final = ("lock_joints", "reset")  # of joints that were left loose; of all else
 
 DEAF: Final = "deaf while it executes"
@@ -74,6 +76,8 @@ class Subject:
         moved: Motion may be under way.
         off: It was shut down, and has not come back.
         known: What cases found out once for all of the run, by a name of their own.
+        patience: How long to wait for what never came.
+        unanswered: Commands that it never answered before the running case.
     """
 
     def __init__(
@@ -90,7 +94,9 @@ class Subject:
         self.tolerated: list[tuple[str, str, str, str]] = []
         self.found: dict[str, str] = {}
         self.known: dict[str, Any] = {}
-        self.survival = "3/31"
+        self.patience = Patience()
+        self.unanswered: frozenset[str] = frozenset()
+        self.survival = ANSWERED
         self.complaints = ""
         self.moved = False
         self.off = False
@@ -336,12 +342,14 @@ class Subject:
             Undecided: It does not come to rest.
         """
         self.close_lines()
+        self.unanswered = self.patience.unanswered()
         line = self.open()
         busy_and_deaf = self.moved and self.known.get(DEAF)
         status = None if busy_and_deaf else line.ask("get_status").value
         if status != _READY and self.moved:
             if line.ask("emergency_stop").accepted:
-                line.result("emergency_stop")
+                with suppress(NoAnswer):  # what is missing the cases find
+                    line.result("emergency_stop", within_s=self.reply_s)
             for remedy in _REMEDIES:
                 if line.ask("get_status").value == _READY:
                     break
@@ -350,10 +358,10 @@ class Subject:
                         line.result(remedy, within_s=self.reply_s)
         if self.moved:
             self.until_idle(line)
-        if Hazard.STATE not in self.allowed:
+        if Hazard.STATE not in self.allowed or _DELETE in self.unanswered:
             self.created.clear()  # a run that may only ask has made nothing
         while self.created:
-            line.ask("delete_program", data=self.created[-1])
+            line.ask(_DELETE, data=self.created[-1])
             self.created.pop()
         self.moved = False
         self.close_lines()

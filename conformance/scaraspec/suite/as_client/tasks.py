@@ -14,13 +14,14 @@ from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.payloads import JogDirection
+from scaraspec.suite.as_client.due import SUCCESS
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import (
     BUSY,
-    IDLE,
     SLOWEST_PERCENT,
     begin_step_somewhere,
+    end_of,
     go_on_if_it_listens,
     knows_whether_it_listens,
     listens,
@@ -58,24 +59,11 @@ ACCEPTANCE: Final[Mapping[str, str]] = {
 }
 """Which requirement says that the first reply is "1" where the robot can do it."""
 
-SUCCESS: Final[Mapping[str, str]] = {
-    RUN: "4.15/5",
-    SIMULATE: "4.16/3",
-    STOP: "4.17/4",
-    RESET: "4.18/4",
-    MOVE: "4.24/6",
-    RELEASE: "4.25/3",
-    LOCK: "4.26/3",
-    JOG: "4.28/5",
-}
-"""Which requirement says that success is told by the tagged result "11"."""
-
 LASTS_S: Final = 5
 """How long a program waits that is to be interrupted, in seconds of our clock."""
 _ASKED: Final = 20
 """How many requests, one behind the other, such a program outlasts."""
 
-_SLICE_S: Final = 0.5
 _NS: Final = 1e9
 
 
@@ -435,32 +423,19 @@ def stop_nothing(subject: Subject, line: Line) -> None:
 
 
 def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = None) -> Answer:
-    """Wait for a final result until the subject is idle, and a moment longer.
-
-    At fault it may still be busy: the status tells of one of the two (A-4.8-2).
+    """Wait for a final result; see `end_of`.
 
     Raises:
         NoAnswer: It does not come.
     """
-    left_s = subject.longest_s if within_s is None else within_s
-    while True:
-        try:
-            return line.result(name, within_s=min(_SLICE_S, left_s))
-        except NoAnswer as error:
-            left_s -= _SLICE_S
-            if status_of(subject, line) == IDLE or left_s <= 0:
-                return _at_last(line, name, error)
-
-
-def _at_last(line: Line, name: str, error: NoAnswer) -> Answer:
-    with suppress(NoAnswer):
-        return line.result(name, within_s=SILENCE_S)
-    raise NoAnswer(
-        f"no final result of {name} came while the robot was busy, nor soon afterwards",
-        expected=f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …",
-        observed=error.observed,
-        requirement=SUCCESS[name],
-    ) from None
+    answer = end_of(subject, line, name, within_s=within_s)
+    if answer is None:
+        message = f"no final result of {name} came while the robot was busy, nor soon afterwards"
+        error = line.no_answer(message)
+        error.expected = f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …"
+        error.requirement = SUCCESS[name]
+        raise error
+    return answer
 
 
 def done(subject: Subject, line: Line, name: str) -> Answer:

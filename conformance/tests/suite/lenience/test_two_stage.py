@@ -5,6 +5,7 @@ The register lists them as conforming: no case of the suite may fail of them.
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -166,6 +167,14 @@ class Deaf(Brain):
             super().handle(session, frame, now_s)
 
 
+class DeafAndSlow(Deaf):
+    """Whatever it does lasts for two seconds, even a move to where it stands."""
+
+    def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
+        way = super()._way(pose, speed_percent, now_s)
+        return replace(way, duration_s=max(way.duration_s, 2.0))
+
+
 class _Brakes:
     """What takes a tenth of a second."""
 
@@ -259,6 +268,7 @@ def _within_half_a_turn(angle_deg: float) -> float:
     ("brain", "requirement"),
     [
         *((Deaf, alone) for alone in ("3/18", "4/14", "4.17/7", "4.24/8", "6.5/20", "6.5/25")),
+        *((DeafAndSlow, alone) for alone in ("3/18", "4.17/6", "4.24/8", "4.28/3")),
         (DeafAtItsBrakes, "4.25/2"),
         (SimulatesInNoTime, "4.17/6"),
         (Latching, "3/17"),
@@ -273,7 +283,7 @@ def test_cases_that_are_tried_alone_know_no_less(
     assert not tried(brain, requirement).failed
 
 
-@pytest.mark.parametrize("brain", [Latching, Away, Late, Quick, Deaf, Trembles, Turns])
+@pytest.mark.parametrize("brain", [Latching, Away, Late, Quick, Deaf, DeafAndSlow, Trembles, Turns])
 def test_no_false_alarm(tried: Try, brain: type[Brain]) -> None:
     """No case of the two-stage commands fails of what the register lets a controller do."""
     cases = tried(brain, *(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES))

@@ -1,0 +1,70 @@
+"""Due: the answers that a subject owes, who says so, and for how long to wait for one.
+
+One that was awaited in full twice, and never came, is not waited for in full again: every case that
+meets it would be, and all of them for hours. That it is missing is then what fails, whatever the
+case is about. A case that is tried alone waits in full.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+ANSWERED: Final = "3/31"
+"""Which requirement says that a request is answered."""
+
+SUCCESS: Final[Mapping[str, str]] = {
+    "run_program": "4.15/5",
+    "simulate_program": "4.16/3",
+    "emergency_stop": "4.17/4",
+    "reset": "4.18/4",
+    "set_tool_coordinates": "4.24/6",
+    "release_joints": "4.25/3",
+    "lock_joints": "4.26/3",
+    "jog": "4.28/5",
+}
+"""Which requirement says that success is told by the tagged result "11"."""
+
+_TWICE: Final = 2
+_REPLY_S: Final = 1.0
+_RESULT_S: Final = 5.0
+
+
+class Due(NamedTuple):
+    """A kind of answer: the first reply to a command of the table, or its final result."""
+
+    name: str
+    result: bool = False
+
+    @property
+    def requirement(self) -> str:
+        """Which requirement says that it comes."""
+        return SUCCESS[self.name] if self.result else ANSWERED
+
+
+class Patience:
+    """What was awaited in full, and what has ever come."""
+
+    def __init__(self) -> None:
+        self._missed: Counter[Due] = Counter()
+        self._came: set[Due] = set()
+
+    def came(self, due: Due) -> None:
+        """It is there, so it is worth waiting for."""
+        self._came.add(due)
+
+    def missed(self, due: Due) -> None:
+        """It did not come in the time that it has."""
+        self._missed[due] += 1
+
+    def vain(self, due: Due) -> bool:
+        """Whether it was awaited in full twice, and never came."""
+        return due not in self._came and self._missed[due] >= _TWICE
+
+    def within_s(self, due: Due, full_s: float) -> float:
+        """For how long to wait for what has so much time."""
+        short_s = _RESULT_S if due.result else _REPLY_S
+        return min(full_s, short_s) if self.vain(due) else full_s
+
+    def unanswered(self) -> frozenset[str]:
+        """The commands whose first reply is awaited in vain."""
+        return frozenset(due.name for due in self._missed if not due.result and self.vain(due))

@@ -1,0 +1,80 @@
+"""Due: an answer that never comes is blamed for itself, and waited for in full only twice."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.faults import faults
+from scaraspec.controller.session import Session
+from scaraspec.judgement.requirements import select
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.frames import Frame
+from scaraspec.suite.as_client.due import Due, Patience
+
+Try = Callable[..., Any]
+
+_FULL_S = 60.0
+
+
+def ids(clauses: str) -> list[str]:
+    """The requirements of some clauses."""
+    return [requirement.id for requirement in select(clauses)]
+
+
+def without_reply(name: str) -> type[Brain]:
+    """A controller that never answers one command."""
+
+    class Mute(Brain):
+        def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+            if frame.opcode != BY_NAME[name].opcode:
+                super().handle(session, frame, now_s)
+
+    return Mute
+
+
+@pytest.mark.parametrize("due", [Due("get_version"), Due("run_program", result=True)])
+def test_what_never_came_is_waited_for_in_full_twice(due: Due) -> None:
+    """Once it has come it is always worth its time."""
+    patience = Patience()
+    for _ in range(2):
+        assert patience.within_s(due, _FULL_S) == _FULL_S
+        patience.missed(due)
+    assert patience.within_s(due, _FULL_S) < _FULL_S
+    assert patience.within_s(due, 0.1) == 0.1
+    patience.came(due)
+    assert patience.within_s(due, _FULL_S) == _FULL_S
+    patience.missed(due)
+    patience.missed(due)
+    assert not patience.vain(due)
+
+
+def test_an_unanswered_query_fails_for_itself(tried: Try) -> None:
+    """The cases that ask anything at all leave it out, once it was missed by itself twice."""
+    results = tried(
+        without_reply("get_motor_temperatures"), *ids("2,3/24,4.14,4.20/3,4/15,T"), examples=20
+    )
+    assert results.failed <= {"2/5", "2/6", "3/31", "4.14/2", "4.14/3"}
+    assert "3/31" in results.failed
+    assert sum(case.duration_s for case in results.values()) < 200
+
+
+def test_unanswered_deletions_fail_no_case_that_only_cleans_up(tried: Try) -> None:
+    """What a case has made then stays; that it does is no failure of every case."""
+    results = tried(without_reply("delete_program"), *ids("5.1,5.2/2,5.2/3,5.2/14,5.2/16"))
+    assert results.failed == {"3/31", "4.11/3"}
+
+
+def test_a_move_without_a_result_fails_for_itself(tried: Try) -> None:
+    """Where a move is but a means, its end is seen by the status."""
+    results = tried(faults()["move-has-no-result"].wrong, *ids("4.8,4.15,4.23,4.24"))
+    assert results.failed == {"3/18", "4.24/6"}
+    assert sum(case.duration_s for case in results.values()) < 500
+
+
+def test_results_without_a_tag_answer_no_later_request(tried: Try) -> None:
+    """They would be refusals of commands that were asked for long after them."""
+    results = tried(faults()["forgets-the-tag"].wrong, "3/12", "3/18", "4.15/4", "4.15/5")
+    assert {"3/12", "4.15/5"} <= results.failed
+    assert not [case for case in results.values() if "refused by a robot" in case.message]
