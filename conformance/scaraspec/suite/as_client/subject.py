@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from scaraspec.links.link import LinkError
-from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.commands import BY_OPCODE, RunningProgram
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.access import Access
 from scaraspec.suite.as_client.due import ANSWERED, Patience
@@ -32,7 +32,7 @@ _RECONNECT_S: Final = 0.1
 _REFUSAL_S: Final = 0.05  # within which one that is not served is ended (A-2-2)
 _POLL_S: Final = 0.05
 _ALWAYS: Final = ("login",)
-_DELETE: Final = "delete_program"
+_DELETE, _RUNNING = "delete_program", "get_running_program"
 _FILES_TOO: Final = ("login", _DELETE)  # of what the suite itself has stored
 _REMEDIES: Final = ("lock_joints", "reset")  # of joints that were left loose; of all else
 
@@ -346,7 +346,7 @@ class Subject:
         line = self.open()
         busy_and_deaf = self.moved and self.known.get(DEAF)
         status = None if busy_and_deaf else line.ask("get_status").value
-        if status != _READY and self.moved:
+        if self.moved and (status != _READY or self._runs_ours(line)):
             if line.ask("emergency_stop").accepted:
                 with suppress(NoAnswer):  # what is missing the cases find
                     line.result("emergency_stop", within_s=self.reply_s)
@@ -365,6 +365,15 @@ class Subject:
             self.created.pop()
         self.moved = False
         self.close_lines()
+
+    def _runs_ours(self, line: Line) -> bool:
+        """Whether it runs what a case has stored, though its status may say that it is idle."""
+        if _RUNNING in self.statement.lacks | self.unanswered:
+            return False
+        with suppress(NoAnswer):
+            told = line.ask(_RUNNING).value
+            return isinstance(told, RunningProgram) and told.name.startswith(STEM.encode())
+        return False
 
     def revive(self) -> None:
         """Start it anew, where a hook can.

@@ -78,3 +78,11 @@ def test_results_without_a_tag_answer_no_later_request(tried: Try) -> None:
     results = tried(faults()["forgets-the-tag"].wrong, "3/12", "3/18", "4.15/4", "4.15/5")
     assert {"3/12", "4.15/5"} <= results.failed
     assert not [case for case in results.values() if "refused by a robot" in case.message]
+
+
+def test_a_program_is_stopped_whatever_the_status_says(tried: Try) -> None:
+    """A robot that says that it is idle while a program runs is not left running."""
+    results = tried(faults()["idle-during-run"].wrong, *ids("4.8,4.9,4.16"))
+    assert "4.8/4" in results.failed
+    assert not {"4/15", "4.16/2", "4.16/3"} & results.failed
+    assert "run.restore" not in results
