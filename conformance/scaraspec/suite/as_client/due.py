@@ -47,6 +47,7 @@ class Patience:
     def __init__(self) -> None:
         self._missed: Counter[Due] = Counter()
         self._came: set[Due] = set()
+        self._restless = 0
 
     def came(self, due: Due) -> None:
         """It is there, so it is worth waiting for."""
@@ -64,6 +65,17 @@ class Patience:
         """For how long to wait for what has so much time."""
         short_s = _RESULT_S if due.result else _REPLY_S
         return min(full_s, short_s) if self.vain(due) else full_s
+
+    def rest_s(self, full_s: float) -> float:
+        """For how long to wait until the robot rests: shorter where waiting has been in vain."""
+        return min(full_s, _RESULT_S) if self._restless >= _TWICE else full_s
+
+    def waited(self, for_s: float, *, rests: bool) -> None:
+        """So long it was waited for, in vain or not; one long wait that was not is worth others."""
+        if not rests:
+            self._restless += 1
+        elif for_s > _RESULT_S:
+            self._restless = 0
 
     def unanswered(self) -> frozenset[str]:
         """The commands whose first reply is awaited in vain."""

@@ -343,10 +343,11 @@ def end_of(
 
 def await_rest(subject: Subject, line: Line) -> None:
     """Wait until nothing executes; the status may tell of a fault then."""
-    left_s = subject.longest_s
-    while status_of(subject, line) in (*BUSY, None) and left_s > 0:
+    full_s = left_s = subject.patience.rest_s(subject.longest_s)
+    while (busy := status_of(subject, line) in (*BUSY, None)) and left_s > 0:
         line.wait(_POLL_S)
         left_s -= _POLL_S
+    subject.patience.waited(full_s - left_s, rests=not busy)
 
 
 def release_latch(subject: Subject, line: Line) -> None:

@@ -326,12 +326,16 @@ class Subject:
         Raises:
             Undecided: It does not become so.
         """
-        left_s = self.longest_s if within_s is None else within_s
+        full_s = self.patience.rest_s(self.longest_s) if within_s is None else within_s
+        left_s = full_s
         while (status := line.ask("get_status").value) != _READY:
             if left_s <= 0:
+                if within_s is None:
+                    self.patience.waited(full_s, rests=False)
                 raise Undecided(f"the subject's status stays {status} and does not become 00")
             line.wait(_POLL_S)
             left_s -= _POLL_S
+        self.patience.waited(full_s - left_s, rests=True)
 
     def settle(self) -> None:
         """Bring the subject back to rest, and take away what the case has made.

@@ -50,6 +50,18 @@ def test_what_never_came_is_waited_for_in_full_twice(due: Due) -> None:
     assert not patience.vain(due)
 
 
+def test_rest_is_awaited_in_full_until_that_was_twice_in_vain() -> None:
+    """A robot that came to rest late, once, is worth waiting for again."""
+    patience = Patience()
+    patience.waited(_FULL_S, rests=False)
+    patience.waited(0.1, rests=True)
+    assert patience.rest_s(_FULL_S) == _FULL_S
+    patience.waited(_FULL_S, rests=False)
+    assert patience.rest_s(_FULL_S) < _FULL_S
+    patience.waited(20.0, rests=True)
+    assert patience.rest_s(_FULL_S) == _FULL_S
+
+
 def test_an_unanswered_query_fails_for_itself(tried: Try) -> None:
     """The cases that ask anything at all leave it out, once it was missed by itself twice."""
     results = tried(
