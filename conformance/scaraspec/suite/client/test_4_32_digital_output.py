@@ -11,6 +11,9 @@ from scaraspec.suite.wire import Answer
 
 _SET: Final = "set_digital_output"
 _PORTS: Final = range(1, 17)  # what 0x49 shows (L684)
+_NO_PORTS: Final = (257, 264, 65537)
+"""A byte, or two, of each of these is the number of a port."""
+
 _NO_VALUES: Final = (2, -1, 10, 255, 256, 0.5)
 
 
@@ -38,12 +41,22 @@ def test_set(subject: Subject, line: Line) -> None:
 
 @client_case("4.32/1", "4.32/2", name="each")
 def test_each_port(subject: Subject, line: Line) -> None:
-    """Each output is set to 1 and to 0, and told apart from its neighbours."""
+    """Each output is set to 1 and to 0, and told apart from its neighbours.
+
+    A port that does not exist is refused, or asked for as it is: no other one is set for it.
+    """
     for value in (1, 0):
         for port in _PORTS:
             call = subject.begin(_SET, port=port, value=value)
             _expect_setting(line.serve(call), port, value)
             subject.done(call)
+    for port in _NO_PORTS:
+        call = subject.begin(_SET, port=port, value=1)
+        sent = request_unless_refused(line, call)
+        if sent is not None:
+            line.reply(_SET, value=False)
+            subject.settled(call)
+            _expect_setting(sent, port, 1)
 
 
 @client_case("4.32/2")

@@ -24,6 +24,7 @@ from scaraspec.protocol.commands import (
     Parsed,
     PasswordChange,
     Point,
+    PortValue,
     Pose,
 )
 from scaraspec.protocol.direction import C2A
@@ -341,20 +342,23 @@ def test_what_was_not_answered_is_not_done(
 
 
 class Tidies(ClientCore):
-    """Takes the blanks off the ends of passwords, and writes years with two digits."""
+    """Takes the blanks off the ends of passwords, writes years with two digits, ports as bytes."""
 
     def command(self, name: str, value: Any = None) -> Exchange:
         if isinstance(value, PasswordChange):
             value = PasswordChange(value.old.strip(), value.new.strip())
         elif isinstance(value, datetime):
             value = value.replace(year=2000 + value.year % 100)
+        elif isinstance(value, PortValue):
+            value = value._replace(port=value.port % 256)
         return super().command(name, value)
 
 
 def test_what_is_ordered_is_sent_as_it_is() -> None:
-    """Neither the blanks of a password nor the century of a year are the client's to change."""
-    cases = tried(Tidies, "4.2/1", "4.5/1")
-    assert cases["4.2/1.pairs"] is cases["4.5/1.times"] is Verdict.FAIL
+    """Neither a password's blanks, a year's century nor another port are the client's to change."""
+    cases = tried(Tidies, "4.2/1", "4.5/1", "4.32/1")
+    for case in ("4.2/1.pairs", "4.5/1.times", "4.32/1.each"):
+        assert cases[case] is Verdict.FAIL
 
 
 class CountsCharacters(ClientCore):
