@@ -142,12 +142,13 @@ class Record(Payload):
 def tidy(data: bytes, notes: Notes, *, digit: bool = True) -> bytes:
     """Take off what text must not carry: quotes (A-0-3), a trailing NUL (A-T-3).
 
-    Alone a NUL is a binary digit where one can stand there, and else the end of no text.
+    Alone, or before others, a NUL is a binary digit where one can stand there, and else the end
+    of no text.
     """
     if data.endswith(b"\0") and (len(data) > 1 or not digit):
         notes.add(Wrong.TRAILING_NUL, "a NUL byte ends the text")
         notes.readings["trailing_nul"] = "yes"
-        data = data.rstrip(b"\0")
+        data = data.rstrip(b"\0") or (b"\0" if digit else b"")
     for opening, closing in ((b'"', b'"'), ("“".encode(), "”".encode())):
         if len(data) > len(opening) and data.startswith(opening) and data.endswith(closing):
             notes.add(Wrong.QUOTES, "the quotation marks of the examples are sent")

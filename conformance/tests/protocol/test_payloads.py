@@ -129,6 +129,14 @@ def test_readings(where: str, data: bytes, value: Any, key: str, option: str) ->
     assert payload(where).encode(value, Dialect.of(**{key: option})) == data
 
 
+def test_a_binary_flag_may_end_with_a_nul() -> None:
+    """Of two NULs the first is the flag: two readings at once (A-T-1, A-T-3)."""
+    decoded = payload("get_running_program.reply").decode(b"\0\0")
+    assert decoded.value is None
+    assert [c.wrong for c in decoded.complaints] == [Wrong.TRAILING_NUL]
+    assert ("runinfo_binary", "binary") in decoded.readings
+
+
 @pytest.mark.parametrize(
     ("where", "value", "says"),
     [

@@ -36,10 +36,15 @@ _MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
 _NS: Final = 1e9
 
 
+def _says_none(answer: Answer) -> bool:
+    """Whether no program is told; NULs may follow the flag, and it may be one (A-T-1, A-T-3)."""
+    flag, rest = answer.frame.data[:1], answer.frame.data[1:]
+    return flag + rest.rstrip(b"\0") in _NONE
+
+
 def _expect_none(line: Line, message: str) -> None:
     answer = line.ask("get_running_program")
-    text = answer.frame.data if answer.frame.data in _NONE else answer.frame.data.rstrip(b"\0")
-    expect(text in _NONE, message, expected="0", observed=f"{answer}", requirement="4.9/6")
+    expect(_says_none(answer), message, expected="0", observed=f"{answer}", requirement="4.9/6")
 
 
 def _told(subject: Subject, line: Line, command: str, name: bytes) -> RunningProgram | None:
@@ -53,7 +58,7 @@ def _told(subject: Subject, line: Line, command: str, name: bytes) -> RunningPro
     if not isinstance(told, RunningProgram):
         if ended(line, command, _LAG_S) is not None:
             return None
-        if command == "simulate_program" and answer.frame.data in _NONE:
+        if command == "simulate_program" and _says_none(answer):
             message = "a simulated program is not told as running"
             subject.tolerate("4.9/10", "A-4.9-4", "no", message)
             return None

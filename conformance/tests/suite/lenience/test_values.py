@@ -90,7 +90,7 @@ class EndsWithANul(Brain):
 
     def emit(self, session: Session, frame: Frame) -> None:
         """Add it."""
-        if frame.opcode in (0x08, 0x0B, 0x0D, 0x13):
+        if frame.opcode in (0x08, 0x0A, 0x0B, 0x0D, 0x13):
             frame = Frame(C2A, frame.opcode, frame.data + b"\0")
         super().emit(session, frame)
 
@@ -98,6 +98,12 @@ class EndsWithANul(Brain):
 def test_no_default_program_may_be_told_as_a_nul(tried: Try) -> None:
     """It is an empty text, which some end as they do any other (A-4.12-2, A-T-3)."""
     assert not tried(EndsWithANul, "4.12/4", "4.12/3", "4.13/5").alarms
+
+
+def test_a_binary_flag_may_end_with_a_nul(tried: Try) -> None:
+    """That nothing runs is two zero bytes then (A-T-1, A-T-3)."""
+    binary = DEFAULT.replace(runinfo_binary="binary")
+    assert not tried(EndsWithANul, "4.9/2", "4.9/6", dialect=binary).alarms
 
 
 class HasALongDefault(Brain):
