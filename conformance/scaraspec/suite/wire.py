@@ -97,6 +97,7 @@ class Wire:
         noise: What came and was no frame.
         ending: How the subject ended it; None while it is open.
         closed: It was ended by the suite.
+        closed_ns: When.
     """
 
     def __init__(
@@ -106,7 +107,7 @@ class Wire:
         self.heard: list[FrameSeen] = []
         self.noise: list[Undecodable] = []
         self.ending: Ending | None = None
-        self.closed = False
+        self.closed, self.closed_ns = False, 0
         self._due_bytes = _FLOOD_BYTES
         self._link, self._holder, self._judged = link, holder, judged
         self._ours, self._theirs = ours, ours.opposite
@@ -293,7 +294,7 @@ class Wire:
             self._over(end, kind)
 
     def _over(self, end: Callable[[], None], kind: Kind) -> None:
-        self.closed = True
+        self.closed, self.closed_ns = True, self._holder.now_ns
         end()
         if self.ending is None:
             self._event(self._ours, kind, self._holder.now_ns)

@@ -28,8 +28,10 @@ MOMENT_S: Final = 0.1
 
 _READY: Final = "00"  # L209: idle
 _RECONNECTS: Final = 20
-_RECONNECT_S: Final = 0.1
+_RECONNECT_S: Final = 0.1  # within which it may not have seen yet that the last one left
 _REFUSAL_S: Final = 0.05  # within which one that is not served is ended (A-2-2)
+_FEW: Final = 2  # clients, beyond which a robot may serve no more
+_REMEMBERED: Final = 8  # connections, that have ended
 _POLL_S: Final = 0.05
 _ALWAYS: Final = ("login",)
 _DELETE, _RUNNING = "delete_program", "get_running_program"
@@ -42,6 +44,7 @@ DEAF: Final = "deaf while it executes"
 LATCHED: Final = "latched"
 """Known of a subject: whether an emergency stop may have latched it (A-4.17-2)."""
 
+_NOTICES_LATE: Final = "sends clients away whose place another one has just left"
 _GREETING: Final = "opcodes of what comes on a new connection unasked"
 _MISTAKES: Final = "wrong passwords tried in sequences"
 _MOST_MISTAKES: Final = 5
@@ -102,6 +105,7 @@ class Subject:
         self.off = False
         self.created: list[bytes] = []
         self._lines: list[Line] = []
+        self._left: list[Line] = []
         self._names = itertools.count(1)
         self._connections = itertools.count(1)
 
@@ -146,8 +150,7 @@ class Subject:
             Unmet: The login was refused.
             NoAnswer: The subject cannot be reached, or does not answer.
         """
-        alone = all(line.closed or line.ending for line in self._lines)
-        patience = _RECONNECTS if alone and self.access.ends and self._may_serve_one else 1
+        patience = self._patience(login=login)
         while True:
             line = self._open(judged=judged)
             patience -= 1
@@ -159,11 +162,32 @@ class Subject:
                     line.close()  # who is not served takes nobody's place
                     if not refused or not patience:
                         raise
+                    self.known.setdefault(_NOTICES_LATE, True)
                 else:
                     return line
             elif not patience or line.ends(within_s=_REFUSAL_S) is None:
                 return line
-            self.access.pause(_RECONNECT_S)  # it may not have seen yet that the last one left
+            self.access.pause(_RECONNECT_S)
+
+    def _patience(self, *, login: bool) -> int:
+        """How often to come where one is sent away: a client that left may still have its place.
+
+        Of a robot that is known to serve several, the places must be taken by who is there and who
+        has just left, and once only: from then on its time is waited for.
+        """
+        if not self.access.ends:
+            return 1
+        there = sum(not line.over for line in self._lines)
+        if self._may_serve_one and not there:
+            return _RECONNECTS
+        since_ns = self.now_ns - round(_RECONNECT_S * 1e9)
+        left = sum(line.closed_ns > since_ns for line in (*self._left, *self._lines))
+        if not left or there + left < _FEW:
+            return 1
+        if _NOTICES_LATE in self.known:
+            self.pause(_RECONNECT_S)
+            return 1
+        return 2 if login else 1
 
     @property
     def _may_serve_one(self) -> bool:
@@ -217,7 +241,8 @@ class Subject:
         """End every connection."""
         for line in self._lines:
             line.close()
-        self._lines.clear()
+        self._left = [*self._left, *self._lines][-_REMEMBERED:]
+        self._lines = []
 
     def pause(self, for_s: float) -> None:
         """Let time pass, listening on every connection."""

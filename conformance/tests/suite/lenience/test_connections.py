@@ -151,6 +151,52 @@ def test_a_few_clients_are_enough(tried: Try) -> None:
     assert not tried(ServesTwo, "3/29", "3/32").wrong
 
 
+class FreesLate(ServesTwo):
+    """As before, and a client that has left keeps its place for another moment."""
+
+    _LATE_S = 0.01
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._left_s: list[float] = []
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Look which places are taken."""
+        self._left_s = [at_s for at_s in self._left_s if at_s > now_s - self._LATE_S]
+        if len(self.sessions) + len(self._left_s) < 2:
+            return super().open(connection, now_s, link)
+        self._actions.append(Close(connection))
+        return self._taken()
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        """Remember when."""
+        if connection in self.sessions:
+            self._left_s.append(now_s)
+        return super().close(connection, now_s)
+
+
+def test_a_place_may_be_free_a_moment_later(tried: Try) -> None:
+    """Who served two, and has not yet seen them leave, sends the next one away (A-2-2)."""
+    assert not tried(FreesLate, "2/11", "2/13", "4/6", "5.2/11", "5.2/12").alarms
+
+
+class SendsSomeAway(Brain):
+    """Every seventh client is sent away, whoever is there."""
+
+    _count = 0
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Count them."""
+        self._count += 1
+        seventh = self._count % 7 == 0
+        return [Close(connection)] if seventh else super().open(connection, now_s, link)
+
+
+def test_a_place_is_not_taken_by_nobody(tried: Try) -> None:
+    """Where several are served, who comes alone is served (2/13)."""
+    assert "2/13" in tried(SendsSomeAway, "2/13").failed
+
+
 class DisplacesAMomentLater(Brain):
     """The newest client is served; a moment later the one before is sent away (A-2-2)."""
 
