@@ -21,7 +21,7 @@ from scaraspec.suite.as_client.motion import SLOWEST_PERCENT, joints_of, pose_of
 from scaraspec.suite.as_client.passwords import rotated
 from scaraspec.suite.as_client.ports import outputs, outputs_kept
 from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
-from scaraspec.suite.as_client.tasks import stored
+from scaraspec.suite.as_client.tasks import RUN, lasting, stored
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
 from scaraspec.suite.programs.layout import short_program
@@ -188,7 +188,10 @@ def test_beside_another(subject: Subject) -> None:
 
 @case("2/11", name="motion", hazards=(Hazard.MOTION, Hazard.STATE))
 def test_motion(subject: Subject) -> None:
-    """All that moves, and an output, is asked for without a login; nothing happens."""
+    """All that moves, and an output, is asked for without a login; nothing happens.
+
+    So it is while a program of another client runs.
+    """
     subject.moved = True
     line = subject.open()
     name = stored(subject, line, _RUNS_S)
@@ -207,6 +210,9 @@ def test_motion(subject: Subject) -> None:
         ("simulate_program", name),
         ("reset", None),
     )
+    if subject.takes_several:
+        with lasting(subject, subject.open(), RUN, queries=False):
+            stranger.ask(("set_digital_output", PortValue(port, int(not before[-1]))))
     line = subject.open()
     status = line.ask("get_status").value
     moved = farthest(joints_of(line), joints)

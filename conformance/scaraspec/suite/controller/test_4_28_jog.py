@@ -64,6 +64,7 @@ _NO_DIRECTION: Final = tuple(
         ("colon", b":"),
         ("letter", b"x"),
         ("letter with the low bits of 1", b"q"),
+        ("digit 1 with the highest bit", b"\xb1"),
         ("sign", b"-"),
         ("binary sixteen", b"\x10"),
         ("highest bit and one", b"\x81"),

@@ -79,7 +79,8 @@ def test_all_on_and_off(subject: Subject, line: Line) -> None:
             for port in ports:
                 if set_output(line, port, on=on).accepted:
                     now = with_port(now, port, on=on)
-            expect_outputs(line, now, f"all outputs were set to {on:d}")
+                told = f"output {port} was set to {on:d} as all before it were"
+                expect_outputs(line, now, told)
         if not takes_one_at_a_time(subject):
             _expect_in_order(line, ports, now)
 
@@ -195,17 +196,21 @@ def _try(subject: Subject, line: Line, wrong: Malformed) -> tuple[bytes | None, 
 
 @case("4.32/7", name="values")
 def test_other_values(subject: Subject, line: Line) -> None:
-    """A value other than 0 and 1 sets nothing; that it counts for 1 is tolerated (A-4.32-4)."""
+    """A value other than 0 and 1 sets nothing; that it counts for 1 is tolerated (A-4.32-4).
+
+    It never switches off what is on.
+    """
     port = settable(line)[-1]
     with outputs_kept(line) as before:
-        set_output(line, port, on=False)
-        due = with_port(before, port, on=False)
-        for value in (b"2", b"9", b"10", b"255", b"256"):
-            wrong = Malformed("no such value", b"%d|" % port + value)
-            _, now, line = _try(subject, line, wrong)
-            if now != due:
-                subject.tolerate(
-                    "4.32/7", "A-4.32-4", "non-zero = 1", f"the value {value.decode()} counts for 1"
-                )
-                set_output(line, port, on=False)
-            expect_outputs(line, due, f"another output changed on the value {value.decode()}")
+        for on in (True, False):
+            set_output(line, port, on=on)
+            due = with_port(before, port, on=on)
+            for value in (b"2", b"9", b"10", b"255", b"256"):
+                wrong = Malformed("no such value", b"%d|" % port + value)
+                _, now, line = _try(subject, line, wrong)
+                if not on and now != due:
+                    told = f"the value {value.decode()} counts for 1"
+                    subject.tolerate("4.32/7", "A-4.32-4", "non-zero = 1", told)
+                    set_output(line, port, on=False)
+                told = f"the value {value.decode()} for output {port} has changed an output"
+                expect_outputs(line, due, told)

@@ -152,6 +152,8 @@ def test_unbalanced_markers(subject: Subject, line: Line) -> None:
             ("an IF with two ELSE", [_IF, node, _ELSE, node, _ELSE, node, _ENDIF]),
             ("two IF with one ENDIF", [_IF, node, _IF, node, _ENDIF]),
             ("an IF with two ENDIF", [_IF, node, _ENDIF, _ENDIF]),
+            ("a loop that an ENDIF ends", [_LOOP, node, _ENDIF]),
+            ("an IF that the end of a loop ends", [_IF, node, _END_LOOP]),
             ("an IF that ends inside a loop", [_IF, _LOOP, _ENDIF, node, _END_LOOP]),
         ):
             _never_run(subject, line, robot, robot.file(nodes), told)

@@ -26,7 +26,7 @@ from scaraspec.suite.programs.model import (
     variables_of,
 )
 from scaraspec.suite.programs.strategies import blocks, variables
-from scaraspec.suite.programs.writing import OUTPUTS, loop, number, variable
+from scaraspec.suite.programs.writing import OUTPUTS, branch, compare, loop, number, variable
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _MANY: Final = 258
@@ -163,10 +163,19 @@ def test_branches(subject: Subject, line: Line) -> None:
 
 @case("6.5/24", name="apart", hazards=PROGRAMS)
 def test_branches_apart(subject: Subject, line: Line) -> None:
-    """The same for each in a program of its own, which the ENDIF ends."""
+    """The same for each in a program of its own, which the ENDIF ends.
+
+    What is not executed may be a loop.
+    """
     with bench(subject, line) as robot:
         for block in _BRANCHES[:4]:
             robot.performs(block)
+        now = outputs(line)
+        skipped = loop(subject.dialect, nodes_of([Flip(_BAD)], now))
+        holds = compare(number(2), Opt.LESS, number(1))
+        robot.run(branch(holds, skipped, nodes_of([Flip(_GOOD)], now)))
+        due = with_port(now, _GOOD, on=not now[_GOOD - 1])
+        expect_outputs(line, due, "an IF whose first branch holds a loop went another way")
 
 
 @case("6.5/26", hazards=PROGRAMS)

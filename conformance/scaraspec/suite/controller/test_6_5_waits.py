@@ -43,6 +43,7 @@ _AHEAD_S: Final = 1.75  # how far ahead an instant is, and it is no whole second
 _INEXACT_S: Final = 0.3  # how exactly it is known when a clock goes to its next second
 _UTC_S: Final = 2.0
 _POLL_S: Final = 0.06
+_LONG: Final = 2**31  # seconds, or as many before 1970, which a timer of 4 bytes does not hold
 _TICKS: Final = 30  # more than a second of looking at a clock
 _US: Final = 1_000_000
 _NS: Final = 1e9
@@ -168,7 +169,7 @@ def _tick(subject: Subject, line: Line) -> tuple[float, float]:
         That, and when it was.
 
     Raises:
-        Undecided: The clock stands still, or is not told.
+        Undecided: The clock stands still, is not told, or is out of a timer's reach.
     """
     first = line.ask("get_time").value
     for _ in range(_TICKS):
@@ -176,7 +177,10 @@ def _tick(subject: Subject, line: Line) -> tuple[float, float]:
         at_s = subject.now_ns / _NS
         clock = line.ask("get_time").value
         if isinstance(first, datetime) and isinstance(clock, datetime) and clock > first:
-            return clock.replace(tzinfo=UTC).timestamp(), at_s
+            seconds = clock.replace(tzinfo=UTC).timestamp()
+            if not -_LONG <= seconds < _LONG - _AHEAD_S:
+                raise Undecided("the subject's clock shows a time that a timer cannot hold")
+            return seconds, at_s
     raise Undecided("the subject's clock, by which a timer would go, stands still")
 
 

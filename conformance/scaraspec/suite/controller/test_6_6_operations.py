@@ -58,8 +58,9 @@ _CHAIN: Final = (
 _PAIRS: Final = (
     *((1, 2), (2, 2), (3, 2), (-1, 1), (-2, -3), (70000, 4464), (0, 0)),
     (2_000_000_000, -2_000_000_000),  # their difference is beyond an int
+    (16_777_217, 16_777_216),  # which are one float
 )
-"""Operands to compare: less, equal and greater, below zero, and beyond 16 bits."""
+"""Operands to compare: less, equal and greater, below zero, and beyond 16 and 24 bits."""
 
 
 @case("6.6a/11", hazards=PROGRAMS)

@@ -3,7 +3,9 @@
 Each is found by a case of a requirement that it violates.
 """
 
+import struct
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -21,11 +23,19 @@ from scaraspec.protocol.programs import (
     Operation,
     Opt,
     Program,
+    ProgramError,
     ResultType,
     ValueType,
+    parse,
 )
 
 Try = Callable[..., Any]
+
+
+def single(value: float) -> float:
+    """The number that a float of 4 bytes has for it."""
+    held: float = struct.unpack("f", struct.pack("f", value))[0]
+    return held
 
 
 class GoesOn(Brain):
@@ -147,6 +157,49 @@ class Subtracts(Brain):
     interpreter = _Subtracts
 
 
+class _ComparesAsFloats(interpreter.Run):
+    """Compares what a float of 4 bytes holds of two numbers."""
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        a, b = super()._operands(operation)
+        if operation.opt >= Opt.GREATER:
+            return round(single(a)), round(single(b))
+        return a, b
+
+
+class ComparesAsFloats(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _ComparesAsFloats
+
+
+class EndsLoopsByAnEndif(Brain):
+    """An ENDIF ends whatever began last; a loop that it ends is left out."""
+
+    def understood(self, data: bytes) -> Program | None:
+        """Leave it out."""
+        program = super().understood(data)
+        if program is None:
+            with suppress(ProgramError):
+                nodes = parse(data).nodes
+                if [nodes[0].type, nodes[-1].type] == [NodeType.LOOP, NodeType.ENDIF]:
+                    program = replace(parse(data), nodes=nodes[1:-1])
+        return program
+
+
+class CountsLoopsToo(Brain):
+    """From an IF that does not hold the markers are counted, and a loop's for one that begins."""
+
+    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+        """What runs so."""
+
+        def _partner(self) -> int:
+            index, partner = self._index, super()._partner()
+            nodes = self._program.nodes
+            loops = sum(node.type == NodeType.LOOP for node in nodes[index:partner])
+            return len(nodes) - 1 if nodes[index].type == NodeType.IF and loops else partner
+
+
 class _ComparesWithTheKey(interpreter.Run):
     """Compares with the key of a variable, where that is the second operand."""
 
@@ -188,6 +241,9 @@ class KeepsPrograms(Brain):
         (InPlace, "6.6a/14", "6.6a/14"),
         (GoesOn, "6.5/26", "6.5/26"),
         (Subtracts, "6.6a/12", "6.6a/12"),
+        (ComparesAsFloats, "6.6a/12", "6.6a/12"),
+        (EndsLoopsByAnEndif, "6.5/28", "6.5/28"),
+        (CountsLoopsToo, "6.5/24", "6.5/24"),
         (ComparesWithTheKey, "6.6a/14", "6.6a/14"),
     ],
 )

@@ -17,7 +17,7 @@ from scaraspec.controller.brain import Brain
 from scaraspec.controller.robot import DONE, Task
 from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.verdicts import Verdict
-from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.commands import Command, RunningProgram
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
@@ -32,6 +32,14 @@ class StopsForAnyone(Brain):
         """Stop it."""
         self.robot.stop(now_s)
         return super().close(connection, now_s)
+
+
+class OpenDoor(Brain):
+    """While something executes everybody is served."""
+
+    def _may_ask(self, session: Session, command: Command) -> bool:
+        """Let them in."""
+        return self.robot.task is not None or super()._may_ask(session, command)
 
 
 class DiesWithItsClient(Brain):
@@ -252,6 +260,8 @@ class SixteenBits(Brain):
         (DiesWithItsClient, "4.15/4", "4/15"),
         # What one client has begun ends with a result, whoever else comes and goes.
         (StopsForAnyone, "4.17/6", "4.15/5"),
+        # Without a login nothing is set, whatever another client's program is doing.
+        (OpenDoor, "2/11", "2/11"),
     ],
 )
 def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:

@@ -13,7 +13,7 @@ import pytest
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Request, Session
 from scaraspec.judgement.verdicts import Verdict
-from scaraspec.protocol.commands import Point
+from scaraspec.protocol.commands import Point, PortValue
 from scaraspec.protocol.frames import Frame
 
 Try = Callable[..., Any]
@@ -132,10 +132,45 @@ class PointBehind(Brain):
         super().handle(session, frame, now_s)
 
 
+class TakesItsNeighbourAlong(Brain):
+    """Who switches output 8 off switches off the first of the next byte."""
+
+    def set_digital_output(self, request: Request) -> bool:
+        """Do both."""
+        done = super().set_digital_output(request)
+        if request.value == PortValue(8, 0):
+            self.plant.digital_outputs[9] = False
+        return done
+
+
+class OffInDoubt(Brain):
+    """A value that is none switches the output off, and is refused."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Switch it off."""
+        port, _, value = frame.data.partition(b"|")
+        if frame.opcode == 0x43 and port.isdigit() and value.isdigit() and int(value) > 1:
+            frame = frame._replace(data=port + b"|0")
+        super().handle(session, frame, now_s)
+
+
+class SevenBits(Brain):
+    """Of the digit of a jog the highest bit does not count."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Take it off."""
+        if frame.opcode == 0x3D and frame.data >= b"\xb0":
+            frame = frame._replace(data=bytes(byte & 0x7F for byte in frame.data))
+        super().handle(session, frame, now_s)
+
+
 @pytest.mark.parametrize(
     ("brain", "tries", "requirement"),
     [
         (SumsItUp, "4.1/3", "4.1/3"),
+        (TakesItsNeighbourAlong, "4.32/6", "4.32/6"),
+        (OffInDoubt, "4.32/7", "4.32/7"),
+        (SevenBits, "4.28/7", "4.28/7"),
         (PointBehind, "4.4/5", "4.4/5"),
         # The characters on both sides of the digits are none, and no sign stands behind them.
         (overlooks(rb"/"), "4.20/4", "4.20/4"),
@@ -172,3 +207,18 @@ def test_no_case_breaks_down_of_an_absurd_value(tried: Try, opcode: int, data: b
     counts = tried(brain, *only).counts
     assert not counts[Verdict.ERROR]
     assert counts[Verdict.PASS]
+
+
+class LivesLater(Brain):
+    """Its clock shows a year that no timer of 4 bytes can hold, and goes on."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Tell it."""
+        if frame.opcode == 0x07:
+            frame = frame._replace(data=b"20%d" % (int(frame.data[2:4]) + 70) + frame.data[4:])
+        super().emit(session, frame)
+
+
+def test_no_timer_is_asked_for_what_it_cannot_hold(tried: Try) -> None:
+    """Whether it would wait until then is undecided."""
+    assert tried(LivesLater, "6.5/22")["6.5/22"].verdict is Verdict.INCONCLUSIVE
