@@ -35,8 +35,9 @@ _SWAPPED_NS: Final = 50_000_000
 def surely_executes(y: Exchange, x: Exchange, scene: Scene) -> bool:
     """Whether a command of `x.during` executed when `x` was answered, not only by its place.
 
-    On one connection the order of frames is sure; on two the end must come clearly later. Where a
-    status 00 came meanwhile, it has ended or that status is wrong, which is told for itself.
+    On one connection the order of frames is sure; on two the end must come clearly later, and one
+    that has not come when `x` is over so soon may be on its way. Where a status 00 came meanwhile,
+    it has ended or that status is wrong, which is told for itself.
     """
     if y.idle:
         return False
@@ -44,7 +45,8 @@ def surely_executes(y: Exchange, x: Exchange, scene: Scene) -> bool:
         return True
     now = next((z for z in scene.memory.accepted if z.request is y.request), y)
     if now.result is None:
-        return now in scene.executing
+        late_ns = x.result.begun_ns - answered_ns(x) if x.result else _SWAPPED_NS
+        return now in scene.executing and late_ns >= _SWAPPED_NS
     return now.result.begun_ns - answered_ns(x) > _SECOND_NS
 
 

@@ -39,6 +39,18 @@ ELSEWHERE = """
     <90 run_program 11
     2<90 reset 11
 """
+OVER_FIRST = """
+    login
+    2> login password
+    2< login 1
+    > run_program a
+    < run_program 1
+    2> reset
+    2< reset 1
+    {pause}
+    2<90 reset 11
+    <90 run_program 11
+"""
 # The end of the program was not seen: its connection's last packets are not in the capture.
 IDLE_ELSEWHERE = """
     login
@@ -126,6 +138,8 @@ CASES = (
     # On two connections the order of frames need not be that of their sending.
     ("4/6", "none", ELSEWHERE.format(pause="")),
     ("4/6", "fail 4.18/2", ELSEWHERE.format(pause="+2")),
+    ("4/6", "none", OVER_FIRST.format(pause="")),
+    ("4/6", "fail 4.18/2", OVER_FIRST.format(pause="+2")),
     ("4/6", "none", IDLE_ELSEWHERE.format(second="reset", reply="1")),
     # Whose client has hung up may have been stopped for it (A-2-8).
     ("4/6", "none", ELSEWHERE.format(pause="+2").replace("2> reset", "> half-close\n2> reset")),
