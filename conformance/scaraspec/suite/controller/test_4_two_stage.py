@@ -237,9 +237,12 @@ def test_busy(subject: Subject, line: Line, name: str) -> None:
             task.lasts()
 
 
-@case("4/6", name="afterwards", hazards=_MOTION)
+@case("4/6", "4.24/8", name="afterwards", hazards=_MOTION)
 def test_nothing_is_queued(subject: Subject, line: Line) -> None:
-    """What a busy robot did not accept does not begin by itself once the robot is free."""
+    """What a busy robot did not accept does not begin by itself once the robot is free.
+
+    Nor does it keep the arm from where it was to go.
+    """
     attentive(subject, line)
     values = harmless(subject, line)
     with returning(subject, line):
@@ -247,10 +250,11 @@ def test_nothing_is_queued(subject: Subject, line: Line) -> None:
         accepted(MOVE, begun)
         refused = {
             BY_NAME[name].opcode
-            for name in (RUN, MOVE)
+            for name in (RUN, MOVE, LOCK)
             if (answer := offered(line, name, values.get(name))) is None or not answer.accepted
         }
         done(subject, line, MOVE)
+        line.ask("get_tool_coordinates")  # which tells the judge (4.24/8)
         line.wait(MOMENT_S)
         late = [seen for seen in line.fence() if seen.frame.opcode in refused]
     if subject.dialect["busy_reply"] == "queue":

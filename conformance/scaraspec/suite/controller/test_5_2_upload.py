@@ -269,8 +269,11 @@ def test_beyond_the_file(subject: Subject, size: int, over: int) -> None:
 
 @case("5.2/10", name="position")
 def test_position_beyond_the_file(subject: Subject) -> None:
-    """A position at or beyond the end is not taken, also where adding the length overflows."""
-    for position in (600, 601, 100_000, 2**31 - 1, 2**32 - 200, 2**32 - 100, _MOST):
+    """A position at or beyond the end is not taken, also where adding the length overflows.
+
+    Nor is one whose lower 16 bits are those of the position that is due.
+    """
+    for position in (600, 601, 65_536, 65_736, 100_000, 2**31 - 1, 2**32 - 200, 2**32 - 100, _MOST):
         head = Chunk(600, position, BUFFER_BYTES, bytes(BUFFER_BYTES))
         for before in (0, 1):
             _out_of_bounds(subject, subject.open(), head, before)

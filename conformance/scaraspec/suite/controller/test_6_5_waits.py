@@ -1,10 +1,11 @@
 """Clause 6.5: nodes that hold a program: for a time, until an instant, until an input is so."""
 
+import itertools
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from typing import Final
 
-from scaraspec.protocol.programs import Condition, Node
+from scaraspec.protocol.programs import Condition, Node, Opt
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.ports import (
     Bits,
@@ -25,6 +26,9 @@ from scaraspec.suite.programs.writing import (
     ANALOG,
     INPUTS,
     OUTPUTS,
+    branch,
+    compare,
+    number,
     set_output,
     wait,
     wait_input,
@@ -62,10 +66,12 @@ def test_wait(subject: Subject, line: Line) -> None:
 
 @case("6.5/20", name="several", hazards=PROGRAMS)
 def test_waits(subject: Subject, line: Line) -> None:
-    """Waits add up, those of no time too."""
+    """Waits add up, those of no time too, and one that only an IF comes to."""
     with bench(subject, line) as robot:
         each = [0, 1, 0, 2]
-        robot.start([node for seconds in each for node in wait(seconds)])
+        *nodes, last = (wait(seconds) for seconds in each)
+        within = branch(compare(number(1), Opt.LESS, number(2)), last)
+        robot.start([*itertools.chain.from_iterable(nodes), *within])
         _lasted(subject, robot, each)
 
 

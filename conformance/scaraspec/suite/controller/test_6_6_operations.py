@@ -35,7 +35,7 @@ _X, _Y, _Z, _W = 7, 1000, -2, 263
 _EACH: Final = (
     (Opt.ADD, 19, 23),
     (Opt.SUBTRACT, 19, 23),
-    (Opt.MULTIPLY, -19, 23),
+    (Opt.MULTIPLY, -4097, 4099),  # more than a float holds
     (Opt.DIVIDE, 19, 4),
 )
 
@@ -140,6 +140,8 @@ def test_operands(subject: Subject, line: Line) -> None:
         If(variable(_Z), Opt.EQUAL, number(60 - _Y), [], [Flip(_BAD)]),
         Calculate(_Z, variable(_Y), Opt.SUBTRACT, variable(_Z)),  # into its own operand
         If(variable(_Z), Opt.EQUAL, number(_Y), [], [Flip(_BAD)]),
+        Calculate(_Z, variable(_Y), Opt.ADD, variable(_Y)),  # of one variable twice
+        If(variable(_Z), Opt.EQUAL, number(120), [], [Flip(_BAD)]),
         If(variable(_X), Opt.LESS, variable(_Y), [], [Flip(_BAD)]),
         If(number(_X), Opt.LESS, number(_Y), [], [Flip(_BAD)]),
         If(variable(_X), Opt.EQUAL, number(_X), [Flip(_BAD)]),

@@ -19,6 +19,7 @@ from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.session import Request, Session
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.programs import (
+    Node,
     NodeType,
     Operation,
     Opt,
@@ -26,6 +27,7 @@ from scaraspec.protocol.programs import (
     ProgramError,
     ResultType,
     ValueType,
+    WaitSeconds,
     parse,
 )
 
@@ -173,6 +175,53 @@ class ComparesAsFloats(Brain):
     interpreter = _ComparesAsFloats
 
 
+class _TwiceIsOnce(interpreter.Run):
+    """To a variable nothing is added where that is the same one."""
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        a, b = super()._operands(operation)
+        if operation.opt == Opt.ADD and operation.value_a_type == ValueType.VARIABLE:
+            same = (ValueType.VARIABLE, operation.value_a)
+            return a, 0 if (operation.value_b_type, operation.value_b) == same else b
+        return a, b
+
+
+class TwiceIsOnce(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _TwiceIsOnce
+
+
+class _MultipliesFloats(interpreter.Run):
+    """A product is what a float of 4 bytes holds of it."""
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        a, b = super()._operands(operation)
+        return (round(single(a * b)), 1) if operation.opt == Opt.MULTIPLY else (a, b)
+
+
+class MultipliesFloats(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _MultipliesFloats
+
+
+class _HurriesInBranches(interpreter.Run):
+    """Behind an IF there is no waiting."""
+
+    def _begin(self, node: Node, now_s: float) -> float:
+        before = self._program.nodes[: self._index]
+        ends_s = super()._begin(node, now_s)
+        hurries = isinstance(node.data, WaitSeconds) and any(n.type == NodeType.IF for n in before)
+        return now_s if hurries else ends_s
+
+
+class HurriesInBranches(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _HurriesInBranches
+
+
 class EndsLoopsByAnEndif(Brain):
     """An ENDIF ends whatever began last; a loop that it ends is left out."""
 
@@ -242,6 +291,9 @@ class KeepsPrograms(Brain):
         (GoesOn, "6.5/26", "6.5/26"),
         (Subtracts, "6.6a/12", "6.6a/12"),
         (ComparesAsFloats, "6.6a/12", "6.6a/12"),
+        (MultipliesFloats, "6.6a/11", "6.6a/11"),
+        (TwiceIsOnce, "6.6a/14", "6.6a/14"),
+        (HurriesInBranches, "6.5/20", "6.5/20"),
         (EndsLoopsByAnEndif, "6.5/28", "6.5/28"),
         (CountsLoopsToo, "6.5/24", "6.5/24"),
         (ComparesWithTheKey, "6.6a/14", "6.6a/14"),

@@ -42,6 +42,16 @@ class OpenDoor(Brain):
         return self.robot.task is not None or super()._may_ask(session, command)
 
 
+class LocksOnItsWay(Brain):
+    """A lock that is refused while the arm moves ends the move, which is then done."""
+
+    def lock_joints(self, request: Request) -> Acceptance:
+        """Stand still."""
+        if self.robot.task is not None:
+            self.plant.stop(request.now_s)
+        return super().lock_joints(request)
+
+
 class DiesWithItsClient(Brain):
     """A program whose result nobody is there to hear is never over."""
 
@@ -260,6 +270,8 @@ class SixteenBits(Brain):
         (DiesWithItsClient, "4.15/4", "4/15"),
         # What one client has begun ends with a result, whoever else comes and goes.
         (StopsForAnyone, "4.17/6", "4.15/5"),
+        # What is refused has no effect.
+        (LocksOnItsWay, "4.24/8", "4.24/8"),
         # Without a login nothing is set, whatever another client's program is doing.
         (OpenDoor, "2/11", "2/11"),
     ],
