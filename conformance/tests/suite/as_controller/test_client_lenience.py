@@ -23,6 +23,7 @@ from scaraspec.client.transfer import Upload
 from scaraspec.judgement.requirements import select
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import (
+    BY_NAME,
     JointValues,
     MoveTarget,
     Network,
@@ -30,9 +31,11 @@ from scaraspec.protocol.commands import (
     Point,
     Pose,
 )
+from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.errors import RESERVED, lookup
 from scaraspec.protocol.frames import Found, Frame, Skipped
 from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.protocol.transfer import FILE_DATA, Chunk
 from scaraspec.report.model import Case
 from scaraspec.suite.as_controller.setting import ClientSetting
 from scaraspec.suite.plan import ALL, Options
@@ -439,6 +442,24 @@ def test_values_that_a_client_refuses() -> None:
     assert refused.verdict is Verdict.TOLERATED
     assert refused.message == "the client declines delete_program by itself"
     assert "a strange name" in refused.observed
+
+
+class SignalsLater(ClientCore):
+    """That an upload has failed is signalled when the next one begins (L787; A-5-10)."""
+
+    _latest: Upload | None = None
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        if self._latest is not None and self._latest.moved_bytes and self._latest.problem:
+            chunk = FILE_DATA.encode(Chunk(len(content), 0, 0, b""), self.dialect)
+            self._send([Frame(A2C, BY_NAME["upload_chunk"].opcode, chunk)])
+        self._latest = super().upload(name, content)
+        return self._latest
+
+
+def test_an_error_may_be_signalled_late() -> None:
+    """It belongs to the upload before."""
+    assert not wrong(SignalsLater, frozenset({"5.2/8", "5.2/19"}))
 
 
 class Strict(AsyncClient):
