@@ -193,6 +193,7 @@ _TIME: Final = (
     _Class("sign", lambda text, _: text[:8] + b"-" + text[9:]),
     _Class("plus-inside", lambda text, _: text[:8] + b"+" + text[9:]),
     _Class("behind-nine", lambda text, _: text[:8] + b":" + text[9:]),
+    _Class("behind-nine-within", lambda text, _: text[:10] + b"0:" + text[12:]),
     _Class("blank-inside", lambda text, _: text[:8] + b" " + text[9:]),
     _Class("nul-inside", lambda text, _: text[:8] + b"\0" + text[9:]),
     _Class("separators", _by(b"2024-06-15 120000")),

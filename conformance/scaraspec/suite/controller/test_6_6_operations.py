@@ -29,8 +29,8 @@ from scaraspec.suite.programs.model import (
 from scaraspec.suite.programs.writing import INPUTS, OUTPUTS, input_port, number, variable
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
-_X, _Y, _Z, _W = 7, 1000, -2, 263
-"""Keys of variables; none is the number of its place, and two agree in their lowest byte."""
+_X, _Y, _Z, _W = 7, 1000, -2, 65_543
+"""Keys of variables; none is the number of its place, and two agree in their lower 16 bits."""
 
 _EACH: Final = (
     (Opt.ADD, 19, 23),
@@ -107,7 +107,7 @@ def _comparisons() -> Iterator[Statement]:
 def test_results(subject: Subject, line: Line) -> None:
     """A result goes into the variable with its key and no other, or to the port of its number."""
     block: list[Statement] = [
-        Assign(_X, number(21)),
+        Assign(_X, number(70_021)),
         Calculate(_Y, variable(_Y), Opt.ADD, number(2)),
         Put(OUTPUTS[1], number(0)),
         Put(OUTPUTS[2], number(1)),
@@ -116,7 +116,7 @@ def test_results(subject: Subject, line: Line) -> None:
         Assign(_Z, variable(_X)),
         Calculate(_W, number(5), Opt.ADD, number(6)),
     ]
-    for key, due in {_X: 21, _Y: 102, _Z: 21, _W: 11}.items():
+    for key, due in {_X: 70_021, _Y: 102, _Z: 70_021, _W: 11}.items():
         block.append(If(variable(key), Opt.EQUAL, number(due), [], [Flip(_BAD)]))
     with bench(subject, line) as robot:
         robot.performs([*block, Flip(_GOOD)], {_X: 200, _Y: 100, _Z: 300, _W: 400})
@@ -170,12 +170,13 @@ def test_driven_input_operands(subject: Subject, line: Line) -> None:
 
 
 def _reads_inputs(robot: Bench, line: Line) -> None:
-    block = [
-        If(input_port(port), Opt.GREATER, number(0), [Flip(output)])
-        for port, output in zip(INPUTS, OUTPUTS, strict=False)
-    ]
+    block: list[Statement] = []
+    for port, output in zip(INPUTS, OUTPUTS, strict=False):
+        block.append(If(input_port(port), Opt.GREATER, number(0), [Flip(output)]))
+        block.append(Assign(_X, input_port(port)))
+        block.append(If(variable(_X), Opt.EQUAL, input_port(port), [], [Flip(output)]))
     with inputs_steady(line) as states:
-        robot.performs([*block, Flip(_BAD)], inputs=states)
+        robot.performs([*block, Flip(_BAD)], {_X: -1}, inputs=states)
 
 
 @case("6.6a/2", hazards=PROGRAMS)

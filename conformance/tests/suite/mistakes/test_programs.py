@@ -175,6 +175,52 @@ class ComparesAsFloats(Brain):
     interpreter = _ComparesAsFloats
 
 
+class _SixteenBitKeys(interpreter.Run):
+    """Of a key two bytes count: the first variable that has them is meant."""
+
+    def _value(self, kind: int, value: int) -> int:
+        if kind == ValueType.VARIABLE:
+            value = next(key for key in self._variables if not (key - value) % 2**16)
+        return super()._value(kind, value)
+
+
+class SixteenBitKeys(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _SixteenBitKeys
+
+
+class _AssignsBytes(interpreter.Run):
+    """What is assigned is a byte with a sign."""
+
+    def _compute(self, operation: Operation) -> None:
+        super()._compute(operation)
+        if operation.result_type == ResultType.ASSIGNMENT:
+            held = self._variables[operation.result]
+            self._variables[operation.result] = (held + 2**7) % 2**8 - 2**7
+
+
+class AssignsBytes(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _AssignsBytes
+
+
+class _AssignsNoInputs(interpreter.Run):
+    """An assignment of an input is left out."""
+
+    def _compute(self, operation: Operation) -> None:
+        no_input = operation.value_a_type != ValueType.INPUT_PORT
+        if operation.result_type != ResultType.ASSIGNMENT or no_input:
+            super()._compute(operation)
+
+
+class AssignsNoInputs(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _AssignsNoInputs
+
+
 class _TwiceIsOnce(interpreter.Run):
     """To a variable nothing is added where that is the same one."""
 
@@ -293,6 +339,9 @@ class KeepsPrograms(Brain):
         (ComparesAsFloats, "6.6a/12", "6.6a/12"),
         (MultipliesFloats, "6.6a/11", "6.6a/11"),
         (TwiceIsOnce, "6.6a/14", "6.6a/14"),
+        (SixteenBitKeys, "6.6a/13", "6.6a/13"),
+        (AssignsBytes, "6.6a/13", "6.6a/13"),
+        (AssignsNoInputs, "6.6a/14", "6.6a/14"),
         (HurriesInBranches, "6.5/20", "6.5/20"),
         (EndsLoopsByAnEndif, "6.5/28", "6.5/28"),
         (CountsLoopsToo, "6.5/24", "6.5/24"),

@@ -154,6 +154,17 @@ class OffInDoubt(Brain):
         super().handle(session, frame, now_s)
 
 
+class TakesOffZeros(Brain):
+    """Of the minutes of a time each character counts by how far it is from a zero."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Reckon so."""
+        if frame.opcode == 0x06 and len(frame.data) == 14 and frame.data[11:12] == b":":
+            tens = frame.data[10] - 0x30
+            frame = frame._replace(data=frame.data[:10] + b"%d0" % (tens + 1) + frame.data[12:])
+        super().handle(session, frame, now_s)
+
+
 class SevenBits(Brain):
     """Of the digit of a jog the highest bit does not count."""
 
@@ -171,6 +182,7 @@ class SevenBits(Brain):
         (TakesItsNeighbourAlong, "4.32/6", "4.32/6"),
         (OffInDoubt, "4.32/7", "4.32/7"),
         (SevenBits, "4.28/7", "4.28/7"),
+        (TakesOffZeros, "4.5/5", "4.5/5"),
         (PointBehind, "4.4/5", "4.4/5"),
         # The characters on both sides of the digits are none, and no sign stands behind them.
         (overlooks(rb"/"), "4.20/4", "4.20/4"),
