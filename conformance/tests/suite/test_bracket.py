@@ -179,7 +179,7 @@ from scaraspec.protocol.commands import PasswordChange, Point
 
 @case('4.2/2')
 def test_one(subject, line):
-    line.ask('set_password', PasswordChange(subject.password, b'zs-Other-Password'))
+    line.ask('set_password', PasswordChange(subject.password, b'zs-Password'))
     line.ask('set_gripper_center', Point(1, 2, 3))
     line.ask('set_time', datetime(2001, 1, 1))
 
@@ -252,7 +252,7 @@ from scaraspec.protocol.commands import PasswordChange
 
 @case('4.2/2')
 def test_one(subject, line):
-    line.ask('set_password', PasswordChange(subject.password, b'zs-Other-Password'))
+    line.ask('set_password', PasswordChange(subject.password, b'zs-Password'))
 """
     results = trial(text, brain)
     assert "run.restore" not in {case.id for case in results.cases}

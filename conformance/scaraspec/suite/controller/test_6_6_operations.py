@@ -113,6 +113,8 @@ def test_results(subject: Subject, line: Line) -> None:
         Put(OUTPUTS[2], number(1)),
         Put(OUTPUTS[3], number(1)),
         Put(OUTPUTS[3], number(0)),
+        Put(OUTPUTS[4], number(0)),
+        Put(OUTPUTS[4], variable(_X)),
         Assign(_Z, variable(_X)),
         Calculate(_W, number(5), Opt.ADD, number(6)),
     ]

@@ -221,6 +221,21 @@ class AssignsNoInputs(Brain):
     interpreter = _AssignsNoInputs
 
 
+class _PutsNumbersOnly(interpreter.Run):
+    """A port is set to a number, and not to a variable."""
+
+    def _compute(self, operation: Operation) -> None:
+        is_number = operation.value_a_type == ValueType.NUMBER
+        if is_number or operation.result_type != ResultType.SET_PORT:
+            super()._compute(operation)
+
+
+class PutsNumbersOnly(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _PutsNumbersOnly
+
+
 class _TwiceIsOnce(interpreter.Run):
     """To a variable nothing is added where that is the same one."""
 
@@ -339,6 +354,7 @@ class KeepsPrograms(Brain):
         (ComparesAsFloats, "6.6a/12", "6.6a/12"),
         (MultipliesFloats, "6.6a/11", "6.6a/11"),
         (TwiceIsOnce, "6.6a/14", "6.6a/14"),
+        (PutsNumbersOnly, "6.6a/13", "6.6a/13"),
         (SixteenBitKeys, "6.6a/13", "6.6a/13"),
         (AssignsBytes, "6.6a/13", "6.6a/13"),
         (AssignsNoInputs, "6.6a/14", "6.6a/14"),

@@ -40,6 +40,27 @@ class SumsItUp(Brain):
         return right
 
 
+class OverlooksTheLast(Brain):
+    """Of a password the last letter is not looked at."""
+
+    def login(self, request: Request) -> bool:
+        """Overlook it."""
+        right, said = self.store.settings.password, request.value
+        opens = len(said) == len(right) and said[:-1] == right[:-1]
+        request.session.logged_in |= opens
+        return opens
+
+
+class ChangesLengths(Brain):
+    """A new password as long as the old one is taken for no new one."""
+
+    def set_password(self, request: Request) -> bool:
+        """Keep the old one."""
+        value = request.value
+        same = value is not None and len(value.new) == len(value.old)
+        return (same and value.old == self.store.settings.password) or super().set_password(request)
+
+
 class LimitedTenths(Brain):
     """Numbers are kept as tenths in 16 bits."""
 
@@ -192,6 +213,8 @@ class SevenBits(Brain):
         (ShortestText, "T/5", "T/5"),
         (Boundless, "4.21/3", "4.21/3"),
         (LiteralsOfALanguage, "4.21/4", "4.21/4"),
+        (OverlooksTheLast, "4.1/3", "4.1/3"),
+        (ChangesLengths, "4.2/4", "4.2/4"),
         (SmallPasswords, "4.2/4", "4.2/4"),
         (PasswordBuffer, "4.2/4", "4.2/4"),
     ],
