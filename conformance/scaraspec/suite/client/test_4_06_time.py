@@ -11,6 +11,9 @@ from scaraspec.suite.as_controller.orders import tells
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 
+_ONE_AFTER_ANOTHER: Final = (b"20080908090808", b"20080908090809", b"20080908090909")
+"""The same but for a second or a minute, and with digits that no octal number has."""
+
 _TIMES: Final = st.datetimes(datetime(2000, 1, 1), datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
 
 
@@ -22,7 +25,7 @@ def test_example(subject: Subject, line: Line) -> None:
 
 @client_case("T/9", name="time")
 def test_times(subject: Subject, line: Line) -> None:
-    """Times of a century are handed on, to the second."""
+    """Times of a century are handed on, to the second, and as they are by then."""
 
     @example(datetime(2001, 2, 3, 4, 5, 6))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
@@ -31,3 +34,5 @@ def test_times(subject: Subject, line: Line) -> None:
         tells(subject, line, "get_time", f"{time:%Y%m%d%H%M%S}".encode())
 
     each()
+    for time in _ONE_AFTER_ANOTHER:
+        tells(subject, line, "get_time", time)

@@ -16,7 +16,11 @@ from scaraspec.suite.case import client_case
 from scaraspec.suite.strategies import names
 
 _DAY_S: Final = 86400
-_SECONDS: Final = (0, 1, 59, 60, 3599, 3600, _DAY_S - 1, _DAY_S, 10 * _DAY_S, 100 * _DAY_S - 1)
+_NO_OCTAL: Final = 8 * _DAY_S + 9 * 3600 + 8 * 60 + 9  # days, hours, minutes, seconds
+_SECONDS: Final = (
+    *(0, 1, 59, 60, 3599, 3600, _NO_OCTAL),
+    *(_DAY_S - 1, _DAY_S, 10 * _DAY_S, 100 * _DAY_S - 1),
+)
 _LONG_BYTES: Final = (30, 31, 64, 100, 200)
 _RUN_TIME: Final = RunTime("run_time_s")
 

@@ -570,6 +570,14 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
         ),
         ("get_analog_input", b"1|65535", "get_analog_input", b"1|-1", "4.33/4.values"),
         ("upload_chunk", b"", "upload_chunk", b"1", "5.2/19.odd-answers"),
+        (
+            *("get_running_program", b"1|pro1.rob|08090809", "get_running_program"),
+            *(b"1|pro1.rob|00000000", "T/9.running-program"),  # in octal
+        ),
+        (
+            *("get_time", b"20080908090809", "get_time", b"20080908090808"),  # a second ago
+            "T/9.time",
+        ),
         ("get_default_program", b"1.rob", "get_default_program", b".rob", "T/9.default-program"),
         (
             *("get_default_program", b"pick and place.rob", "get_default_program", b"pick"),
@@ -580,7 +588,7 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
 def test_what_is_told_is_what_was_sent(
     name: str, data: bytes, other: str, taken: bytes, case: str
 ) -> None:
-    """Another's reply, another code, cut decimals, 16 bits, nothing, and a name are told apart."""
+    """Another reply, code, time or name, cut decimals, 16 bits, and nothing are told apart."""
     assert tried(misreads(name, data, other, taken), case.rpartition(".")[0])[case] is Verdict.FAIL
 
 
