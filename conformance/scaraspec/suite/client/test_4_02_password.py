@@ -41,6 +41,7 @@ def test_pairs(subject: Subject, line: Line) -> None:
 
     @example(b"o" * 60, b"n" * 60)
     @example(b"x", b"x")
+    @example(b"50%s%%", b"100%%")
     @example(b" old word ", b" new word ")
     @given(_passwords, _passwords)
     def each(old: bytes, new: bytes) -> None:

@@ -55,6 +55,7 @@ def test_unanswered(subject: Subject, line: Line) -> None:
 def test_names(subject: Subject, line: Line) -> None:
     """Default programs of many names, long ones too, are handed on; and that there is none."""
 
+    @example(b"a")
     @example(b"1.rob")
     @example(b"0.rob")
     @example(b"pick and place.rob")

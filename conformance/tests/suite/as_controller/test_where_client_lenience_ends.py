@@ -437,6 +437,8 @@ class Formats(ClientCore):
     def command(self, name: str, value: Any = None) -> Exchange:
         if isinstance(value, bytes):
             value = value.replace(b"%%", b"%")
+        elif isinstance(value, PasswordChange):
+            value = PasswordChange(*(text.replace(b"%%", b"%") for text in value))
         return super().command(name, value)
 
 
@@ -534,6 +536,7 @@ def test_what_broke_off_begins_anew(name: str) -> None:
     ("make", "requirement", "name"),
     [
         (Formats, "4.1/1", ".passwords"),
+        (Formats, "4.2/1", ".pairs"),
         (Formats, "4.11/1", ".names"),
         (SkipsEmptyLines, "5.2/20", ""),
         (SkipsEmptyLines, "5.3/11", ".content"),
@@ -578,6 +581,7 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
             *("get_time", b"20080908090809", "get_time", b"20080908090808"),  # a second ago
             "T/9.time",
         ),
+        ("get_default_program", b"a", "get_default_program", b"", "T/9.default-program"),
         ("get_default_program", b"1.rob", "get_default_program", b".rob", "T/9.default-program"),
         (
             *("get_default_program", b"pick and place.rob", "get_default_program", b"pick"),
