@@ -76,6 +76,7 @@ def test_values(subject: Subject, line: Line) -> None:
     """Values of every size and sign are told, and after each the error as none."""
 
     @example(0.0)
+    @example(0.125)
     @example(-0.125)
     @example(1.0)
     @example(4095.0)

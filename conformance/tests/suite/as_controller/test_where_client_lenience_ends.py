@@ -361,6 +361,29 @@ def test_what_is_ordered_is_sent_as_it_is() -> None:
         assert cases[case] is Verdict.FAIL
 
 
+class SetsWhatChanges(ClientCore):
+    """An output that was set to a value is not set to it again."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._values: dict[bytes, bytes] = {}
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        super()._send([frame for frame in frames if self._changes(frame)])
+
+    def _changes(self, frame: Frame) -> bool:
+        if frame.opcode != BY_NAME["set_digital_output"].opcode:
+            return True
+        port, _, value = frame.data.partition(b"|")
+        before, self._values[port] = self._values.get(port), value
+        return value != before
+
+
+def test_what_is_ordered_again_is_sent_again() -> None:
+    """A program may have changed the output meanwhile."""
+    assert tried(SetsWhatChanges, "4.32/1")["4.32/1.each"] is Verdict.FAIL
+
+
 class CountsCharacters(ClientCore):
     """Takes what has few enough characters for short enough, and sends what fits of it."""
 
@@ -572,6 +595,7 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
             *(b"1.000|-4.34|0.28", "T/9.numbers"),
         ),
         ("get_analog_input", b"1|65535", "get_analog_input", b"1|-1", "4.33/4.values"),
+        ("get_analog_input", b"1|0.125", "get_analog_input", b"0", "4.33/4.values"),
         ("upload_chunk", b"", "upload_chunk", b"1", "5.2/19.odd-answers"),
         (
             *("get_running_program", b"1|pro1.rob|08090809", "get_running_program"),
