@@ -87,6 +87,10 @@ class Polls:
         """Whether the client has been let in, and waits for nothing that it asked for."""
         return self.logged_in and not self._running and not any(self._open.values())
 
+    def refused(self, name: str) -> FrameSeen | None:
+        """The last request of a command, unless it was granted."""
+        return self._asked.get(name)
+
     def taken(self, seen: FrameSeen) -> None:
         """A case has taken a request, and will answer it: what follows it waits its turn."""
         if seen.command and seen.command.asker is A2C:  # else it was the answer to a chunk

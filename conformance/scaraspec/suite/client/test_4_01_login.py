@@ -14,11 +14,12 @@ from scaraspec.suite.as_controller.orders import (
 )
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
-from scaraspec.suite.expect import Unmet
+from scaraspec.suite.expect import Unmet, expect
 
 _PRINTABLE: Final = st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_characters="|")
 _LONG_BYTES: Final = (16, 17, 31, 32, 33, 64, 127, 128, 200, 255)
 _MOMENT_S: Final = 0.05
+_REFUSED: Final = "PassWord"
 _NO_YES: Final = (
     b"0",
     b"",
@@ -91,12 +92,22 @@ def test_refused_login(subject: Subject) -> None:
     _expect_logins(line)
 
 
-@client_case("4.1/5", name="told-to")
+@client_case("4.1/5", "T/10", name="told-to")
 def test_told_to_go_on(subject: Subject) -> None:
-    """The login is answered with 0; operations are ordered all the same, and none is sent."""
-    line, call = subject.dial()
-    line.log_in(call, reply=b"0")
+    """The login is answered with 0; operations are ordered all the same, and none is sent.
+
+    Nor is a password that nobody has given, in place of the refused one.
+    """
+    line, call = subject.dial(password=_REFUSED)
+    awaited(line, "login", call)
+    line.reply("login", data=b"0")
     subject.fails(call, requirement="4.1/8")
+    again = line.polls.refused("login")
+    expect(
+        again is None or again.text == _REFUSED.encode(),
+        "the client logs in with another password than the one that it was given",
+        requirement="T/10",
+    )
     for name in ("get_status", "list_programs", "delete_program"):
         call = order(subject, name)
         if line.over or sent_or_settled(subject, line, call) is None:

@@ -44,6 +44,11 @@ _NAMED: Final = ("delete_program", "set_default_program", "run_program", "simula
 _DIGITS: Final = ("set_time", "set_digital_output", "set_gripper_center", "get_analog_input")
 _BARRED: Final = (b"a|b.rob", b"|a.rob", b"a.rob|", b"|")
 _LONG_BYTES: Final = (30, 31, 32, 33, 64, 100, 128, 255)
+_TIDIED: Final = (
+    *(b" pro1.rob", b"pro1.rob ", b"  pro1  ", b".pro1.rob", b"pro1..rob", b"pro1.rob."),
+    *(b"pro--1.rob", b"pro  1.rob", b"pro\t1.rob", b"pro%201.rob"),
+)
+"""Names that a program may tidy up."""
 _CONTROL: Final = 0x20
 _PORTS: Final = 8
 
@@ -252,8 +257,8 @@ def test_long_names(subject: Subject, line: Line) -> None:
 
 @client_case("T/10", name="outer-blanks")
 def test_outer_blanks(subject: Subject, line: Line) -> None:
-    """A name that begins or ends with a blank is sent with it, or refused by the client."""
-    for name in (b" pro1.rob", b"pro1.rob ", b"  pro1  "):
+    """A name with blanks at its ends, or as odd, is sent as it is, or refused by the client."""
+    for name in _TIDIED:
         call = order(subject, "delete_program", name)
         if sent_or_settled(subject, line, call) is None:
             continue  # refused

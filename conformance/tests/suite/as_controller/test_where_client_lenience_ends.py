@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from scaraspec.cli.prove.client import MemoryClient
-from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
+from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost, LoginFailed
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, Event
 from scaraspec.client.exchange import Exchange, Listing, Stage, TwoStage
 from scaraspec.client.transfer import Download, Upload
@@ -572,6 +572,48 @@ def test_nothing_is_tidied_up(
     assert tried(make, requirement)[requirement + name] is Verdict.FAIL
 
 
+def tidies(altered: Callable[[str], str]) -> type[AsyncClient]:
+    """A client with an opinion of what a name should be like."""
+
+    class Tidies(AsyncClient):
+        async def delete_program(self, name: Any) -> None:
+            await super().delete_program(altered(name))
+
+    return Tidies
+
+
+@pytest.mark.parametrize(
+    "altered",
+    [
+        lambda name: name.lstrip("."),
+        lambda name: name.rstrip("."),
+        lambda name: name.replace("..", "."),
+        lambda name: name.replace("--", "-"),
+        lambda name: name.replace("  ", " "),
+        lambda name: name.replace("\t", ""),
+        lambda name: name.replace("%20", " "),
+    ],
+)
+def test_another_name_is_another_program(altered: Callable[[str], str]) -> None:
+    """What is deleted has the name that was given, however odd it is."""
+    assert tried(tidies(altered), "T/10")["T/10.outer-blanks"] is Verdict.FAIL
+
+
+class TriesTheDefaultPassword(AsyncClient):
+    """A login that is refused is tried again with the password of the document."""
+
+    async def login(self, password: Any) -> None:
+        try:
+            await super().login(password)
+        except LoginFailed:
+            await super().login("password")
+
+
+def test_no_password_is_made_up() -> None:
+    """Only what was given is logged in with."""
+    assert tried(TriesTheDefaultPassword, "4.1/5")["4.1/5.told-to"] is Verdict.FAIL
+
+
 def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCore]:
     """A client that takes one frame for another."""
     sent = Frame(C2A, BY_NAME[name].opcode, data).encode()
@@ -606,6 +648,7 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
             "T/9.time",
         ),
         ("get_default_program", b"a", "get_default_program", b"", "T/9.default-program"),
+        ("upload_chunk", b"01", "upload_chunk", b"1", "5.2/19.odd-answers"),
         ("get_default_program", b"1.rob", "get_default_program", b".rob", "T/9.default-program"),
         (
             *("get_default_program", b"pick and place.rob", "get_default_program", b"pick"),
