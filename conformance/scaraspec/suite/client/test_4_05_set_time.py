@@ -30,6 +30,11 @@ _IMPOSSIBLE: Final = (
     "20141222126000",
     "20141222120061",
     "20141332250000",
+    "201412221430",
+    "2014122214300",
+    "201412221430000",
+    "2014+122143000",  # whose parts are numbers to most languages, and so are the next one's
+    "２０１４１２２２１４３０００",
 )
 _EDGES: Final = tuple(
     datetime(*numbers)  # noqa: DTZ001 - the document names no zone
@@ -82,9 +87,9 @@ def test_edges_of_the_calendar(subject: Subject, line: Line) -> None:
         subject.done(call)
 
 
-@client_case("4.5/2")
+@client_case("4.5/2", "4.5/1")
 def test_impossible_times(subject: Subject, line: Line) -> None:
-    """Times that no calendar has are ordered; the client sends none of them."""
+    """Times that no calendar has, or of no 14 digits, are ordered; the client sends none."""
     for text in _IMPOSSIBLE:
         call = subject.begin("set_time", time=text)
         if sent_or_settled(subject, line, call) is None:

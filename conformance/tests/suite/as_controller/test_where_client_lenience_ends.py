@@ -599,6 +599,49 @@ def test_another_name_is_another_program(altered: Callable[[str], str]) -> None:
     assert tried(tidies(altered), "T/10")["T/10.outer-blanks"] is Verdict.FAIL
 
 
+class SendsTimesAsGiven(ClientCore):
+    """A time is put into its frame as it was given."""
+
+    given = ""
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        super()._send(
+            Frame(frame.direction, frame.opcode, self.given.encode())
+            if self.given and frame.opcode == BY_NAME["set_time"].opcode
+            else frame
+            for frame in frames
+        )
+
+
+def trusts(what: Callable[[str], bool]) -> type[AsyncClient]:
+    """A client that takes the parts of some times for numbers, and looks no further."""
+
+    class Trusts(AsyncClient):
+        core = SendsTimesAsGiven
+
+        async def set_time(self, time: Any) -> None:
+            parts = time[:4], *(time[i : i + 2] for i in range(4, 14, 2))
+            trusted = what(time)
+            self._core.given = time if trusted else ""
+            await super().set_time(datetime(*map(int, parts)) if trusted else time)  # noqa: DTZ001
+
+    return Trusts
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        lambda time: len(time) < 14,
+        lambda time: len(time) > 14,
+        lambda time: "+" in time,
+        lambda time: not time.isascii(),
+    ],
+)
+def test_a_time_is_digits(what: Callable[[str], bool]) -> None:
+    """That its parts can be read makes no time of fourteen characters."""
+    assert tried(trusts(what), "4.5/2")["4.5/2"] is Verdict.FAIL
+
+
 class TriesTheDefaultPassword(AsyncClient):
     """A login that is refused is tried again with the password of the document."""
 
