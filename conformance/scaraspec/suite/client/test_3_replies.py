@@ -276,6 +276,7 @@ def test_reply_of_another(subject: Subject, line: Line) -> None:
 
 _YES_TO_OTHERS: Final = {
     "set_time": (0x03, 0x0C, 0x35),
+    "set_default_program": (0x0F,),  # whose own reply may bear the opcode of this one (A-4.14-1)
     "run_program": (0x31,),
     "simulate_program": (0x30,),
 }

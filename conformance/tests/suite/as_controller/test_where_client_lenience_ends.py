@@ -673,6 +673,7 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
     ("name", "data", "other", "taken", "case"),
     [
         ("simulate_program", b"1", "run_program", b"1", "3/33.flag"),
+        ("get_motor_temperatures", b"1", "set_default_program", b"1", "3/33.flag"),
         ("set_tool_coordinates", b"0", "set_tool_coordinates", b"0|05", "4/13.bare"),
         ("run_program", b"0|21", "run_program", b"0|1F", "4/13.unknown"),
         (
