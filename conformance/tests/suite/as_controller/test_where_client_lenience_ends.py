@@ -717,6 +717,33 @@ class _EndsEarly(Receiver):
         return taken
 
 
+class _EndsAtTheEnd(Receiver):
+    """Looks for the end first, and for the length then."""
+
+    def take(self, data: bytes, now_s: float) -> bool | None:
+        head = data[:12]
+        if len(head) == 12 and head[:8] == head[:4] * 2 and not any(head[8:]):
+            self.state = State.DONE
+            return True
+        return super().take(data, now_s)
+
+
+class TakesSignalsForEnds(ClientCore):
+    """A download has ended where a position is that of the end, whatever is missing."""
+
+    class _Short(Download):
+        receiver = _EndsAtTheEnd
+
+    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
+        return self._Short(name, limit_bytes, self.dialect)
+
+
+@pytest.mark.parametrize("signal", ["length-0", "numbers-only"])
+def test_an_error_signal_is_no_end(signal: str) -> None:
+    """Position and length make up the size, and bytes are missing."""
+    assert tried(TakesSignalsForEnds, "5.3/8")[f"5.3/8.{signal}"] is Verdict.FAIL
+
+
 class CountsIn16Bits(ClientCore):
     """A download has ended where its size seems to be reached."""
 
