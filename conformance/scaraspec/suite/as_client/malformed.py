@@ -145,6 +145,12 @@ def _underscore(text: bytes, _: int) -> bytes:
     return sign + b"0_" + text[len(sign) :]
 
 
+def _binary(text: bytes, _: int) -> bytes:
+    """The same whole number, as some languages write it in their programs."""
+    sign, digits = text[: text.startswith(b"-")], text.lstrip(b"-").partition(b".")[0]
+    return sign + f"{int(digits):#b}".encode()
+
+
 def _full_width(text: bytes, _: int) -> bytes:
     return "".join(chr(ord(c) + 0xFEE0) if c.isdigit() else c for c in text.decode()).encode()
 
@@ -159,6 +165,9 @@ _NUMBER: Final = (
     _Class("inf", _by(b"inf")),
     _Class("capital-nan", _by(b"NaN")),  # which languages other than C take for numbers
     _Class("infinity", _by(b"Infinity")),
+    _Class("null", _by(b"null")),
+    _Class("true", _by(b"true")),
+    _Class("binary-digits", _binary),
     _Class("suffix", _behind(b"f")),
     _Class("underscore", _underscore),
     _Class("two-signs", _before(b"--")),
@@ -168,6 +177,7 @@ _NUMBER: Final = (
     _Class("sign-alone", _by(b"-")),
     _Class("point-alone", _by(b".")),
     _Class("nul-inside", _behind(b"\x001")),
+    _Class("second-line", _behind(b"\nx")),  # where $ means the end of a line
     _Class("non-ascii", _behind("°".encode())),
     _Class("plus", lambda text, _: b"+" + text.lstrip(b"-"), firm=False),
     _Class("exponent", _behind(b"e0"), firm=False),
@@ -195,6 +205,7 @@ _TIME: Final = (
     _Class("behind-nine", lambda text, _: text[:8] + b":" + text[9:]),
     _Class("behind-nine-within", lambda text, _: text[:10] + b"0:" + text[12:]),
     _Class("blank-inside", lambda text, _: text[:8] + b" " + text[9:]),
+    _Class("second-line", _behind(b"\nx")),
     _Class("nul-inside", lambda text, _: text[:8] + b"\0" + text[9:]),
     _Class("separators", _by(b"2024-06-15 120000")),
     _Class("non-ascii", lambda text, _: text[:13] + b"\xb2"),
@@ -232,6 +243,7 @@ _ADDRESS: Final = (
     _Class("huge", lambda text, _: text.rpartition(b".")[0] + b".4294967297"),
     _Class("letter-behind", _behind(b"x")),
     _Class("point-behind", _behind(b".")),
+    _Class("second-line", _behind(b"\nx")),
     _Class("commas", lambda text, _: text.replace(b".", b",")),
     _Class("non-ascii", _behind("。".encode())),
     _Class("nul-inside", _behind(b"\x001")),

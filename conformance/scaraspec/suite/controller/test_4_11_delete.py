@@ -17,7 +17,7 @@ from scaraspec.suite.as_client.tasks import RUN, lasting, offered
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, expect
 from scaraspec.suite.programs.layout import short_program
-from scaraspec.suite.programs.listed import long_name, program_names, store_program
+from scaraspec.suite.programs.listed import INHERITED, long_name, program_names, store_program
 
 _DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
 _TIMES: Final = 3
@@ -151,6 +151,7 @@ def test_missing(subject: Subject, line: Line) -> None:
         stem + b"*" + dot + extension,
         stem[:-1] + b"?" + dot + extension,
         name[:1] + name[2:0:-1] + name[3:],  # of the same letters, and nobody's
+        INHERITED,
     ):
         line = _expect_refused(
             subject, line, Malformed("a program that is not stored", wrong), "4.11/4"

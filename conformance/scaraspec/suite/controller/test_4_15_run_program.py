@@ -25,7 +25,7 @@ from scaraspec.suite.as_client.tasks import (
 )
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.programs.listed import long_name
+from scaraspec.suite.programs.listed import INHERITED, long_name
 from scaraspec.suite.strategies import names
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
@@ -169,6 +169,7 @@ def test_missing_program(subject: Subject, line: Line) -> None:
         program + b".rob",
         subject.new_name(),
         b"zsm" + b"i" * 22 + b"s" + dot + extension,
+        INHERITED,
     ]
     for name in near:
         expect_missing(subject, line, RUN, name, "4.15/7")

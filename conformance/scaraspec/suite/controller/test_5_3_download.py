@@ -34,6 +34,7 @@ from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect, expect_equal
 from scaraspec.suite.limits import Silence, limits_of
+from scaraspec.suite.programs.listed import INHERITED
 
 _CONTENT = content_of(650)
 
@@ -83,7 +84,8 @@ def test_file_that_is_there(subject: Subject, line: Line) -> None:
 def test_file_that_is_not_there(subject: Subject, line: Line) -> None:
     """Names that are nearly those of a file, and no name at all, are answered 0."""
     name = some_file(subject, line, _CONTENT)
-    for near in (name + b"x", name[:-1], b"x" + name, name[1:], name + b".bak", b"*", b"*.rob"):
+    near_ones = (name + b"x", name[:-1], b"x" + name, name[1:], name + b".bak")
+    for near in (*near_ones, b"*", b"*.rob", INHERITED):
         _absent(line, near, f"{near.decode(errors='replace')} is not there and was promised")
     line.send("download_name", data=b"")
     came = transfer_frames(line)

@@ -14,6 +14,8 @@ from scaraspec.suite.expect import NoAnswer, Undecided, expect
 from scaraspec.suite.programs.layout import short_program
 from scaraspec.suite.wire import Answer
 
+INHERITED: Final = b"__proto__"
+"""A name that is in every object of some language, and that nobody gives to a file."""
 _PUSHED_S: Final = 1.0
 _MOST_PARTS: Final = 500
 

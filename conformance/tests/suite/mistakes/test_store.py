@@ -127,6 +127,16 @@ class SameLetters(Brain):
         super().handle(session, frame, now_s)
 
 
+class EveryObject(Brain):
+    """The store is an object of a language in which every object has something by this name."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Find it."""
+        if frame.data == b"__proto__":
+            frame = frame._replace(data=self.store.names()[0])
+        super().handle(session, frame, now_s)
+
+
 class DefaultPlace(SendsAfterTheEnd):
     """The default program is a place in the store: who comes to it next inherits it."""
 
@@ -171,6 +181,9 @@ class ThirtyTwo(Brain):
         (SixteenKilobytes, "4.10/11", "4.10/11"),
         (SameLetters, "4.11/4", "4.11/4"),
         (SameLetters, "5.3/3", "5.3/3"),
+        (EveryObject, "4.11/4", "4.11/4"),
+        (EveryObject, "4.15/7", "4.15/7"),
+        (EveryObject, "5.3/3", "5.3/3"),
         (DefaultPlace, "4.12/4", "4.12/4"),
         (ShortNamesHideLong, "4.10/11", "4.10/11"),
         (ThirtyTwo, "4.10/11", "4.10/11"),

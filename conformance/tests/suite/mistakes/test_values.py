@@ -104,20 +104,23 @@ class LiteralsOfALanguage(Brain):
 
 
 class _Overlooks(Brain):
-    """Of a gripper centre it overlooks something in the numbers."""
+    """It overlooks something in what it is told, or takes it for something else."""
 
+    opcode = 0
     overlooked = b""
+    taken_for = b""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Take it away."""
-        if frame.opcode == 0x35:
-            frame = frame._replace(data=re.sub(self.overlooked, b"", frame.data))
+        if frame.opcode == self.opcode:
+            frame = frame._replace(data=re.sub(self.overlooked, self.taken_for, frame.data))
         super().handle(session, frame, now_s)
 
 
-def overlooks(pattern: bytes) -> type[Brain]:
-    """A controller that does."""
-    return type("Overlooks", (_Overlooks,), {"overlooked": pattern})
+def overlooks(pattern: bytes, taken_for: bytes = b"", opcode: int = 0x35) -> type[Brain]:
+    """A controller that does, in a gripper centre if nothing else is said."""
+    own = {"opcode": opcode, "overlooked": pattern, "taken_for": taken_for}
+    return type("Overlooks", (_Overlooks,), own)
 
 
 class Boundless(Brain):
@@ -209,6 +212,13 @@ class SevenBits(Brain):
         (overlooks(rb"/"), "4.20/4", "4.20/4"),
         (overlooks(rb":"), "4.20/4", "4.20/4"),
         (overlooks(rb"-(?=\||$)"), "4.20/4", "4.20/4"),
+        # Nor is what a language takes for a number in its own programs.
+        (overlooks(rb"null|true", b"1"), "4.20/4", "4.20/4"),
+        (overlooks(rb"0b[01]+", b"1"), "4.20/4", "4.20/4"),
+        # A pattern whose end is that of a line lets another line follow.
+        (overlooks(rb"\n[^|]*"), "4.20/4", "4.20/4"),
+        (overlooks(rb"\n[^|]*", opcode=0x05), "4.4/5", "4.4/5"),
+        (overlooks(rb"\n[^|]*", opcode=0x06), "4.5/5", "4.5/5"),
         (LimitedTenths, "4.20/3", "4.20/3"),
         (ShortestText, "T/5", "T/5"),
         (Boundless, "4.21/3", "4.21/3"),
