@@ -241,6 +241,8 @@ _ADDRESS: Final = (
     _Class("part-999", lambda text, _: b"999." + text.partition(b".")[2]),
     _Class("negative", lambda text, _: text.rpartition(b".")[0] + b".-1"),
     _Class("huge", lambda text, _: text.rpartition(b".")[0] + b".4294967297"),
+    _Class("hexadecimal", lambda text, _: text.rpartition(b".")[0] + b".0x1"),
+    _Class("exponent", lambda text, _: text.rpartition(b".")[0] + b".1e1"),
     _Class("letter-behind", _behind(b"x")),
     _Class("point-behind", _behind(b".")),
     _Class("second-line", _behind(b"\nx")),

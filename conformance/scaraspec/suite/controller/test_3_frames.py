@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Final
 
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from scaraspec.judgement.happenings import FrameSeen
@@ -188,6 +188,7 @@ def test_opcodes_of_replies(subject: Subject, line: Line) -> None:
     | st.integers(0, 63).map(lambda n: GET_VERSION * n)
     | st.integers(0, 127).map(lambda n: b"\xcc\xaa" * n)
 )
+@example(data=b"\xcc" + GET_VERSION)  # who looks for the end in small frames alone finds one
 def test_data_on_a_query(subject: Subject, data: bytes) -> None:
     """A query has up to 255 bytes of data; it is answered or not, and none of them is a frame."""
     frame = Frame(A2C, 0x07, data).encode()

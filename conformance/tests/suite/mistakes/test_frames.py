@@ -78,9 +78,28 @@ class FewPieces(OtherInlet):
 class HalfAKilobyte(Brain):
     """Of a segment of more than 512 bytes the rest is lost."""
 
+    most_bytes = 512
+
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
         """Cut it off."""
-        return super().receive(connection, data[:512], now_s)
+        return super().receive(connection, data[: self.most_bytes], now_s)
+
+
+class Kilobyte(HalfAKilobyte):
+    """Of one of more than 1024 bytes."""
+
+    most_bytes = 1024
+
+
+class EndsAtTheMark(Brain):
+    """A frame of a few bytes ends where its end byte stands first, and the next one begins."""
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Lose what it was."""
+        length = data[2] if data[2:3] else 0
+        if length < 12 and (found := data.find(0xCC, 3, 3 + length)) > 0:
+            data = data[found + 1 :]
+        return super().receive(connection, data, now_s)
 
 
 class _OutputsLast(Inlet):
@@ -106,6 +125,8 @@ class OutputsLast(OtherInlet):
         (FewPieces, "2/5", "2/5"),
         (FullBuffer, "2/6", "2/6"),
         (HalfAKilobyte, "2/6", "2/6"),
+        (Kilobyte, "2/6", "2/6"),
+        (EndsAtTheMark, "3/9", "3/9"),
     ],
 )
 def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:

@@ -123,6 +123,16 @@ def overlooks(pattern: bytes, taken_for: bytes = b"", opcode: int = 0x35) -> typ
     return type("Overlooks", (_Overlooks,), own)
 
 
+class PatternOfAPassword(Brain):
+    """The password is a pattern, which what logs in has to match."""
+
+    def login(self, request: Request) -> bool:
+        """Match it."""
+        right = self.store.settings.password
+        matched = re.fullmatch(right, request.value)
+        return super().login(replace(request, value=right if matched else b""))
+
+
 class Boundless(Brain):
     """An initial tool position that was never set is what the memory held."""
 
@@ -218,6 +228,8 @@ class SevenBits(Brain):
         # A pattern whose end is that of a line lets another line follow.
         (overlooks(rb"\n[^|]*"), "4.20/4", "4.20/4"),
         (overlooks(rb"\n[^|]*", opcode=0x05), "4.4/5", "4.4/5"),
+        (overlooks(rb"(?<=\.)0x", opcode=0x05), "4.4/5", "4.4/5"),
+        (overlooks(rb"(?<=1)e1", opcode=0x05), "4.4/5", "4.4/5"),
         (overlooks(rb"\n[^|]*", opcode=0x06), "4.5/5", "4.5/5"),
         (LimitedTenths, "4.20/3", "4.20/3"),
         (ShortestText, "T/5", "T/5"),
@@ -227,6 +239,7 @@ class SevenBits(Brain):
         (ChangesLengths, "4.2/4", "4.2/4"),
         (SmallPasswords, "4.2/4", "4.2/4"),
         (PasswordBuffer, "4.2/4", "4.2/4"),
+        (PatternOfAPassword, "4.2/4", "4.2/4"),
     ],
 )
 def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
