@@ -74,7 +74,10 @@ def test_told(subject: Subject, line: Line) -> None:
 
 @case("4.12/4", "4.13/3", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
 def test_none(subject: Subject, line: Line) -> None:
-    """Once the default program is deleted there is none, or as before; another's end is nothing."""
+    """Once the default program is deleted there is none, or as before; another's end is nothing.
+
+    It is the default one again where it is stored and named again.
+    """
     with default_kept(subject, line):
         other, name = store_program(subject, line), store_program(subject, line)
         if not line.ask("set_default_program", name).accepted:
@@ -95,3 +98,7 @@ def test_none(subject: Subject, line: Line) -> None:
                 expected="no data, or 0",
                 observed=f"{reply.frame}",
             )
+        store_program(subject, line, name)
+        subject.created.append(name)
+        if line.ask("set_default_program", name).accepted:
+            expect_default(subject, line, name, "4.13/3")

@@ -8,7 +8,7 @@ from scaraspec.protocol.programs import Opt
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_client.files import send
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.ports import digits, expect_outputs, outputs, with_port
+from scaraspec.suite.as_client.ports import digits, expect_outputs, outputs, set_output, with_port
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Undecided, expect, expect_equal
@@ -43,12 +43,18 @@ def test_output_nodes(subject: Subject, line: Line) -> None:
             robot.performs([Flip(port) for port in OUTPUTS])
 
 
-@case("6.5/19", name="one-by-one", hazards=PROGRAMS)
+@case("6.5/19", "4.32/6", name="one-by-one", hazards=PROGRAMS)
 def test_output_node_alone(subject: Subject, line: Line) -> None:
-    """A program of one output node sets that port alone."""
+    """A program of one output node sets that port alone; 0x43 sets it as it was before."""
     with bench(subject, line) as robot:
         for port in (OUTPUTS[0], OUTPUTS[-1]):
+            before = outputs(line)
+            on = before[port - 1]
+            set_output(line, port, on=on)
             robot.performs([Flip(port)])
+            if set_output(line, port, on=on).accepted:
+                message = f"output {port} was set once more to what a program had changed"
+                expect_outputs(line, before, message, requirement="4.32/6")
 
 
 @case("6.5/19", "6.5/26", name="in-time", hazards=PROGRAMS)

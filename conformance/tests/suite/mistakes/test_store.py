@@ -13,6 +13,7 @@ from scaraspec.controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.session import Request, Session
+from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, NameListPart
@@ -137,6 +138,22 @@ class EveryObject(Brain):
         super().handle(session, frame, now_s)
 
 
+class SetOnce(Brain):
+    """What was set last is not set again, though it may have ceased to be so."""
+
+    last: Frame | None = None
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Answer that it is done."""
+        if frame.opcode not in (0x0E, 0x43):
+            super().handle(session, frame, now_s)
+        elif frame == self.last:
+            self.emit(session, Frame(C2A, frame.opcode, b"1"))
+        else:
+            self.last = frame
+            super().handle(session, frame, now_s)
+
+
 class DefaultPlace(SendsAfterTheEnd):
     """The default program is a place in the store: who comes to it next inherits it."""
 
@@ -184,6 +201,9 @@ class ThirtyTwo(Brain):
         (EveryObject, "4.11/4", "4.11/4"),
         (EveryObject, "4.15/7", "4.15/7"),
         (EveryObject, "5.3/3", "5.3/3"),
+        # What is set is set, also where it was set to the same the last time.
+        (SetOnce, "4.12/4", "4.13/3"),
+        (SetOnce, "6.5/19", "4.32/6"),
         (DefaultPlace, "4.12/4", "4.12/4"),
         (ShortNamesHideLong, "4.10/11", "4.10/11"),
         (ThirtyTwo, "4.10/11", "4.10/11"),
