@@ -169,6 +169,7 @@ class Line(Wire):
         return answer
 
     def no_result(self, name: str, *, for_s: float) -> None:
+    def no_result(self, name: str, *, for_s: float, requirement: str = "") -> None:
         """Fail the subject if a final result of this command comes within this time.
 
         Raises:
@@ -179,7 +180,9 @@ class Line(Wire):
         for seen in self.heard:
             if seen.frame.tagged and seen.frame.opcode == opcode:
                 message = f"a final result of {name} came that must not come"
-                raise Unmet(message, expected="none", observed=f"{seen.frame}")
+                raise Unmet(
+                    message, expected="none", observed=f"{seen.frame}", requirement=requirement
+                )
 
     def answer_chunk(self, *, accepted: bool) -> None:
         """Answer a chunk of a download."""

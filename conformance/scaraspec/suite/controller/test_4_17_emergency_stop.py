@@ -178,9 +178,12 @@ def _step_there_and_back(subject: Subject, line: Line) -> MoveTarget:
     return target(there, SLOWEST_PERCENT)
 
 
-@case("4.17/4", name="twice", hazards=_MOTION)
+@case("4.17/4", "3/18", name="twice", hazards=_MOTION)
 def test_stop_twice(subject: Subject, line: Line) -> None:
-    """Two stops at once are two answers, and one result for each that says "1"."""
+    """Two stops at once are two answers, and one result for each that says "1".
+
+    What is run behind them ends once.
+    """
     with lasting(subject, line, RUN, queries=False):
         line.send(STOP)
         line.send(STOP)
@@ -203,6 +206,7 @@ def test_stop_twice(subject: Subject, line: Line) -> None:
         line.no_result(STOP, for_s=0.1)
     start_program(subject, line, RUN, seconds=0)
     done(subject, line, RUN)
+    line.no_result(RUN, for_s=0.1, requirement="3/18")  # of the one that was stopped
 
 
 @case("4.17/3", name="again", hazards=_MOTION)

@@ -82,6 +82,21 @@ class NeverForgets(Brain):
         return super().get_running_program(request) or (None if idle else RunningProgram(b"a", 1))
 
 
+class EndsForTheStopped(Brain):
+    """A program that was stopped ends with the next one of its client."""
+
+    stopped: Session | None = None
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Tell the end of both."""
+        super().emit(session, frame)
+        if frame.tagged and frame.opcode == 0x32:
+            self.stopped = session
+        elif frame.tagged and frame.data == b"11" and session is self.stopped:
+            self.stopped = None
+            super().emit(session, frame)
+
+
 class NothingToRelease(Brain):
     """A release of joints that are released is accepted, and never ends."""
 
@@ -251,6 +266,7 @@ class SixteenBits(Brain):
     ("brain", "tries", "requirement"),
     [
         (NothingToRelease, "4.25/3", "4.25/3"),
+        (EndsForTheStopped, "4.17/4", "3/18"),
         (NoAnglesOnTheWay, "3/31", "3/31"),
         (OthersRun, "4/15", "4/15"),
         (StopsLater, "4.15/5", "4.15/5"),
