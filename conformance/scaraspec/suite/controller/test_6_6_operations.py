@@ -31,6 +31,8 @@ from scaraspec.suite.programs.writing import INPUTS, OUTPUTS, input_port, number
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _X, _Y, _Z, _W = 7, 1000, -2, 65_543
 """Keys of variables; none is the number of its place, and two agree in their lower 16 bits."""
+_X, _Y, _Z, _W = 7, 1000, -2, 0x10007
+"""Keys of variables; none is the number of its place, and two agree in their lowest two bytes."""
 
 _EACH: Final = (
     (Opt.ADD, 19, 23),
@@ -51,16 +53,17 @@ _CHAIN: Final = (
     (3, Opt.MULTIPLY, -70000),
     (-210000, Opt.DIVIDE, 70000),
     (-3, Opt.ADD, 3),
-    (0, Opt.SUBTRACT, -1_000_000_000),
+    (0, Opt.SUBTRACT, -1_000_000_001),  # more digits than a float of four bytes holds
 )
 """Calculations, each with the result of the one before."""
 
 _PAIRS: Final = (
-    *((1, 2), (2, 2), (3, 2), (-1, 1), (-2, -3), (70000, 4464), (0, 0)),
+    *((1, 2), (2, 2), (16_777_217, 16_777_216), (-1, 1), (-2, -3), (70000, 4464), (0, 0)),
     (2_000_000_000, -2_000_000_000),  # their difference is beyond an int
     (16_777_217, 16_777_216),  # which are one float
 )
 """Operands to compare: less, equal and greater, below zero, and beyond 16 and 24 bits."""
+"""Operands to compare: less, equal and greater, below zero, beyond 16 bits, and beyond a float."""
 
 
 @case("6.6a/11", hazards=PROGRAMS)
@@ -126,10 +129,13 @@ def test_results(subject: Subject, line: Line) -> None:
 
 @case("6.6a/13", name="ports", hazards=PROGRAMS)
 def test_port_settings(subject: Subject, line: Line) -> None:
-    """Every output is set by an operation to 1 and to 0, whatever it was."""
+    """Every output is set by an operation to 1 and to 0, whatever it was.
+
+    The second program has the bytes of the first one, in another order.
+    """
     with bench(subject, line) as robot:
-        for value in (1, 0):
-            robot.performs([Put(port, number(value)) for port in OUTPUTS])
+        for values in ((0, 1), (1, 0)):
+            robot.performs([Put(port, number(value)) for value in values for port in OUTPUTS])
 
 
 @case("6.6a/14", hazards=PROGRAMS)

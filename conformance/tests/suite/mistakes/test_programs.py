@@ -310,6 +310,47 @@ class CountsLoopsToo(Brain):
             return len(nodes) - 1 if nodes[index].type == NodeType.IF and loops else partner
 
 
+class _Floats(interpreter.Run):
+    """It calculates, or compares, in floats of four bytes."""
+
+    compares = False
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        a, b = super()._operands(operation)
+        if (operation.opt >= Opt.GREATER) is self.compares:
+            a, b = map(int, struct.unpack("<2f", struct.pack("<2f", a, b)))
+        return a, b
+
+
+class CalculatesInFloats(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _Floats
+
+
+class ComparesInFloats(Brain):
+    """A controller whose programs do that."""
+
+    interpreter = type("ComparesInFloats", (_Floats,), {"compares": True})
+
+
+class _ShortKeys(interpreter.Run):
+    """Variables are told apart by the lowest two bytes of their keys."""
+
+    def _compute(self, operation: Operation) -> None:
+        super()._compute(operation)
+        if operation.result_type != ResultType.SET_PORT and operation.result in self._variables:
+            value = self._variables[operation.result]
+            like = [key for key in self._variables if (key - operation.result) % 2**16 == 0]
+            self._variables.update(dict.fromkeys(like, value))
+
+
+class ShortKeys(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _ShortKeys
+
+
 class _ComparesWithTheKey(interpreter.Run):
     """Compares with the key of a variable, where that is the second operand."""
 
@@ -327,14 +368,27 @@ class ComparesWithTheKey(Brain):
 class KeepsPrograms(Brain):
     """What a program does is found out once for each name."""
 
+    def kept_by(self, name: bytes) -> object:
+        """By what it is found again."""
+        return name
+
     @cached_property
-    def programs(self) -> dict[bytes, Program]:
+    def programs(self) -> dict[object, Program]:
         """What was found out."""
         return {}
 
     def _program(self, name: bytes) -> Program | None:
         program = super()._program(name)
-        return program and self.programs.setdefault(name, program)
+        return program and self.programs.setdefault(self.kept_by(name), program)
+
+
+class KeepsSums(KeepsPrograms):
+    """It is found out once for each size and sum of bytes."""
+
+    def kept_by(self, name: bytes) -> object:
+        """By these."""
+        content = self.store.read(name)
+        return len(content), sum(content)
 
 
 @pytest.mark.parametrize(
@@ -347,6 +401,7 @@ class KeepsPrograms(Brain):
         (WaitsOn, "6.5/20", "6.5/20"),
         (KeepsPrograms, "6.5/19", "6.5/19"),
         (KeepsPrograms, "6.5/24", "6.5/24"),
+        (KeepsSums, "6.6a/13", "6.6a/13"),
         (RunsWhatComes, "6.5/19", "6.5/19"),
         (InPlace, "6.6a/14", "6.6a/14"),
         (GoesOn, "6.5/26", "6.5/26"),
@@ -361,6 +416,9 @@ class KeepsPrograms(Brain):
         (HurriesInBranches, "6.5/20", "6.5/20"),
         (EndsLoopsByAnEndif, "6.5/28", "6.5/28"),
         (CountsLoopsToo, "6.5/24", "6.5/24"),
+        (CalculatesInFloats, "6.6a/11", "6.6a/11"),
+        (ComparesInFloats, "6.6a/12", "6.6a/12"),
+        (ShortKeys, "6.6a/13", "6.6a/13"),
         (ComparesWithTheKey, "6.6a/14", "6.6a/14"),
     ],
 )
