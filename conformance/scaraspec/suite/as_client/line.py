@@ -168,7 +168,6 @@ class Line(Wire):
         patience.came(due)
         return answer
 
-    def no_result(self, name: str, *, for_s: float) -> None:
     def no_result(self, name: str, *, for_s: float, requirement: str = "") -> None:
         """Fail the subject if a final result of this command comes within this time.
 

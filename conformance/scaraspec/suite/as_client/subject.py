@@ -55,12 +55,10 @@ STEM: Final = "zs"
 PLAIN_PASSWORD: Final = b"zspasswords"
 """What cases set the password to, for a while: a word, as those of the document are (L128)."""
 
-ODD_PASSWORDS: Final = (b"zs-Password", b"zs-%s" % (b"password" * 8), b"zs")
-"""Others, which may break rules that a subject has for passwords (A-4.1-3): as many letters
-as the one above and of both cases, more than any buffer of 64 bytes holds, and few."""
-ODD_PASSWORDS: Final = (b"zs-Other-Password", b"zs-%s" % (b"password" * 8), b"zs", b"zs.+%s$")
-"""Others, which may break rules that a subject has for passwords (A-4.1-3): letters of both cases,
-more than any buffer of 64 bytes holds, few, and what means something in patterns and formats."""
+ODD_PASSWORDS: Final = (b"zs-Password", b"zs-%s" % (b"password" * 8), b"zs", b"zs.+%s$")
+"""Others, which may break rules that a subject has for passwords (A-4.1-3): as many letters as the
+one above and of both cases, more than any buffer of 64 bytes holds, few, and what means something
+in patterns and formats."""
 
 OTHER_PASSWORDS: Final = (PLAIN_PASSWORD, *ODD_PASSWORDS)
 """All of them: an interrupted case is put right with these."""

@@ -29,8 +29,6 @@ from scaraspec.suite.programs.model import (
 from scaraspec.suite.programs.writing import INPUTS, OUTPUTS, input_port, number, variable
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
-_X, _Y, _Z, _W = 7, 1000, -2, 65_543
-"""Keys of variables; none is the number of its place, and two agree in their lower 16 bits."""
 _X, _Y, _Z, _W = 7, 1000, -2, 0x10007
 """Keys of variables; none is the number of its place, and two agree in their lowest two bytes."""
 
@@ -58,11 +56,10 @@ _CHAIN: Final = (
 """Calculations, each with the result of the one before."""
 
 _PAIRS: Final = (
-    *((1, 2), (2, 2), (16_777_217, 16_777_216), (-1, 1), (-2, -3), (70000, 4464), (0, 0)),
+    *((1, 2), (2, 2), (3, 2), (-1, 1), (-2, -3), (70000, 4464), (0, 0)),
     (2_000_000_000, -2_000_000_000),  # their difference is beyond an int
     (16_777_217, 16_777_216),  # which are one float
 )
-"""Operands to compare: less, equal and greater, below zero, and beyond 16 and 24 bits."""
 """Operands to compare: less, equal and greater, below zero, beyond 16 bits, and beyond a float."""
 
 

@@ -310,45 +310,18 @@ class CountsLoopsToo(Brain):
             return len(nodes) - 1 if nodes[index].type == NodeType.IF and loops else partner
 
 
-class _Floats(interpreter.Run):
-    """It calculates, or compares, in floats of four bytes."""
-
-    compares = False
+class _CalculatesInFloats(interpreter.Run):
+    """It calculates with what a float of 4 bytes holds of two numbers."""
 
     def _operands(self, operation: Operation) -> tuple[int, int]:
         a, b = super()._operands(operation)
-        if (operation.opt >= Opt.GREATER) is self.compares:
-            a, b = map(int, struct.unpack("<2f", struct.pack("<2f", a, b)))
-        return a, b
+        return (a, b) if operation.opt >= Opt.GREATER else (round(single(a)), round(single(b)))
 
 
 class CalculatesInFloats(Brain):
     """A controller whose programs do."""
 
-    interpreter = _Floats
-
-
-class ComparesInFloats(Brain):
-    """A controller whose programs do that."""
-
-    interpreter = type("ComparesInFloats", (_Floats,), {"compares": True})
-
-
-class _ShortKeys(interpreter.Run):
-    """Variables are told apart by the lowest two bytes of their keys."""
-
-    def _compute(self, operation: Operation) -> None:
-        super()._compute(operation)
-        if operation.result_type != ResultType.SET_PORT and operation.result in self._variables:
-            value = self._variables[operation.result]
-            like = [key for key in self._variables if (key - operation.result) % 2**16 == 0]
-            self._variables.update(dict.fromkeys(like, value))
-
-
-class ShortKeys(Brain):
-    """A controller whose programs do."""
-
-    interpreter = _ShortKeys
+    interpreter = _CalculatesInFloats
 
 
 class _ComparesWithTheKey(interpreter.Run):
@@ -417,8 +390,6 @@ class KeepsSums(KeepsPrograms):
         (EndsLoopsByAnEndif, "6.5/28", "6.5/28"),
         (CountsLoopsToo, "6.5/24", "6.5/24"),
         (CalculatesInFloats, "6.6a/11", "6.6a/11"),
-        (ComparesInFloats, "6.6a/12", "6.6a/12"),
-        (ShortKeys, "6.6a/13", "6.6a/13"),
         (ComparesWithTheKey, "6.6a/14", "6.6a/14"),
     ],
 )
