@@ -151,26 +151,26 @@ class Subject:
             Unmet: The login was refused.
             NoAnswer: The subject cannot be reached, or does not answer.
         """
-        patience = self._patience(login=login)
+        attempts = self._attempts(login=login)
         while True:
             line = self._open(judged=judged)
-            patience -= 1
+            attempts -= 1
             if login and self.access.needs_login:
                 try:
                     self.log_in(line)
                 except Unmet as error:
                     refused = isinstance(error, NoAnswer) and line.ending is not None
                     line.close()  # who is not served takes nobody's place
-                    if not refused or not patience:
+                    if not refused or not attempts:
                         raise
                     self.known.setdefault(_NOTICES_LATE, True)
                 else:
                     return line
-            elif not patience or line.ends(within_s=_REFUSAL_S) is None:
+            elif not attempts or line.ends(within_s=_REFUSAL_S) is None:
                 return line
             self.access.pause(_RECONNECT_S)
 
-    def _patience(self, *, login: bool) -> int:
+    def _attempts(self, *, login: bool) -> int:
         """How often to come where one is sent away: a client that left may still have its place.
 
         Of a robot that is known to serve several, the places must be taken by who is there and who

@@ -107,21 +107,21 @@ def _comparisons() -> Iterator[Statement]:
 def test_results(subject: Subject, line: Line) -> None:
     """A result goes into the variable with its key and no other, or to the port of its number."""
     block: list[Statement] = [
+        Put(OUTPUTS[4], number(0)),
+        Put(OUTPUTS[4], variable(_X)),
         Assign(_X, number(70_021)),
         Calculate(_Y, variable(_Y), Opt.ADD, number(2)),
         Put(OUTPUTS[1], number(0)),
         Put(OUTPUTS[2], number(1)),
         Put(OUTPUTS[3], number(1)),
         Put(OUTPUTS[3], number(0)),
-        Put(OUTPUTS[4], number(0)),
-        Put(OUTPUTS[4], variable(_X)),
         Assign(_Z, variable(_X)),
         Calculate(_W, number(5), Opt.ADD, number(6)),
     ]
     for key, due in {_X: 70_021, _Y: 102, _Z: 70_021, _W: 11}.items():
         block.append(If(variable(key), Opt.EQUAL, number(due), [], [Flip(_BAD)]))
     with bench(subject, line) as robot:
-        robot.performs([*block, Flip(_GOOD)], {_X: 200, _Y: 100, _Z: 300, _W: 400})
+        robot.performs([*block, Flip(_GOOD)], {_X: 1, _Y: 100, _Z: 300, _W: 400})
 
 
 @case("6.6a/13", name="ports", hazards=PROGRAMS)
