@@ -221,7 +221,7 @@ class Bracket:
         self.announce(case)
         runtestprotocol(item, log=self._loud, nextitem=nextitem)
         outcome = self._outcome(case)
-        frames = tuple(subject.observer.recent)
+        frames = subject.observer.evidence
         if case.last:
             subject.close_lines()
         else:
@@ -274,7 +274,7 @@ class Bracket:
             message = f"the subject did not survive the case: {error}"
             observed = error.observed
             expected = "a connection, a login and get_status go through afterwards"
-            frames = tuple(subject.observer.recent)
+            frames = subject.observer.evidence
             return Outcome(
                 case,
                 Verdict.FAIL,

@@ -20,8 +20,10 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
 from scaraspec.suite.statement import Statement
 
-_RECENT_FRAMES: Final = 12
-"""Frames kept as evidence of what a case did last."""
+_RECENT_FRAMES: Final = 40
+"""Frames of a case that are remembered, for it to look at."""
+_EVIDENCE_FRAMES: Final = 12
+"""How many of them are kept as evidence of what it did last."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +80,11 @@ class Observer:
     def frame(self, seen: FrameSeen | Undecodable) -> None:
         """A frame, or bytes that are none, passed: evidence of the running case."""
         self.recent.append(seen)
+
+    @property
+    def evidence(self) -> tuple[FrameSeen | Undecodable, ...]:
+        """What passed last in the running case."""
+        return tuple(self.recent)[-_EVIDENCE_FRAMES:]
 
     @contextmanager
     def overlooking(self, requirement: str) -> Iterator[None]:

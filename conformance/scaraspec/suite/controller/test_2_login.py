@@ -19,7 +19,7 @@ from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.motion import SLOWEST_PERCENT, joints_of, pose_of, target
 from scaraspec.suite.as_client.passwords import rotated
-from scaraspec.suite.as_client.ports import outputs, outputs_kept
+from scaraspec.suite.as_client.ports import expect_outputs, outputs, outputs_kept
 from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
 from scaraspec.suite.as_client.tasks import RUN, lasting, stored
 from scaraspec.suite.case import case
@@ -210,9 +210,6 @@ def test_motion(subject: Subject) -> None:
         ("simulate_program", name),
         ("reset", None),
     )
-    if subject.takes_several:
-        with lasting(subject, subject.open(), RUN, queries=False):
-            stranger.ask(("set_digital_output", PortValue(port, int(not before[-1]))))
     line = subject.open()
     status = line.ask("get_status").value
     moved = farthest(joints_of(line), joints)
@@ -222,6 +219,11 @@ def test_motion(subject: Subject) -> None:
     expect_equal(after, before, "an output was set without a login")
     expect_equal(status, "00", "a command executes that came without a login")
     expect(moved <= STANDSTILL, "the arm has moved without a login", observed=f"by {moved:.2f}")
+    if subject.takes_several:
+        with outputs_kept(line):
+            with lasting(subject, line, RUN, queries=False):
+                stranger.ask(("set_digital_output", PortValue(port, int(not before[-1]))))
+            expect_outputs(line, before, "an output was set without a login while a program ran")
     stranger.expect_nothing()
 
 
