@@ -10,6 +10,7 @@ from scaraspec.suite.as_client.defaults import (
     expect_default,
     says_nothing,
 )
+from scaraspec.suite.as_client.keeping import alive
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
@@ -98,6 +99,7 @@ def test_none(subject: Subject, line: Line) -> None:
                 expected="no data, or 0",
                 observed=f"{reply.frame}",
             )
+        line = alive(subject, line)  # an opcode that it does not know may have ended the other
         store_program(subject, line, name)
         subject.created.append(name)
         if line.ask("set_default_program", name).accepted:

@@ -67,6 +67,12 @@ def test_an_opcode_that_may_be_unknown_proves_no_claim(tried: Try) -> None:
     assert not cases.wrong
 
 
+def test_an_opcode_that_ends_the_connection_ends_no_case(tried: Try) -> None:
+    """Which of the two asks for the default program is found out on any connection."""
+    ends = DEFAULT.replace(on_unknown="close", op_get_default="0x13", default_none="silence")
+    assert not tried(Brain, "4.12/4", "4.13/3", dialect=ends).alarms
+
+
 def test_silence_while_busy_is_claimed_rightly_though_a_reset_is_refused(tried: Try) -> None:
     """The refusal of a reset is drawn (L397), the others are not: the claim is of those."""
     silent = DEFAULT.replace(busy_reply="silence")
