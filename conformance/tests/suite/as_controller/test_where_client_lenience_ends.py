@@ -623,7 +623,7 @@ def trusts(what: Callable[[str], bool]) -> type[AsyncClient]:
             parts = time[:4], *(time[i : i + 2] for i in range(4, 14, 2))
             trusted = what(time)
             self._core.given = time if trusted else ""
-            await super().set_time(datetime(*map(int, parts)) if trusted else time)  # noqa: DTZ001
+            await super().set_time(datetime(*map(int, parts)) if trusted else time)  # noqa: DTZ001 - the robot's clock knows no zone
 
     return Trusts
 
