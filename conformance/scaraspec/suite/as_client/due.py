@@ -1,4 +1,4 @@
-"""Due: the answers that a subject owes, who says so, and for how long to wait for one.
+"""Due: the answers that a subject owes, who says so, and for how long to wait for one, or for rest.
 
 One that was awaited in full twice, and never came, is not waited for in full again: every case that
 meets it would be, and all of them for hours. That it is missing is then what fails, whatever the

@@ -4,6 +4,7 @@ Each is found by a case of a requirement that it violates.
 """
 
 import struct
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -40,36 +41,41 @@ def single(value: float) -> float:
     return held
 
 
-class GoesOn(Brain):
-    """A program that was stopped goes on from there when it is run again."""
+class _Remembers(Brain, ABC):
+    """A program that was stopped has left something to the next one."""
 
     last: interpreter.Run | None = None
 
     def run_program(self, request: Request) -> Acceptance | Silence:
-        """Begin where it was."""
-        answer = super().run_program(request)
-        task, last = self.robot.task, self.last
-        if answer is ACCEPTED and task is not None and isinstance(task.act, interpreter.Run):
-            self.last = task.act
-            if last is not None and last.outcome is None and last._program == task.act._program:
-                task.act._index = last._index
-        return answer
-
-
-class WaitsOn(Brain):
-    """A program behind one that was stopped has half a second of its waits behind it already."""
-
-    last: interpreter.Run | None = None
-
-    def run_program(self, request: Request) -> Acceptance | Silence:
-        """Begin earlier."""
+        """Hand it over."""
         answer = super().run_program(request)
         task, last = self.robot.task, self.last
         if answer is ACCEPTED and task is not None and isinstance(task.act, interpreter.Run):
             self.last = task.act
             if last is not None and last.outcome is None:
-                task.act.next_event_s -= 0.5
+                self.inherit(task.act, last)
         return answer
+
+    @abstractmethod
+    def inherit(self, run: interpreter.Run, last: interpreter.Run) -> None:
+        """What a run has of the one that was stopped."""
+
+
+class GoesOn(_Remembers):
+    """A program that was stopped goes on from there when it is run again."""
+
+    def inherit(self, run: interpreter.Run, last: interpreter.Run) -> None:
+        """Begin where it was."""
+        if last._program == run._program:
+            run._index = last._index
+
+
+class WaitsOn(_Remembers):
+    """A program behind one that was stopped has half a second of its waits behind it already."""
+
+    def inherit(self, run: interpreter.Run, last: interpreter.Run) -> None:  # noqa: ARG002 - one signature
+        """Begin earlier."""
+        run.next_event_s -= 0.5
 
 
 class _OneBuffer(interpreter.Run):
