@@ -165,10 +165,10 @@ def test_a_serial_line(processes: Any, null_modem: tuple[str, str]) -> None:
     """Conformant as over TCP, though the robot notices no end of what a case has begun."""
     pytest.importorskip("serial")
     robot, ours = null_modem
-    processes.controller("--serial", robot, "--reading", "xfer_timeout=0.1")
+    processes.controller("--serial", robot, "--reading", "xfer_timeout=0.5")
     done = processes.run(
         *("certify", "controller", f"serial://{ours}", "--only", "4.8/1,5.1/7", *ALL),
-        *("--transfer-timeout", "0.1", "--examples", "3"),
+        *("--transfer-timeout", "0.5", "--examples", "3"),
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "conformant: serial://" in done.stdout

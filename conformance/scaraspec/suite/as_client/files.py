@@ -179,6 +179,7 @@ def next_chunk(line: Line) -> Chunk:
     Raises:
         NoAnswer: None comes in `CHUNK_S`.
         Unmet: It is no chunk.
+        Undecided: The one before was answered so late that the transfer may have been over.
     """
     return chunk_of(_chunk_frame(line))
 
@@ -188,6 +189,7 @@ def course_of(line: Line, name: bytes) -> list[Answer]:
 
     Raises:
         Unmet: The file is refused.
+        Undecided: A chunk was answered so late that the transfer may have been over.
     """
     expect(
         line.ask("download_name", data=name).accepted,
@@ -204,7 +206,7 @@ def course_of(line: Line, name: bytes) -> list[Answer]:
             line.apart()
             break
         try:
-            frames.append(line.reply("download_chunk", within_s=CHUNK_S))
+            frames.append(_chunk_frame(line))
         except NoAnswer:
             break
     return frames
@@ -214,6 +216,7 @@ def _chunk_frame(line: Line) -> Answer:
     try:
         return line.reply("download_chunk", within_s=CHUNK_S)
     except NoAnswer as error:
+        line.in_time()
         error.requirement = "5.3/4"
         raise
 

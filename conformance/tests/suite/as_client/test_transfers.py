@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -27,7 +28,7 @@ from scaraspec.suite.statement import Statement
 
 CLAUSES = ("5.1", "5.2", "5.3", "5.4")
 ONLY = frozenset(r.id for clause in CLAUSES for r in select(clause)) - {"5.2/16"}  # which is large
-UPLOAD_CHUNK = 0x52
+UPLOAD_CHUNK, DOWNLOAD_CHUNK = 0x52, 0x56
 REFUSED = b"\xcc\x52\x010\xaa"
 
 
@@ -238,15 +239,18 @@ def test_a_conforming_controller_of_another_kind_passes(
     assert len(cases) > len(ONLY) / 4
 
 
+@dataclass(frozen=True)
 class StallingAccess(MemoryAccess):
-    """A machine that does nothing for a while ahead of the third chunk."""
+    """A machine that does nothing for a while ahead of the third frame with an opcode."""
+
+    stalled: int = 0
 
     def connect(self) -> Link:
-        link, chunks = super().connect(), itertools.count(1)
+        link, sent = super().connect(), itertools.count(1)
         send = link.send
 
         def stall(data: bytes) -> int:
-            if data[1] == UPLOAD_CHUNK and next(chunks) == 3:
+            if data[1] == self.stalled and next(sent) == 3:
                 self.pause(31)
             return send(data)
 
@@ -254,10 +258,14 @@ class StallingAccess(MemoryAccess):
         return link
 
 
-def test_a_slow_machine_fails_nobody() -> None:
-    """A chunk that comes when the transfer is over is rightly refused."""
-    access = StallingAccess(Robot(Brain, DEFAULT).network)
-    options = Options(only=frozenset({"5.2/16"}), allowed=ALL)
+@pytest.mark.parametrize(
+    ("stalled", "requirement"),
+    [(UPLOAD_CHUNK, "5.2/16"), (DOWNLOAD_CHUNK, "5.1/8"), (DOWNLOAD_CHUNK, "5.1/9")],
+)
+def test_a_slow_machine_fails_nobody(stalled: int, requirement: str) -> None:
+    """A chunk that comes when the transfer is over is rightly refused, and none follows then."""
+    access = StallingAccess(Robot(Brain, DEFAULT).network, stalled=stalled)
+    options = Options(only=frozenset({requirement}), allowed=ALL)
     results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
     said = {case.message for case in results.cases if case.verdict is Verdict.INCONCLUSIVE}
     assert results.counts[Verdict.FAIL] == 0
