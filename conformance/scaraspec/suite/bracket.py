@@ -19,7 +19,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
 from scaraspec.suite.case import Case, case_of, declare_mark, is_case
 from scaraspec.suite.drawing import Drawing
-from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, Unreadable
 from scaraspec.suite.party import Party
 from scaraspec.suite.plan import Options, wanted, why_not
 from scaraspec.suite.wire import Wire
@@ -96,7 +96,7 @@ class Bracket:
         self.over: frozenset[str] = frozenset()
         self.before_last: Callable[[], None] = lambda: None
         self.before_motion: Callable[[], None] = lambda: None
-        self._dead = ""
+        self._dead = self._unmoved = ""
         self._drawing = Drawing(options.examples)
         self._at_last = self._ready = False
         self._failed: set[str] = set()
@@ -119,14 +119,14 @@ class Bracket:
         self._drawing.end()
 
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Keep what is wanted, those that end the subject last; a team's own tests stay."""
+        """Keep what is wanted, the gentle first; a team's own tests stay."""
         own = [item for item in items if not is_case(item)]
         cases = {item: case_of(item) for item in items if is_case(item)}
         ids = [case.id for case in cases.values()]
         if twice := {i for i in ids if ids.count(i) > 1}:
             self.mistakes.append(f"cases of the same name: {', '.join(sorted(twice))}")
         chosen = [item for item in cases if self._tries(cases[item])]
-        chosen.sort(key=lambda item: cases[item].last)
+        chosen.sort(key=lambda item: (cases[item].last, cases[item].rough))
         self.cases = [cases[item] for item in chosen]
         self.items = chosen
         items[:] = own + chosen
@@ -203,8 +203,9 @@ class Bracket:
             why = f"{case.requirements[0]} has failed already: --exhaustive goes on"
         if why:
             return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=why)
-        if self._dead:
-            return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.DEPENDENCY, message=self._dead)
+        why = self._dead or (self._unmoved if Hazard.MOTION in case.hazards else "")
+        if why:
+            return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.DEPENDENCY, message=why)
         return None
 
     def _run(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
@@ -286,7 +287,10 @@ class Bracket:
                 frames=frames,
             )
         except Undecided as error:
-            self._revive(case)
+            if isinstance(error, Unreadable):
+                self._unmoved = f"before this case, since case {case.id}: {error}"
+            else:
+                self._revive(case)
             if outcome.verdict in (Verdict.FAIL, Verdict.ERROR):
                 return outcome
             return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=f"{error}")

@@ -48,6 +48,14 @@ class Case:
     role: Role = Role.CONTROLLER
 
     @property
+    def rough(self) -> bool:
+        """Whether it is about connections and frames, and so tries what no client does.
+
+        A subject may die of that; what it does when it is asked properly has to be seen before.
+        """
+        return self.requirements[0].startswith(("2/", "3/"))
+
+    @property
     def hazard(self) -> Hazard:
         """The worst of its hazards."""
         return max(self.hazards, key=_GRAVITY.index)

@@ -27,7 +27,13 @@ class Unmet(AssertionError):  # noqa: N818 - it is the subject's error, not ours
 
 
 class NoAnswer(Unmet):
-    """A request that a living subject left unanswered, or answered by ending the link (3/31)."""
+    """A request that a living subject left unanswered, or answered by ending the link (3/31).
+
+    Attributes:
+        owed: The requirement that says of every such answer that it comes; empty if none does.
+    """
+
+    owed = ""
 
 
 class Declined(Unmet):
@@ -45,6 +51,13 @@ class Declined(Unmet):
 
 class Undecided(Exception):  # noqa: N818 - it is no error of anybody
     """The case could not find out; the text says why."""
+
+
+class Unreadable(Undecided):
+    """What the subject says of its state is nothing: whether it rests, nobody can tell.
+
+    Nothing that may move it is tried any more.
+    """
 
 
 class NotRun(Undecided):

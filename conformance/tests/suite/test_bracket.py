@@ -10,7 +10,8 @@ import pytest
 
 from scaraspec.cli.prove.controller import Robot, certified
 from scaraspec.controller.brain import Brain
-from scaraspec.controller.session import Request, Session
+from scaraspec.controller.faults import faults
+from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.frames import Frame
@@ -103,6 +104,29 @@ def test_a_subject_that_a_case_kills(trial: Try) -> None:
     assert results.verdict is Conclusion.NONCONFORMANT
 
 
+class DiesOfStrayBytes(Brain):
+    """Bytes that are no frame are its end."""
+
+    dead = False
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Serve, or not."""
+        type(self).dead |= data[:1] != b"\xaa"
+        return [] if self.dead else super().receive(connection, data, now_s)
+
+
+def test_what_no_client_does_is_tried_at_the_end(trial: Try) -> None:
+    """Who dies of it has shown before what he does when he is asked properly."""
+    DiesOfStrayBytes.dead = False
+    results = trial(
+        "@case('3/19')\ndef test_one(line):\n    line.send_bytes(b'Hello')\n\n"
+        "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
+        DiesOfStrayBytes,
+    )
+    assert only(results, "3/19").verdict is Verdict.FAIL
+    assert only(results).verdict is Verdict.PASS
+
+
 class Reboots(Brain):
     """Asked for its version, it answers nothing for twelve seconds."""
 
@@ -126,6 +150,30 @@ def test_what_comes_back_is_put_back(trial: Try) -> None:
     )
     assert only(results, "4.20/3").verdict is Verdict.FAIL
     assert {case.id for case in results.cases} == {"4.20/3"}
+
+
+def test_who_comes_back_by_himself_is_tried_on(trial: Try) -> None:
+    """Whoever is watched over starts anew without a hook."""
+    results = trial(
+        "@case('4.7/2')\ndef test_one(line):\n    line.send('get_version')\n\n"
+        "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
+        Reboots,
+    )
+    assert only(results, "4.7/2").verdict is Verdict.FAIL
+    assert only(results).verdict is Verdict.PASS
+
+
+def test_whose_status_is_unreadable_is_moved_no_more(trial: Try) -> None:
+    """Nobody can tell whether it rests; all else can be tried."""
+    results = trial(
+        "@case('4.24/3')\ndef test_one(subject):\n    subject.moved = True\n\n"
+        "@case('4.24/6')\ndef test_two(line):\n    1 / 0\n\n"
+        "@case('4.7/2')\ndef test_three(line):\n    line.ask('get_version')\n",
+        faults()["state-in-words"].wrong,
+    )
+    for name in ("4.24/3", "4.24/6"):
+        assert only(results, name).verdict is Verdict.INCONCLUSIVE
+    assert only(results, "4.7/2").verdict is Verdict.PASS
 
 
 class StaysAtFault(Brain):

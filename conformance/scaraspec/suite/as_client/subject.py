@@ -14,7 +14,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.access import Access
 from scaraspec.suite.as_client.due import ANSWERED, Patience
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, Unreadable
 from scaraspec.suite.hooks import HookError
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.statement import Statement
@@ -29,6 +29,8 @@ MOMENT_S: Final = 0.1
 _READY: Final = "00"  # L209: idle
 _RECONNECTS: Final = 20
 _RECONNECT_S: Final = 0.1  # within which it may not have seen yet that the last one left
+_RETURN_S: Final = 30.0  # within which one may start anew by itself that has died
+_RETURN_POLL_S: Final = 1.0
 _REFUSAL_S: Final = 0.05  # within which one that is not served is ended (A-2-2)
 _FEW: Final = 2  # clients, beyond which a robot may serve no more
 _REMEMBERED: Final = 8  # connections, that have ended
@@ -253,6 +255,11 @@ class Subject:
                 return
         self.access.pause(for_s)
 
+    def is_tried(self, requirement: str) -> bool:
+        """Whether the running case is about this requirement."""
+        case = self.observer.case
+        return case == requirement or case.startswith(f"{requirement}.")
+
     # ------------------------------------------------------------------ what it can do
 
     def permit(self, opcode: int) -> None:
@@ -350,6 +357,7 @@ class Subject:
         """Wait until the status is 00.
 
         Raises:
+            Unreadable: It is none at all.
             Undecided: It does not become so.
         """
         full_s = self.patience.rest_s(self.longest_s) if within_s is None else within_s
@@ -358,6 +366,8 @@ class Subject:
             if left_s <= 0:
                 if within_s is None:
                     self.patience.waited(full_s, rests=False)
+                if status is None:
+                    raise Unreadable("what the subject tells of its status is no status")
                 raise Undecided(f"the subject's status stays {status} and does not become 00")
             line.wait(_POLL_S)
             left_s -= _POLL_S
@@ -369,6 +379,7 @@ class Subject:
         Raises:
             NoAnswer: It does not answer any more.
             Unmet: It refuses a login.
+            Unreadable: Nobody can tell whether it has come to rest; it is not moved again.
             Undecided: It does not come to rest.
         """
         self.close_lines()
@@ -387,7 +398,11 @@ class Subject:
                     with suppress(NoAnswer):
                         line.result(remedy, within_s=self.reply_s)
         if self.moved:
-            self.until_idle(line)
+            try:
+                self.until_idle(line)
+            except Unreadable:
+                self.moved = False
+                raise
         if Hazard.STATE not in self.allowed or _DELETE in self.unanswered:
             self.created.clear()  # a run that may only ask has made nothing
         while self.created:
@@ -406,7 +421,7 @@ class Subject:
         return False
 
     def revive(self) -> None:
-        """Start it anew, where a hook can.
+        """Start it anew, where a hook can; else it may come back by itself, if it is watched over.
 
         Raises:
             Undecided: The hook failed.
@@ -415,3 +430,10 @@ class Subject:
         self.close_lines()
         if self.has_hook("restart"):
             self.hook("restart")
+            return
+        deadline_ns = self.now_ns + round(_RETURN_S * 1e9)
+        while self.now_ns < deadline_ns:
+            with suppress(Unmet):
+                self.open()
+                return
+            self.pause(_RETURN_POLL_S)
