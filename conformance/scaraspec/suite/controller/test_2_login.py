@@ -237,12 +237,10 @@ def test_loss(subject: Subject) -> None:
     line.close()
     stranger = _Stranger(subject)
     other = PasswordChange(subject.password, PLAIN_PASSWORD)
-    stranger.ask(
-        ("set_default_program", name),
-        ("delete_program", name),
-        ("set_network", network),
-        ("set_password", other),
-    )
+    stranger.ask(("set_default_program", name), ("delete_program", name))
+    if network is not None:  # what it answers 4.3 judges
+        stranger.ask(("set_network", network))
+    stranger.ask(("set_password", other))
     line = subject.open(login=False)
     opens = line.ask("login", subject.password).accepted
     if not opens:
