@@ -214,6 +214,7 @@ class Dialogue:
                 yield from self._list_part(self._listing, seen)
             else:
                 yield self._unasked(seen, late=self._waiting.take_owed(seen.name))
+                yield from self._executing.end_untagged(seen)
             return
         exchange.reply = seen
         exchange.certain = exchange.certain and self._certain(seen)

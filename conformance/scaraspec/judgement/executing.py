@@ -11,6 +11,7 @@ from typing import Final
 
 from scaraspec.judgement.happenings import Ending, Exchange, FrameSeen, Undecodable
 from scaraspec.judgement.scene import Scene
+from scaraspec.protocol.payloads import FinalResult
 
 _MOST: Final = 16
 _STOP: Final = "emergency_stop"
@@ -101,6 +102,13 @@ class Executing:
                 self._scene.end(exchange)
                 return exchange
         return None
+
+    def end_untagged(self, seen: FrameSeen) -> Iterator[Exchange]:
+        """Give what has ended with a final result that lacks its tag: it executes no more."""
+        if FinalResult().decode(seen.frame.data).value is not None:
+            for exchange in self._mine():
+                if exchange.name == seen.name:
+                    yield self._end(exchange, Ending.UNSEEN)
 
     def abandon(self) -> None:
         """One side has hung up: what executes may be stopped for it (A-2-8)."""

@@ -17,7 +17,7 @@ from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame
-from scaraspec.protocol.payloads import FinalResult
+from scaraspec.protocol.payloads import FinalResult, Outcome
 from scaraspec.suite.as_client.due import Due
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.limits import limits_of
@@ -60,9 +60,7 @@ class Line(Wire):
         self.heard[:] = [
             seen
             for seen in self.heard
-            if seen.frame.tagged
-            or seen.frame.opcode != command.opcode
-            or FinalResult().decode(seen.frame.data).value is None
+            if seen.frame.tagged or seen.frame.opcode != command.opcode or _outcome(seen) is None
         ]
 
     def send_frame(self, frame: Frame) -> None:
@@ -132,20 +130,32 @@ class Line(Wire):
             self._subject.has_been_stopped()
         return answer
 
-    def result(self, name: str, *, within_s: float | None = None) -> Answer:
+    def result(self, name: str, *, within_s: float | None = None, untagged: bool = False) -> Answer:
         """Wait for the final result of a two-stage command.
 
+        Args:
+            name: The command.
+            within_s: How long; by default what the longest motion may take.
+            untagged: Whether one without the tag will do. Where tagged ones have been awaited in
+                vain, it will in every case that is about something else.
+
         Raises:
-            NoAnswer: None came in `within_s`, by default what the longest motion may take.
+            NoAnswer: None came.
         """
-        opcode = BY_NAME[name].opcode
-        return self._due(
-            Due(name, result=True),
-            lambda seen: seen.frame.tagged and seen.frame.opcode == opcode,
+        due, opcode = Due(name, result=True), BY_NAME[name].opcode
+        in_vain = self._subject.patience.vain(due)
+        untagged = untagged or (in_vain and not self._subject.is_tried(due.requirement))
+        answer = self._due(
+            due,
+            lambda seen: (
+                seen.frame.opcode == opcode
+                and (seen.frame.tagged or (untagged and _outcome(seen) is not None))
+            ),
             within_s,
             self._subject.longest_s,
             f"no final result of {name} came",
         )
+        return answer if answer.frame.tagged else answer._replace(value=_outcome(answer.seen))
 
     def _due(
         self,
@@ -160,12 +170,14 @@ class Line(Wire):
         try:
             answer = self.awaited(wanted, patience.within_s(due, asked_s), message)
         except NoAnswer as error:
+            error.owed = due.requirement
             if patience.vain(due):
                 error.requirement = due.requirement
             if asked_s >= full_s and not self.over:
                 patience.missed(due)
             raise
-        patience.came(due)
+        if answer.frame.tagged or not due.result:
+            patience.came(due)
         return answer
 
     def no_result(self, name: str, *, for_s: float, requirement: str = "") -> None:
@@ -258,3 +270,9 @@ class Line(Wire):
         self._pause_ns = seen.place.time_ns - self._sent_ns
         self._sent_ns = seen.place.time_ns
         self._names_files = self._names_files or seen.name in NAMES
+
+
+def _outcome(seen: FrameSeen) -> Outcome | None:
+    """What a frame says as a final result, tagged or not; None if it says nothing so."""
+    outcome: Outcome | None = FinalResult().decode(seen.frame.data).value
+    return outcome

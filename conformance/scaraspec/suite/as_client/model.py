@@ -193,6 +193,8 @@ class Model:
         behind = "; ".join(self.told[-_TOLD:]) or "nothing"
         more = f"… {len(self.told) - _TOLD} steps; " if len(self.told) > _TOLD else ""
         error.args = (f"{error}, in {act} behind: {more}{behind}",)
+        if isinstance(error, NoAnswer):
+            error.requirement = error.requirement or error.owed
 
     def _name(self, step: Step) -> bytes:
         """A file, or for the last of the numbers a name that is perhaps none."""

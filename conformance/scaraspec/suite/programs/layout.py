@@ -12,7 +12,7 @@ from typing import Final
 from scaraspec.protocol.programs import LAYOUTS, Layout, Program
 from scaraspec.suite.as_client.files import upload
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import release_latch
+from scaraspec.suite.as_client.motion import IDLE, release_latch, status_of
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.programs.writing import EMPTY, layout_of, wait_program
@@ -140,7 +140,10 @@ def candidates(subject: Subject) -> list[Layout]:
 
 
 def _try(subject: Subject, line: Line, layout: Layout) -> float | None:
-    """For how long a waiting program of this layout runs; None where it does not end well."""
+    """For how long a waiting program of this layout runs; None where it does not end well.
+
+    Where its result does not come that it has ended shows in the status, though not when.
+    """
     name = subject.new_name()
     base = configured(subject, line)
     upload(line, name, wait_program(subject.dialect, _WAIT_S, layout=layout, base=base))
@@ -152,8 +155,10 @@ def _try(subject: Subject, line: Line, layout: Layout) -> float | None:
             raise Undecided(f"the subject cannot run programs now: {answer}")
         return None
     try:
-        result = line.result("run_program", within_s=_WAIT_S + subject.reply_s)
+        result = line.result("run_program", within_s=_WAIT_S + subject.reply_s, untagged=True)
     except NoAnswer:
+        if status_of(subject, line) == IDLE:
+            return 0.0
         if line.ask("emergency_stop").accepted:
             line.result("emergency_stop")
         return None

@@ -97,6 +97,13 @@ def test_results_without_a_tag_answer_no_later_request(tried: Try) -> None:
     assert not [case for case in results.values() if "refused by a robot" in case.message]
 
 
+def test_results_without_a_tag_hide_nothing_of_programs(tried: Try) -> None:
+    """Once they have been awaited in vain, what has no tag ends a program in all other cases."""
+    results = tried(faults()["run-ends-untagged"].wrong, "4.15/5", *ids("6.4/5,6.5,6.6a"))
+    assert results["4.15/5"].verdict is Verdict.FAIL
+    assert results.failed == {"3/12", "4.15/5"}
+
+
 def test_a_program_is_stopped_whatever_the_status_says(tried: Try) -> None:
     """A robot that says that it is idle while a program runs is not left running."""
     results = tried(faults()["idle-during-run"].wrong, *ids("4.8,4.9,4.16"))
