@@ -14,12 +14,9 @@ from typing import Final, NamedTuple
 from scaraspec.protocol.commands import Point, Pose, RunningProgram
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.as_client.clock import Reading, expect_ran, read, set_to, shifted
-from scaraspec.suite.as_client.defaults import expect_default
-from scaraspec.suite.as_client.files import download, send
-from scaraspec.suite.as_client.keeping import alive
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import (
+from scaraspec.suite.as_client.asking.clock import Reading, expect_ran, read, set_to, shifted
+from scaraspec.suite.as_client.asking.files import download, send
+from scaraspec.suite.as_client.asking.motion import (
     IDLE,
     REACHED,
     listens,
@@ -29,23 +26,26 @@ from scaraspec.suite.as_client.motion import (
     stop,
     target,
 )
-from scaraspec.suite.as_client.passwords import change, expect_changed
-from scaraspec.suite.as_client.ports import (
+from scaraspec.suite.as_client.asking.passwords import change, expect_changed
+from scaraspec.suite.as_client.asking.ports import (
     expect_outputs,
     outputs,
     set_output,
     settable,
     with_port,
 )
-from scaraspec.suite.as_client.poses import expect_numbers, gripper_of, initial_of
-from scaraspec.suite.as_client.queries import known_to
+from scaraspec.suite.as_client.asking.poses import expect_numbers, gripper_of, initial_of
+from scaraspec.suite.as_client.asking.queries import known_to
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.state.defaults import expect_default
+from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import (
     OTHER_PASSWORDS,
     PLAIN_PASSWORD,
     SILENCE_S,
     Subject,
 )
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.tasks import (
     MOVE,
     RUN,
     SIMULATE,

@@ -14,7 +14,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.asking.files import upload
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.programs.layout import LISTED, candidates

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from scaraspec.report.model import Role
-from scaraspec.suite.as_client import restore
 from scaraspec.suite.as_client.access import Access
 from scaraspec.suite.as_client.probes import probe_all
-from scaraspec.suite.as_client.readiness import come_back, make_ready
+from scaraspec.suite.as_client.state import restore
+from scaraspec.suite.as_client.state.readiness import come_back, make_ready
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.observer import Observer

@@ -6,8 +6,10 @@ from typing import Final
 
 from hypothesis import given
 
-from scaraspec.suite.as_client.carriers import GET_STATUS, GET_TIME, GET_VERSION
-from scaraspec.suite.as_client.delivery import (
+from scaraspec.suite.as_client.asking.queries import Query, known_to, some_queries
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.spoiling.carriers import GET_STATUS, GET_TIME, GET_VERSION
+from scaraspec.suite.as_client.spoiling.delivery import (
     SEGMENT_S,
     SLOWEST_S,
     ask_together,
@@ -16,8 +18,6 @@ from scaraspec.suite.as_client.delivery import (
     some_cuts,
     takes_one_at_a_time,
 )
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.queries import Query, known_to, some_queries
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer

@@ -14,14 +14,14 @@ from scaraspec.protocol.commands import PasswordChange, Point, PortValue
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.as_client.clock import shifted
-from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.asking.clock import shifted
+from scaraspec.suite.as_client.asking.files import upload
+from scaraspec.suite.as_client.asking.motion import SLOWEST_PERCENT, joints_of, pose_of, target
+from scaraspec.suite.as_client.asking.passwords import rotated
+from scaraspec.suite.as_client.asking.ports import expect_outputs, outputs, outputs_kept
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import SLOWEST_PERCENT, joints_of, pose_of, target
-from scaraspec.suite.as_client.passwords import rotated
-from scaraspec.suite.as_client.ports import expect_outputs, outputs, outputs_kept
 from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
-from scaraspec.suite.as_client.tasks import RUN, lasting, stored
+from scaraspec.suite.as_client.two_stage.tasks import RUN, lasting, stored
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
 from scaraspec.suite.programs.layout import short_program

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.files import expect_round_trip
+from scaraspec.suite.as_client.asking.files import expect_round_trip
+from scaraspec.suite.as_client.asking.queries import Query, known_to, some_queries
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.queries import Query, known_to, some_queries
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of

@@ -13,10 +13,16 @@ from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.carriers import GET_STATUS, GET_TIME, GET_VERSION, OPCODES, harmless
-from scaraspec.suite.as_client.files import expect_round_trip, expect_stored, upload
+from scaraspec.suite.as_client.asking.files import expect_round_trip, expect_stored, upload
+from scaraspec.suite.as_client.asking.queries import ask_all, known_to
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.queries import ask_all, known_to
+from scaraspec.suite.as_client.spoiling.carriers import (
+    GET_STATUS,
+    GET_TIME,
+    GET_VERSION,
+    OPCODES,
+    harmless,
+)
 from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, Unmet, expect

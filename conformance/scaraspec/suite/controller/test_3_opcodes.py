@@ -7,10 +7,10 @@ from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG, Frame
-from scaraspec.suite.as_client.carriers import GET_STATUS
+from scaraspec.suite.as_client.asking.motion import joints_of
+from scaraspec.suite.as_client.asking.queries import known_to
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import joints_of
-from scaraspec.suite.as_client.queries import known_to
+from scaraspec.suite.as_client.spoiling.carriers import GET_STATUS
 from scaraspec.suite.as_client.subject import MOMENT_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, expect, expect_equal

@@ -14,14 +14,14 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.as_client.clock import shifted
-from scaraspec.suite.as_client.delivery import takes_one_at_a_time
-from scaraspec.suite.as_client.files import CHUNK_S, expect_stored
+from scaraspec.suite.as_client.asking.clock import shifted
+from scaraspec.suite.as_client.asking.files import CHUNK_S, expect_stored
+from scaraspec.suite.as_client.asking.motion import quieten, returning, stop
+from scaraspec.suite.as_client.asking.queries import Query, known_to, replies_to, some_queries
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import quieten, returning, stop
-from scaraspec.suite.as_client.queries import Query, known_to, replies_to, some_queries
+from scaraspec.suite.as_client.spoiling.delivery import takes_one_at_a_time
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import finish, has, jog_somewhere
+from scaraspec.suite.as_client.two_stage.tasks import finish, has, jog_somewhere
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import NotRun, Undecided, expect, expect_equal

@@ -13,13 +13,13 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import TAG
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import FinalResult
-from scaraspec.suite.as_client.keeping import alive
+from scaraspec.suite.as_client.asking.motion import begin_step_somewhere, listens, returning
+from scaraspec.suite.as_client.asking.queries import ask_all
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import begin_step_somewhere, listens, returning
-from scaraspec.suite.as_client.performing import perform
-from scaraspec.suite.as_client.queries import ask_all
+from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.performing import perform
+from scaraspec.suite.as_client.two_stage.tasks import (
     JOG,
     MOVE,
     RUN,

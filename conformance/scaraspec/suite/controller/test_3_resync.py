@@ -16,7 +16,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS
-from scaraspec.suite.as_client.carriers import (
+from scaraspec.suite.as_client.spoiling.carriers import (
     FLOOD,
     GET_STATUS,
     GET_TIME,

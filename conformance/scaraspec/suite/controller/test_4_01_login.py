@@ -1,9 +1,9 @@
 """Clause 4.1: the login (0x01, L102-119)."""
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.keeping import needs_login
+from scaraspec.suite.as_client.asking.passwords import altered
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.passwords import altered
+from scaraspec.suite.as_client.state.keeping import needs_login
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, Unmet, expect

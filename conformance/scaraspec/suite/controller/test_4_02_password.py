@@ -2,10 +2,10 @@
 
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.fields import show
-from scaraspec.suite.as_client.keeping import password_kept
+from scaraspec.suite.as_client.asking.passwords import altered, change, expect_changed
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import malformed, offer
-from scaraspec.suite.as_client.passwords import altered, change, expect_changed
+from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
+from scaraspec.suite.as_client.state.keeping import password_kept
 from scaraspec.suite.as_client.subject import ODD_PASSWORDS, PLAIN_PASSWORD, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect

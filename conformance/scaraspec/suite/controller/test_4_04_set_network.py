@@ -13,9 +13,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Network
-from scaraspec.suite.as_client.keeping import alive, kept
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import malformed, offer
+from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
+from scaraspec.suite.as_client.state.keeping import alive, kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect

@@ -6,11 +6,11 @@ from typing import Final
 from hypothesis import example, given
 
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.suite.as_client.clock import Reading, expect_ran, read, set_to, shifted
-from scaraspec.suite.as_client.keeping import kept, patient
+from scaraspec.suite.as_client.asking.clock import Reading, expect_ran, read, set_to, shifted
+from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import malformed, offer
-from scaraspec.suite.as_client.motion import go_on_if_it_listens
+from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
+from scaraspec.suite.as_client.state.keeping import kept, patient
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect

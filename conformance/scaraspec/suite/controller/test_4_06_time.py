@@ -2,9 +2,9 @@
 
 from typing import Final
 
-from scaraspec.suite.as_client.clock import Reading, expect_ran, read
-from scaraspec.suite.as_client.keeping import alive, patient
+from scaraspec.suite.as_client.asking.clock import Reading, expect_ran, read
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.state.keeping import alive, patient
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect

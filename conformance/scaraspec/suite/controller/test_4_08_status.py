@@ -5,7 +5,11 @@ from typing import Final
 
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.executing import (
+from scaraspec.suite.as_client.asking.motion import quieten
+from scaraspec.suite.as_client.asking.queries import known_to
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.executing import (
     begin,
     expect_status,
     finish,
@@ -13,11 +17,7 @@ from scaraspec.suite.as_client.executing import (
     store_wait_program,
     unless_others_run,
 )
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import quieten
-from scaraspec.suite.as_client.queries import known_to
-from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import JOG, MOVE, RESET, lasting
+from scaraspec.suite.as_client.two_stage.tasks import JOG, MOVE, RESET, lasting
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect, expect_equal
 

@@ -4,9 +4,13 @@ from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
-from scaraspec.suite.as_client.clock import Reading, expect_ran, read
-from scaraspec.suite.as_client.defaults import default_kept
-from scaraspec.suite.as_client.executing import (
+from scaraspec.suite.as_client.asking.clock import Reading, expect_ran, read
+from scaraspec.suite.as_client.asking.motion import quieten
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.state.defaults import default_kept
+from scaraspec.suite.as_client.state.keeping import patient
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.executing import (
     ask_busy,
     begin,
     ended,
@@ -14,10 +18,6 @@ from scaraspec.suite.as_client.executing import (
     store_wait_program,
     unless_others_run,
 )
-from scaraspec.suite.as_client.keeping import patient
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import quieten
-from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect, expect_equal
 from scaraspec.suite.programs.bench import PROGRAMS

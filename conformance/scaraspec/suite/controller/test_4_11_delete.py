@@ -8,12 +8,12 @@ from typing import Any, Final
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.files import expect_stored, upload
+from scaraspec.suite.as_client.asking.files import expect_stored, upload
+from scaraspec.suite.as_client.asking.motion import quieten
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import Malformed, malformed, offer
-from scaraspec.suite.as_client.motion import quieten
+from scaraspec.suite.as_client.spoiling.malformed import Malformed, malformed, offer
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import RUN, lasting, offered
+from scaraspec.suite.as_client.two_stage.tasks import RUN, lasting, offered
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, expect
 from scaraspec.suite.programs.layout import short_program

@@ -3,15 +3,15 @@
 from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.defaults import (
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.state.defaults import (
     OPCODES,
     ask_default,
     default_kept,
     expect_default,
     says_nothing,
 )
-from scaraspec.suite.as_client.keeping import alive
-from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, expect

@@ -3,12 +3,12 @@
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.defaults import default_kept, expect_default
+from scaraspec.suite.as_client.asking.motion import IDLE, joints_of, listens, quieten
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import malformed, offer
-from scaraspec.suite.as_client.motion import IDLE, joints_of, listens, quieten
+from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
+from scaraspec.suite.as_client.state.defaults import default_kept, expect_default
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.tasks import (
     RUN,
     find_out_whether_it_listens,
     finish,

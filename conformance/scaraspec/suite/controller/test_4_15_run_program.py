@@ -4,12 +4,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.files import NameRefused
+from scaraspec.suite.as_client.asking.files import NameRefused
+from scaraspec.suite.as_client.asking.motion import BUSY, quieten
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import BUSY, quieten
-from scaraspec.suite.as_client.refusals import expect_missing
 from scaraspec.suite.as_client.subject import STEM, Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.refusals import expect_missing
+from scaraspec.suite.as_client.two_stage.tasks import (
     RUN,
     accepted,
     attentive,

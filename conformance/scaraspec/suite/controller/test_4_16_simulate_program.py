@@ -2,13 +2,13 @@
 
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.asking.files import upload
+from scaraspec.suite.as_client.asking.motion import BUSY, joints_of, quieten
+from scaraspec.suite.as_client.asking.ports import outputs, outputs_kept, settable
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import BUSY, joints_of, quieten
-from scaraspec.suite.as_client.ports import outputs, outputs_kept, settable
-from scaraspec.suite.as_client.refusals import expect_first_reply, expect_missing, text_of
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.refusals import expect_first_reply, expect_missing, text_of
+from scaraspec.suite.as_client.two_stage.tasks import (
     RUN,
     SIMULATE,
     accepted,

@@ -7,8 +7,7 @@ import pytest
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import (
+from scaraspec.suite.as_client.asking.motion import (
     BUSY,
     SLOWEST_PERCENT,
     await_rest,
@@ -20,10 +19,11 @@ from scaraspec.suite.as_client.motion import (
     same_place,
     target,
 )
-from scaraspec.suite.as_client.performing import perform
-from scaraspec.suite.as_client.refusals import text_of
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import MOMENT_S, Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.performing import perform
+from scaraspec.suite.as_client.two_stage.refusals import text_of
+from scaraspec.suite.as_client.two_stage.tasks import (
     JOG,
     MOVE,
     RESET,

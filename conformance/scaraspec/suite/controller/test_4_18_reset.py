@@ -3,11 +3,11 @@
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.asking.motion import IDLE, quieten, returning, stop
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import IDLE, quieten, returning, stop
-from scaraspec.suite.as_client.refusals import expect_busy, text_of
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.refusals import expect_busy, text_of
+from scaraspec.suite.as_client.two_stage.tasks import (
     RESET,
     RUN,
     SIMULATE,

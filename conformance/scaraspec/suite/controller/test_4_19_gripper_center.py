@@ -1,7 +1,7 @@
 """Clause 4.19: the gripper centre as it is read (0x34, L421-431)."""
 
+from scaraspec.suite.as_client.asking.poses import gripper_of
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.poses import gripper_of
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect_equal

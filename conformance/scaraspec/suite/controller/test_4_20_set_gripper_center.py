@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.executing import unless_others_run
-from scaraspec.suite.as_client.keeping import kept
+from scaraspec.suite.as_client.asking.motion import joints_of
+from scaraspec.suite.as_client.asking.poses import expect_numbers, gripper_of
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import malformed, offer
-from scaraspec.suite.as_client.motion import joints_of
-from scaraspec.suite.as_client.poses import expect_numbers, gripper_of
+from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
+from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.executing import unless_others_run
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
 

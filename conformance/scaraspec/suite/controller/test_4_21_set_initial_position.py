@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point, Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.keeping import kept
+from scaraspec.suite.as_client.asking.motion import joints_of, pose_of
+from scaraspec.suite.as_client.asking.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import malformed, offer
-from scaraspec.suite.as_client.motion import joints_of, pose_of
-from scaraspec.suite.as_client.poses import expect_numbers, gripper_of, initial_of
+from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
+from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect

@@ -1,7 +1,7 @@
 """Clause 4.22: the initial tool position as it is read (0x37, L457-467)."""
 
+from scaraspec.suite.as_client.asking.poses import initial_of
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.poses import initial_of
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect_equal

@@ -6,11 +6,11 @@ from typing import Final
 from scaraspec.judgement.places import STANDSTILL, farthest, turned
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.keeping import kept
+from scaraspec.suite.as_client.asking.motion import begin_step_somewhere, pose_of, returning
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import begin_step_somewhere, pose_of, returning
+from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import MOVE, accepted, done, has
+from scaraspec.suite.as_client.two_stage.tasks import MOVE, accepted, done, has
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, expect
 

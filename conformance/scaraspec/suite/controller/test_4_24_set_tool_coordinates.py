@@ -9,10 +9,7 @@ from hypothesis import strategies as st
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.keeping import alive
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import malformed
-from scaraspec.suite.as_client.motion import (
+from scaraspec.suite.as_client.asking.motion import (
     AXES,
     BUSY,
     REACHED,
@@ -29,10 +26,13 @@ from scaraspec.suite.as_client.motion import (
     same_place,
     target,
 )
-from scaraspec.suite.as_client.performing import perform
-from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.spoiling.malformed import malformed
+from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import MOMENT_S, Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.performing import perform
+from scaraspec.suite.as_client.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.as_client.two_stage.tasks import (
     MOVE,
     accepted,
     done,

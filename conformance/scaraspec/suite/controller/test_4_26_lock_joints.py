@@ -2,12 +2,12 @@
 
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.asking.motion import joints_of
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import joints_of
-from scaraspec.suite.as_client.performing import perform
-from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.performing import perform
+from scaraspec.suite.as_client.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.as_client.two_stage.tasks import (
     LOCK,
     MOVE,
     RELEASE,

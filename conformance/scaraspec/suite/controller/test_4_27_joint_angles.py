@@ -3,16 +3,16 @@
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import JointValues
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import (
+from scaraspec.suite.as_client.asking.motion import (
     begin_step_somewhere,
     joints_of,
     pose_of,
     returning,
     same_place,
 )
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import MOVE, accepted, done, has, lasting
+from scaraspec.suite.as_client.two_stage.tasks import MOVE, accepted, done, has, lasting
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
 

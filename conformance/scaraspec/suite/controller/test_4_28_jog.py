@@ -8,10 +8,7 @@ from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.suite.as_client.keeping import alive
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import Malformed
-from scaraspec.suite.as_client.motion import (
+from scaraspec.suite.as_client.asking.motion import (
     BUSY,
     halt,
     joints_of,
@@ -23,9 +20,12 @@ from scaraspec.suite.as_client.motion import (
     status_of,
     stop,
 )
-from scaraspec.suite.as_client.refusals import expect_first_reply, text_of
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.spoiling.malformed import Malformed
+from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.as_client.two_stage.tasks import (
     JOG,
     STOP,
     accepted,

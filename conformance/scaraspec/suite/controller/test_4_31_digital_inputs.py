@@ -5,9 +5,9 @@ from typing import Final
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens
+from scaraspec.suite.as_client.asking.ports import Bits, expect_form, expect_inputs, inputs_driven
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import go_on_if_it_listens
-from scaraspec.suite.as_client.ports import Bits, expect_form, expect_inputs, inputs_driven
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.programs.bench import PROGRAMS, bench

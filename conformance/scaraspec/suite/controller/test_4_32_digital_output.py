@@ -7,11 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PortValue
-from scaraspec.suite.as_client.delivery import takes_one_at_a_time
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import Malformed, malformed, offer
-from scaraspec.suite.as_client.motion import go_on_if_it_listens
-from scaraspec.suite.as_client.ports import (
+from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens
+from scaraspec.suite.as_client.asking.ports import (
     ALL_OUTPUTS,
     Bits,
     digits,
@@ -22,6 +19,9 @@ from scaraspec.suite.as_client.ports import (
     settable,
     with_port,
 )
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.spoiling.delivery import takes_one_at_a_time
+from scaraspec.suite.as_client.spoiling.malformed import Malformed, malformed, offer
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect, expect_equal, expect_in

@@ -3,10 +3,10 @@
 import re
 from typing import Final
 
-from scaraspec.suite.as_client.keeping import alive
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import offered
+from scaraspec.suite.as_client.two_stage.tasks import offered
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
 

@@ -1,9 +1,8 @@
 """Clause 4.34: the states of the digital outputs (0x49, L677-687)."""
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import go_on_if_it_listens
-from scaraspec.suite.as_client.ports import (
+from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens
+from scaraspec.suite.as_client.asking.ports import (
     expect_form,
     expect_outputs,
     outputs_kept,
@@ -11,6 +10,7 @@ from scaraspec.suite.as_client.ports import (
     settable,
     with_port,
 )
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.programs.bench import PROGRAMS, bench

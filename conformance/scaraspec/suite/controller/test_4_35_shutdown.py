@@ -4,9 +4,9 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.refusals import text_of
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
-from scaraspec.suite.as_client.tasks import RUN, has, lasting, offered
+from scaraspec.suite.as_client.two_stage.refusals import text_of
+from scaraspec.suite.as_client.two_stage.tasks import RUN, has, lasting, offered
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect
 

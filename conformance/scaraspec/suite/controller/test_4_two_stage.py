@@ -8,9 +8,8 @@ from hypothesis import given
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Outcome
-from scaraspec.suite.as_client.files import left_behind, upload
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import (
+from scaraspec.suite.as_client.asking.files import left_behind, upload
+from scaraspec.suite.as_client.asking.motion import (
     BUSY,
     IDLE,
     SLOWEST_PERCENT,
@@ -21,17 +20,24 @@ from scaraspec.suite.as_client.motion import (
     same_place,
     stop,
 )
-from scaraspec.suite.as_client.performing import perform
-from scaraspec.suite.as_client.queries import QUERIES, Query, known_to, replies_to, some_queries
-from scaraspec.suite.as_client.refusals import (
+from scaraspec.suite.as_client.asking.queries import (
+    QUERIES,
+    Query,
+    known_to,
+    replies_to,
+    some_queries,
+)
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.as_client.two_stage.performing import perform
+from scaraspec.suite.as_client.two_stage.refusals import (
     expect_busy,
     expect_failure,
     expect_first_reply,
     expect_refusal,
     text_of,
 )
-from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.tasks import (
     JOG,
     LOCK,
     MOVE,

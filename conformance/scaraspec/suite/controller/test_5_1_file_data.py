@@ -4,7 +4,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, FILE_DATA_BYTES, HEAD_BYTES, Chunk
-from scaraspec.suite.as_client.files import (
+from scaraspec.suite.as_client.asking.files import (
     again,
     begin,
     course_of,

@@ -7,9 +7,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
-from scaraspec.suite.as_client import malformed
-from scaraspec.suite.as_client.delivery import SEGMENT_S, pieces, send_in
-from scaraspec.suite.as_client.files import (
+from scaraspec.suite.as_client.asking.files import (
     CHUNK_S,
     NameRefused,
     again,
@@ -26,9 +24,11 @@ from scaraspec.suite.as_client.files import (
     upload,
 )
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.malformed import Malformed
+from scaraspec.suite.as_client.spoiling import malformed
+from scaraspec.suite.as_client.spoiling.delivery import SEGMENT_S, pieces, send_in
+from scaraspec.suite.as_client.spoiling.malformed import Malformed
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
-from scaraspec.suite.as_client.tasks import offered
+from scaraspec.suite.as_client.two_stage.tasks import offered
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import NoAnswer, expect

@@ -9,7 +9,7 @@ from functools import partial
 from scaraspec.judgement.tracking import refuses_an_answer
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.as_client.files import (
+from scaraspec.suite.as_client.asking.files import (
     CHUNK_S,
     again,
     begin,
@@ -27,8 +27,8 @@ from scaraspec.suite.as_client.files import (
     upload,
 )
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.spoiling.timeouts import Track, downloads_at_once, run_tracks
 from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
-from scaraspec.suite.as_client.timeouts import Track, downloads_at_once, run_tracks
 from scaraspec.suite.case import case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of

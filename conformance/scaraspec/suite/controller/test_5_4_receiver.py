@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import Chunk, chunks_of
-from scaraspec.suite.as_client.clock import read, shifted
-from scaraspec.suite.as_client.files import (
+from scaraspec.suite.as_client.asking.clock import read, shifted
+from scaraspec.suite.as_client.asking.files import (
     CHUNK_S,
     again,
     begin,
@@ -30,10 +30,10 @@ from scaraspec.suite.as_client.files import (
     transfer_frames,
     upload,
 )
-from scaraspec.suite.as_client.keeping import kept
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.spoiling.timeouts import Track, run_tracks, uploads_at_once
+from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.timeouts import Track, run_tracks, uploads_at_once
 from scaraspec.suite.case import case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from scaraspec.protocol.programs import Opt
+from scaraspec.suite.as_client.asking.ports import expect_outputs, outputs, set_output
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.ports import expect_outputs, outputs, set_output
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect, expect_equal

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.programs import Layout, Node, NodeType, Opt, Variable, detect
 from scaraspec.protocol.programs.layout import FOOTER, MAGIC
-from scaraspec.suite.as_client.arm import arm
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.arm import arm
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench

@@ -6,9 +6,15 @@ from hypothesis import Phase, assume, given, settings
 
 from scaraspec.protocol.programs import Opt
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.as_client.files import send
+from scaraspec.suite.as_client.asking.files import send
+from scaraspec.suite.as_client.asking.ports import (
+    digits,
+    expect_outputs,
+    outputs,
+    set_output,
+    with_port,
+)
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.ports import digits, expect_outputs, outputs, set_output, with_port
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Undecided, expect, expect_equal

@@ -7,9 +7,9 @@ from itertools import product
 from typing import Final
 
 from scaraspec.judgement.places import turned
-from scaraspec.suite.as_client.arm import Arm, arm, near
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.arm import Arm, arm, near
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Undecided, expect
 from scaraspec.suite.programs.bench import PROGRAMS, bench

@@ -6,8 +6,7 @@ from datetime import UTC, datetime
 from typing import Final
 
 from scaraspec.protocol.programs import Condition, Node, Opt
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.ports import (
+from scaraspec.suite.as_client.asking.ports import (
     Bits,
     expect_outputs,
     inputs_driven,
@@ -16,8 +15,9 @@ from scaraspec.suite.as_client.ports import (
     still_inputs,
     with_port,
 )
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import find_out_whether_it_listens
+from scaraspec.suite.as_client.two_stage.tasks import find_out_whether_it_listens
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect
 from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench

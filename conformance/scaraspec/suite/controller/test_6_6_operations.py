@@ -7,8 +7,14 @@ from collections.abc import Iterator
 from typing import Final
 
 from scaraspec.protocol.programs import Node, Opt
+from scaraspec.suite.as_client.asking.ports import (
+    Bits,
+    digits,
+    inputs_driven,
+    inputs_steady,
+    outputs,
+)
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.ports import Bits, digits, inputs_driven, inputs_steady, outputs
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect

@@ -6,8 +6,7 @@ from contextlib import contextmanager, suppress
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import (
+from scaraspec.suite.as_client.asking.motion import (
     REACHED,
     ask_move,
     begin_step_somewhere,
@@ -16,8 +15,9 @@ from scaraspec.suite.as_client.motion import (
     pose_of,
     returning,
 )
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import MOVE, accepted, done, has
+from scaraspec.suite.as_client.two_stage.tasks import MOVE, accepted, done, has
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect
 

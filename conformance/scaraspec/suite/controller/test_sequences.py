@@ -11,7 +11,6 @@ from typing import Final
 from hypothesis import Phase, given, settings
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.executing import unless_others_run
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.model import Step
 from scaraspec.suite.as_client.sequences import (
@@ -23,6 +22,7 @@ from scaraspec.suite.as_client.sequences import (
     state_kept,
 )
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.executing import unless_others_run
 from scaraspec.suite.case import case
 from scaraspec.suite.shortening import shortened
 

@@ -11,11 +11,11 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.fields import Wrong, show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.as_client.files import expect_stored, send, upload
+from scaraspec.suite.as_client.asking.files import expect_stored, send, upload
+from scaraspec.suite.as_client.asking.queries import ask_all
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.queries import ask_all
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import MOVE, RUN, SIMULATE, finish, has
+from scaraspec.suite.as_client.two_stage.tasks import MOVE, RUN, SIMULATE, finish, has
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect, expect_equal
 from scaraspec.suite.programs.layout import short_program

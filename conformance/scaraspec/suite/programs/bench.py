@@ -12,10 +12,10 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.programs import Layout, Node, Program, Variable
-from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.asking.files import upload
+from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens, listens, quieten
+from scaraspec.suite.as_client.asking.ports import Bits, expect_outputs, outputs, outputs_kept
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import go_on_if_it_listens, listens, quieten
-from scaraspec.suite.as_client.ports import Bits, expect_outputs, outputs, outputs_kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
 from scaraspec.suite.programs.layout import configured, find_layout

@@ -10,9 +10,9 @@ from dataclasses import replace
 from typing import Final
 
 from scaraspec.protocol.programs import LAYOUTS, Layout, Program
-from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.asking.files import upload
+from scaraspec.suite.as_client.asking.motion import IDLE, release_latch, status_of
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import IDLE, release_latch, status_of
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.programs.writing import EMPTY, layout_of, wait_program

@@ -7,7 +7,7 @@ first list that has several.
 from typing import Final
 
 from scaraspec.protocol.payloads import NameListPart
-from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.asking.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, expect

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.programs import Node, Opt, ValueType, Variable
-from scaraspec.suite.as_client.ports import ALL_OUTPUTS, Bits, with_port
+from scaraspec.suite.as_client.asking.ports import ALL_OUTPUTS, Bits, with_port
 from scaraspec.suite.programs import writing as programs
 from scaraspec.suite.programs.writing import Operand
 

@@ -17,8 +17,8 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.asking.queries import QUERIES
 from scaraspec.suite.as_client.model import VALUES, Model, Step
-from scaraspec.suite.as_client.queries import QUERIES
 from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.plan import ALL, Options

@@ -7,7 +7,7 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.as_client.files import CHUNK_S, begin, incoming, offer
+from scaraspec.suite.as_client.asking.files import CHUNK_S, begin, incoming, offer
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Unmet

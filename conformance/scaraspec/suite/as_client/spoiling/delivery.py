@@ -6,8 +6,8 @@ from typing import Final
 
 from hypothesis import strategies as st
 
+from scaraspec.suite.as_client.asking.queries import Query, known_to, replies_to
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.queries import Query, known_to, replies_to
 from scaraspec.suite.as_client.subject import Subject
 
 SEGMENT_S: Final = 0.02

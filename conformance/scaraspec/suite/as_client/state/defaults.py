@@ -8,8 +8,8 @@ from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
-from scaraspec.suite.as_client.keeping import alive
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
 

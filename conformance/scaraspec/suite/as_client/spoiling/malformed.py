@@ -17,8 +17,8 @@ from scaraspec.protocol.frames import MAX_DATA_BYTES
 from scaraspec.protocol.payloads import Jog, Nothing, Payload, Record
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FileData
-from scaraspec.suite.as_client.keeping import alive
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer
 from scaraspec.suite.wire import Answer

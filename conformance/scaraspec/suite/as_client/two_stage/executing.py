@@ -12,7 +12,7 @@ from hypothesis.errors import Flaky
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import show
-from scaraspec.suite.as_client.files import upload
+from scaraspec.suite.as_client.asking.files import upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import STEM, Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet

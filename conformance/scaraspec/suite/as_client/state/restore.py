@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from scaraspec.protocol.commands import Network, PasswordChange, Point, PortValue, Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.clock import shifted
+from scaraspec.suite.as_client.asking.clock import shifted
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, STEM, Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect

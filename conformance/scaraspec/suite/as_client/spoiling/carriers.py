@@ -13,8 +13,8 @@ from hypothesis.strategies import SearchStrategy
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, TAG, Frame
+from scaraspec.suite.as_client.asking.queries import opcodes_of
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.queries import opcodes_of
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
 

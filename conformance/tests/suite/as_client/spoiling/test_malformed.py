@@ -18,7 +18,7 @@ from scaraspec.protocol.commands import (
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.as_client.malformed import malformed
+from scaraspec.suite.as_client.spoiling.malformed import malformed
 
 VALUES: dict[str, Any] = {
     "login": b"password",

@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import Pose
+from scaraspec.suite.as_client.asking.motion import BUSY, SLOWEST_PERCENT, returning, target
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import BUSY, SLOWEST_PERCENT, returning, target
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.tasks import (
     JOG,
     LOCK,
     MOVE,

@@ -10,9 +10,9 @@ from typing import Final
 
 from scaraspec.judgement.places import STANDSTILL, farthest, ways
 from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
+from scaraspec.suite.as_client.asking.poses import numbers_of
 from scaraspec.suite.as_client.due import Due
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.poses import numbers_of
 from scaraspec.suite.as_client.subject import DEAF, LATCHED, SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.wire import Answer

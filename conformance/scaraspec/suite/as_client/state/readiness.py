@@ -9,8 +9,7 @@ from typing import Final
 
 from scaraspec.judgement.places import STANDSTILL
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import (
+from scaraspec.suite.as_client.asking.motion import (
     AXES,
     IDLE,
     SLOWEST_PERCENT,
@@ -20,6 +19,7 @@ from scaraspec.suite.as_client.motion import (
     pose_of,
     status_of,
 )
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import Undecided, Unmet
 

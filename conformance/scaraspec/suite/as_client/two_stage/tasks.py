@@ -14,10 +14,8 @@ from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.suite.as_client.due import SUCCESS
-from scaraspec.suite.as_client.files import upload
-from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import (
+from scaraspec.suite.as_client.asking.files import upload
+from scaraspec.suite.as_client.asking.motion import (
     BUSY,
     SLOWEST_PERCENT,
     begin_step_somewhere,
@@ -33,6 +31,8 @@ from scaraspec.suite.as_client.motion import (
     stop,
     target,
 )
+from scaraspec.suite.as_client.due import SUCCESS
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.programs.layout import configured, find_layout, layout_in_use

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
-from scaraspec.suite.as_client.carriers import FLOOD, OPCODES, harmless, spoiled, strays
+from scaraspec.suite.as_client.spoiling.carriers import FLOOD, OPCODES, harmless, spoiled, strays
 
 
 def test_carriers_are_harmless() -> None:

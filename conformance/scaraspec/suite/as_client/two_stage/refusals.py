@@ -10,10 +10,10 @@ from typing import Any, Final
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import Wrong
+from scaraspec.suite.as_client.asking.motion import BUSY
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.motion import BUSY
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import (
+from scaraspec.suite.as_client.two_stage.tasks import (
     JOG,
     RELEASE,
     STOP,

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.suite.as_client.delivery import pieces
+from scaraspec.suite.as_client.spoiling.delivery import pieces
 
 
 @given(data=st.binary(min_size=1, max_size=80), sizes=st.lists(st.integers(1, 30), max_size=10))

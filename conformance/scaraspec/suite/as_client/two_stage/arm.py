@@ -16,7 +16,7 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.programs import Node
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.as_client.tasks import attentive
+from scaraspec.suite.as_client.two_stage.tasks import attentive
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.programs.bench import Bench
 from scaraspec.suite.programs.writing import Values, straight

@@ -1,0 +1,1 @@
+"""State: what the subject is like is written down, made ready, kept by cases and put back."""

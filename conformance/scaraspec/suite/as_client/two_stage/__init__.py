@@ -1,0 +1,1 @@
+"""Two stages: commands that go on behind their first reply, and what holds meanwhile."""
