@@ -126,7 +126,7 @@ class Bracket:
         if twice := {i for i in ids if ids.count(i) > 1}:
             self.mistakes.append(f"cases of the same name: {', '.join(sorted(twice))}")
         chosen = [item for item in cases if self._tries(cases[item])]
-        chosen.sort(key=lambda item: (cases[item].last, cases[item].rough))
+        chosen.sort(key=lambda item: cases[item].turn)
         self.cases = [cases[item] for item in chosen]
         self.items = chosen
         items[:] = own + chosen

@@ -48,12 +48,12 @@ class Case:
     role: Role = Role.CONTROLLER
 
     @property
-    def rough(self) -> bool:
-        """Whether it is about connections and frames, and so tries what no client does.
+    def turn(self) -> int:
+        """When it is tried: what is about connections and frames behind all that clients ask.
 
         A subject may die of that; what it does when it is asked properly has to be seen before.
         """
-        return self.requirements[0].startswith(("2/", "3/"))
+        return 2 if self.last else int(self.requirements[0].startswith(("2/", "3/")))
 
     @property
     def hazard(self) -> Hazard:

@@ -127,6 +127,22 @@ def test_what_no_client_does_is_tried_at_the_end(trial: Try) -> None:
     assert only(results).verdict is Verdict.PASS
 
 
+def test_what_ends_the_subject_is_tried_last_in_the_order_of_the_clauses(trial: Try) -> None:
+    """A case of clause 2 that asks for a shutdown in vain comes ahead of one that gets it."""
+    body = "\ndef test_{}(line):\n    line.ask('get_status')\n\n"
+    results = trial(
+        "@case('2/11', last=True)"
+        + body.format("one")
+        + "@case('3/19')"
+        + body.format("two")
+        + "@case('4.35/2', last=True)"
+        + body.format("three")
+        + "@case('4.8/2')"
+        + body.format("four")
+    )
+    assert [case.id for case in results.cases] == ["4.8/2", "3/19", "2/11", "4.35/2"]
+
+
 class Reboots(Brain):
     """Asked for its version, it answers nothing for twelve seconds."""
 
