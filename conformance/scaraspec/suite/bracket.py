@@ -199,8 +199,8 @@ class Bracket:
         if case.id in self.over:
             return Outcome(case, Verdict.NONE, message="it is over since an earlier sitting")
         why = why_not(case, self.options, self.subject.statement)
-        if not why and case.requirements[0] in self._failed and not self.options.exhaustive:
-            why = f"{case.requirements[0]} has failed already: --exhaustive goes on"
+        if not why and self._failed.issuperset(case.requirements) and not self.options.exhaustive:
+            why = f"{', '.join(case.requirements)} failed already: --exhaustive goes on"
         if why:
             return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=why)
         why = self._dead or (self._unmoved if Hazard.MOTION in case.hazards else "")

@@ -212,6 +212,18 @@ def test_a_robot_at_fault_is_not_called_dead(trial: Try) -> None:
         assert "status stays 05" in case.message
 
 
+def test_the_first_failure_of_each_requirement_is_enough(trial: Try) -> None:
+    """What may find another one is tried all the same."""
+    results = trial(
+        "@case('4.8/2', name='a')\ndef test_one(line):\n    raise Unmet('wrong')\n\n"
+        "@case('4.8/2', '4.8/3', name='b')\n"
+        "def test_two(line):\n    raise Unmet('wrong', requirement='4.8/3')\n\n"
+        "@case('4.8/3', '4.8/2', name='c')\ndef test_three(line):\n    1 / 0\n"
+    )
+    verdicts = [case.verdict for case in results.cases]
+    assert verdicts == [Verdict.FAIL, Verdict.FAIL, Verdict.NONE]
+
+
 def test_hazards_are_asked_for(trial: Try) -> None:
     """What was not allowed is not run, and a run of nothing is no pass."""
     text = "@case('4.24/3')\ndef test_one(line):\n    1 / 0\n"
