@@ -5,6 +5,7 @@ here but by the checks that cases call.
 """
 
 import itertools
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Final
@@ -29,6 +30,8 @@ _SILENCE_S: Final = 0.3
 _SLICE_S: Final = 0.02  # for how long a connection may wait while others speak
 _CONCURRENT_S: Final = 2.0
 _DECLINED: Final = "declined"
+_TWICE: Final = 2
+_VAIN_S: Final = 1.0
 _AT_ONCE_S: Final = 4.0  # who waits for a reply in vain gives up after 5 s (A-3-15)
 
 
@@ -65,6 +68,7 @@ class Subject:
         self._expected: Call | None = None
         self._was_connected = False
         self._orders: list[Call] = []
+        self._silences: Counter[str] = Counter()
 
     # ------------------------------------------------------------------ time
 
@@ -271,17 +275,24 @@ class Subject:
     def settled(self, call: Call, *, within_s: float | None = None) -> Call:
         """Wait for what it says of an order.
 
+        Where it was silent twice in a row about such orders it is not waited for so long again.
+
         Raises:
             Unmet: It says nothing, or has crashed.
             NotRun: It lacks the operation.
         """
-        limit_s = self.answer_s if within_s is None else within_s
+        limit_s = full_s = self.answer_s if within_s is None else within_s
+        if self._silences[call.name] >= _TWICE and not self.access.attended:
+            limit_s = min(full_s, _VAIN_S)
         if not self.speaks(call, limit_s):
+            self._silences[call.name] += full_s >= self.answer_s
             raise Unmet(
                 f"the client does not say in {limit_s:g} s what came of {call.name}",
                 expected="an answer of its driver",
                 observed="silence",
             )
+        if call.ok:
+            self._silences[call.name] = 0
         _not_lacking(call)
         return call
 
