@@ -17,7 +17,7 @@ from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame
-from scaraspec.protocol.payloads import FinalResult, Outcome
+from scaraspec.protocol.payloads import FinalResult, Nothing, Outcome
 from scaraspec.suite.as_client.due import Due
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.limits import limits_of
@@ -75,6 +75,8 @@ class Line(Wire):
             Undecided: The value, which comes from the subject, is none that anybody can send.
         """
         command, dialect = BY_NAME[name], self._subject.dialect
+        if value is None and data is None and not isinstance(command.request, Nothing):
+            raise Undecided(f"{name} cannot be asked with what the subject tells, which is nothing")
         try:
             payload = command.request.encode(value, dialect) if data is None else data
         except PayloadError as error:
