@@ -353,6 +353,7 @@ class Model:
 
     def _upload(self, step: Step, line: Line) -> str | None:
         name, content = self._names[step.which % len(self._names)], self._content(line, step.value)
+        self._settle_transfer(line)
         answer, there = line.ask("upload_name", data=name), name in self._files
         expect(
             answer.accepted is not there,
@@ -373,6 +374,7 @@ class Model:
 
     def _download(self, step: Step, line: Line) -> str | None:
         name = self._name(step)
+        self._settle_transfer(line)
         got, due = download(line, name), self._files.get(name)
         self._fetching = line
         if due is None:
@@ -409,9 +411,10 @@ class Model:
         return f"delete {show(name)}"
 
     def _settle_transfer(self, line: Line) -> None:
-        """Let a download be over for the subject, too, before another connection deletes its file.
+        """Let a download be over for the subject, too, before another connection is used for files.
 
-        The answer to the last chunk has no reply; a file in transfer may be kept (A-4.11-1).
+        The answer to the last chunk has no reply; a file in transfer may be kept (A-4.11-1), and
+        there may be one transfer at a time (A-5-17).
         """
         fetching, self._fetching = self._fetching, None
         if fetching not in (None, line) and not fetching.closed and fetching.ending is None:

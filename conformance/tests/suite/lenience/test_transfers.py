@@ -178,6 +178,20 @@ def test_a_download_may_end_at_the_next_look(tried: Try) -> None:
     assert not tried(LooksInTurns, *only, examples=20).alarms
 
 
+class TransfersOneAtATime(LooksInTurns):
+    """While any client transfers a file, no other one begins to (A-5-17)."""
+
+    def _may_begin(self, session: Session) -> bool:
+        others = (other for other in self.sessions.values() if other is not session)
+        return super()._may_begin(session) and not any(other.transfer for other in others)
+
+
+def test_one_file_may_be_transferred_at_a_time(tried: Try) -> None:
+    """A download that is over for the suite is so for the robot before another one begins."""
+    only = ("3/31", "4.2/4", "5.2/12", "5.4/1")
+    assert not tried(TransfersOneAtATime, *only, examples=20).alarms
+
+
 def test_an_answer_to_no_chunk_may_be_refused(tried: Try) -> None:
     """The 0 is no chunk (A-5-16), neither for the cases nor for the judge."""
     assert not tried(RefusesAnswers, "5.3/10").alarms
