@@ -176,7 +176,7 @@ def gripper_stays(x: Exchange, scene: Scene) -> Judged | None:
         return None
     before = scene.memory.last("get_gripper_center", before_ns=setting.time_ns)
     changed = scene.memory.asked.get("set_gripper_center")
-    if before is None or (changed and changed.place.time_ns > before.time_ns):
+    if before is None or (changed and changed.place.time_ns >= before.time_ns):
         return None
     if executed_since(before.time_ns, scene, PROGRAMS) or switched_off_since(before, scene):
         return None

@@ -118,6 +118,7 @@ class Model:
         self._endless: list[bytes] = []
         self._fetching: Line | None = None
         self._default: bytes | None = None
+        self._named: bytes | None = None  # the last that was taken for the default, stored or not
         self._centre: Point | None = None
         self._recentred = False
         self._initial: Pose | None = None
@@ -173,7 +174,7 @@ class Model:
                 quieten(self._subject, line)
             self._settle_transfer(line)
             for name in self._files:
-                if not line.ask("delete_program", data=name).accepted and name == self._default:
+                if not line.ask("delete_program", data=name).accepted and name == self._named:
                     self._let_go(name, line)
             if "set_output" in self._acts:
                 for port in self._ports:
@@ -394,7 +395,7 @@ class Model:
         name = self._name(step)
         self._settle_transfer(line)
         answer, there = line.ask("delete_program", data=name), name in self._files
-        if there and not answer.accepted and name == self._default:  # A-4.11-1
+        if there and not answer.accepted and name == self._named:  # A-4.11-1
             return f"delete {show(name)}, refused"
         expect(
             answer.accepted is there,
@@ -406,8 +407,8 @@ class Model:
         )
         self._files.pop(name, None)
         self._endless = [each for each in self._endless if each != name]
-        if name == self._default:
-            self._default = None
+        if there and name == self._named:
+            self._named = self._default = None
         return f"delete {show(name)}"
 
     def _settle_transfer(self, line: Line) -> None:
@@ -446,6 +447,8 @@ class Model:
             self._default = name
         elif answer.accepted:  # which is only warned of (A-4.13-1)
             self._default = None
+        if answer.accepted:
+            self._named = name
         return f"make {show(name)} the default"
 
     def _get_default(self, _: Step, line: Line) -> str | None:

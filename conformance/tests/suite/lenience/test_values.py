@@ -140,6 +140,19 @@ def test_a_default_program_that_stays_is_nobodys_fault(tried: Try) -> None:
     assert not tried(KeepsItsDefault, "4.13/3").alarms
 
 
+class KeepsWhatItIsToHave(KeepsItsDefault):
+    """The default program may be none that is there yet (A-4.13-1), and then stays (A-4.11-1)."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Take any name."""
+        return self.save(default_program=request.value)
+
+
+def test_a_default_program_that_comes_later_stays_too(tried: Try) -> None:
+    """In a long use a name is taken for the default first, and stored afterwards."""
+    assert not tried(KeepsWhatItIsToHave, "3/31", examples=20).alarms
+
+
 class BigChunks(Brain):
     """The numbers of a chunk are big-endian, as a network's are; those of a program are not."""
 
