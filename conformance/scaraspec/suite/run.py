@@ -5,6 +5,7 @@ their outcomes, so that a requirement's verdict is the gravest of both.
 """
 
 import os
+import re
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -371,6 +372,7 @@ class Run(Generic[P]):
 
 
 _SHOWN: Final = 12
+_NUMBERED: Final = re.compile(r"\b[a-z]+\d+\b")  # as each of the suite's files is named
 
 
 def _set_up(name: str, message: str) -> Outcome:
@@ -389,12 +391,15 @@ def _wrong_from_the_start(error: Unmet) -> Outcome:
 def _grouped(
     sightings: list[Sighting], before: Iterable[Case]
 ) -> Iterator[tuple[int, list[Sighting]]]:
-    """Sightings that say the same, numbered on within their requirement; doubts are none."""
+    """Sightings that say the same, numbered on within their requirement; doubts are none.
+
+    Of which of the suite's files they say it is no difference.
+    """
     groups: defaultdict[tuple[str, Verdict, object], list[Sighting]] = defaultdict(list)
     for sighting in sightings:
         finding = sighting.finding
         if finding.verdict is not Verdict.INCONCLUSIVE:
-            what = finding.reading or finding.message
+            what = finding.reading or _NUMBERED.sub("", finding.message)
             groups[finding.requirement, finding.verdict, what].append(sighting)
     numbers = Counter(requirement for case in before for requirement in case.requirements)
     for (requirement, _, _), listed in groups.items():

@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from scaraspec.controller.behaviour import SILENCE
-from scaraspec.controller.behaviour.base import ACCEPTED, Silence
+from scaraspec.controller.behaviour.base import ACCEPTED, Silence, refused
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.session import Request, Session
+from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
@@ -228,3 +229,19 @@ def test_who_takes_the_latest_program_for_the_default_one_is_found(tried: Try) -
     """It is found without any motion, too: the default program is the one that was named."""
     allowed = (Hazard.READ_ONLY, Hazard.STATE)
     assert "4.13/3" in tried(LatestProgram, "4.13/3", allowed=allowed).failed
+
+
+class FindsNoProgram(Brain):
+    """Whatever it is to run does not exist."""
+
+    def run_program(self, _: Request) -> Acceptance:
+        """Refuse it."""
+        return refused("20")
+
+
+def test_what_is_seen_of_many_files_is_told_once(tried: Try) -> None:
+    """Which of its files it was of makes no finding of its own."""
+    cases = tried(FindsNoProgram, "4.15/4", "4/8", "8/5").values()
+    wrong = (case for case in cases if case.verdict is Verdict.FAIL)
+    (seen,) = (case for case in wrong if case.id.startswith("8/5.seen"))
+    assert seen.message.endswith(" times")
