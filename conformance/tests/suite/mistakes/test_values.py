@@ -199,6 +199,30 @@ class TakesOffZeros(Brain):
         super().handle(session, frame, now_s)
 
 
+class FillsUp(Brain):
+    """What lacks of the 14 digits of a time, at its begin or its end, is made up for."""
+
+    before, behind = b"", b""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Add it."""
+        if frame.opcode == 0x06 and len(frame.data) == 12:
+            frame = frame._replace(data=self.before + frame.data + self.behind)
+        super().handle(session, frame, now_s)
+
+
+class NeedsNoSeconds(FillsUp):
+    """On the minute."""
+
+    behind = b"00"
+
+
+class NeedsNoCentury(FillsUp):
+    """In the present one."""
+
+    before = b"20"
+
+
 class SevenBits(Brain):
     """Of the digit of a jog the highest bit does not count."""
 
@@ -231,6 +255,8 @@ class SevenBits(Brain):
         (overlooks(rb"(?<=\.)0x", opcode=0x05), "4.4/5", "4.4/5"),
         (overlooks(rb"(?<=1)e1", opcode=0x05), "4.4/5", "4.4/5"),
         (overlooks(rb"\n[^|]*", opcode=0x06), "4.5/5", "4.5/5"),
+        (NeedsNoSeconds, "4.5/5", "4.5/5"),
+        (NeedsNoCentury, "4.5/5", "4.5/5"),
         (LimitedTenths, "4.20/3", "4.20/3"),
         (ShortestText, "T/5", "T/5"),
         (Boundless, "4.21/3", "4.21/3"),

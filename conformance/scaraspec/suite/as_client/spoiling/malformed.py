@@ -197,6 +197,8 @@ _TIME: Final = (
     _Class("one-short", lambda text, _: text[:-1]),
     _Class("one-long", _behind(b"0")),
     _Class("date-alone", lambda text, _: text[:8]),
+    _Class("without-seconds", lambda text, _: text[:12]),
+    _Class("without-century", lambda text, _: text[2:]),
     _Class("over-long", lambda text, room: text + b"0" * room),
     _Class("letters", _by(b"YYYYMMDDHHMMSS")),
     _Class("letter-inside", lambda text, _: text[:13] + b"x"),
