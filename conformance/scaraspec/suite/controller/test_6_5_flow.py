@@ -33,6 +33,7 @@ from scaraspec.suite.programs.model import (
 )
 from scaraspec.suite.programs.strategies import blocks, variables
 from scaraspec.suite.programs.writing import OUTPUTS, branch, compare, loop, number, variable
+from scaraspec.suite.programs.writing import set_output as output_node
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _MANY: Final = 258
@@ -43,10 +44,17 @@ _LATE_S: Final = 5.0
 
 @case("6.5/19", hazards=PROGRAMS)
 def test_output_nodes(subject: Subject, line: Line) -> None:
-    """An output node sets its port to 1 and to 0, whatever it was, and no other port."""
+    """An output node sets its port to 1 and to 0, whatever it was, and no other port.
+
+    So does a second one for the same port, in the same program.
+    """
     with bench(subject, line) as robot:
         for _ in range(2):
             robot.performs([Flip(port) for port in OUTPUTS])
+        now = outputs(line)
+        ways = [(port, on) for port in OUTPUTS for on in (not now[port - 1], now[port - 1])]
+        robot.run(output_node(port, on=on) for port, on in ways)
+        expect_outputs(line, now, "a program has set each of these outputs, and back")
 
 
 @case("6.5/19", "4.32/6", name="one-by-one", hazards=PROGRAMS)

@@ -43,6 +43,7 @@ _EACH: Final = (
     (Opt.SUBTRACT, 19, 23),
     (Opt.MULTIPLY, -4097, 4099),  # more than a float holds
     (Opt.DIVIDE, 19, 4),
+    (Opt.DIVIDE, -210_000, 70_000),  # nothing is reckoned from it that hides a lost sign
 )
 
 _CHAIN: Final = (

@@ -27,6 +27,7 @@ from scaraspec.protocol.programs import (
     Program,
     ProgramError,
     ResultType,
+    SetOutput,
     ValueType,
     WaitSeconds,
     parse,
@@ -273,6 +274,21 @@ class MultipliesFloats(Brain):
     interpreter = _MultipliesFloats
 
 
+class _QuotientsWithoutSign(interpreter.Run):
+    """A quotient has no sign, and what is reckoned from it has one again."""
+
+    def _compute(self, operation: Operation) -> None:
+        super()._compute(operation)
+        if operation.opt == Opt.DIVIDE and operation.result in self._variables:
+            self._variables[operation.result] %= 2**32
+
+
+class QuotientsWithoutSign(Brain):
+    """A controller whose programs do."""
+
+    interpreter = _QuotientsWithoutSign
+
+
 class _HurriesInBranches(interpreter.Run):
     """Behind an IF there is no waiting."""
 
@@ -287,6 +303,20 @@ class HurriesInBranches(Brain):
     """A controller whose programs do."""
 
     interpreter = _HurriesInBranches
+
+
+class SetsPortsOnce(Brain):
+    """In a run an output node does nothing to the port that the one before it has set."""
+
+    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+        """What runs so."""
+
+        port = 0
+
+        def _set_output(self, output: SetOutput) -> None:
+            if output.port != self.port:
+                super()._set_output(output)
+            self.port = output.port
 
 
 class EndsLoopsByAnEndif(Brain):
@@ -379,6 +409,7 @@ class KeepsSums(KeepsPrograms):
         (FromTheBeginning, "6.5/23", "6.5/23"),
         (WaitsOn, "6.5/20", "6.5/20"),
         (KeepsPrograms, "6.5/19", "6.5/19"),
+        (SetsPortsOnce, "6.5/19", "6.5/19"),
         (KeepsPrograms, "6.5/24", "6.5/24"),
         (KeepsSums, "6.6a/13", "6.6a/13"),
         (RunsWhatComes, "6.5/19", "6.5/19"),
@@ -387,6 +418,7 @@ class KeepsSums(KeepsPrograms):
         (Subtracts, "6.6a/12", "6.6a/12"),
         (ComparesAsFloats, "6.6a/12", "6.6a/12"),
         (MultipliesFloats, "6.6a/11", "6.6a/11"),
+        (QuotientsWithoutSign, "6.6a/11", "6.6a/11"),
         (TwiceIsOnce, "6.6a/14", "6.6a/14"),
         (PutsNumbersOnly, "6.6a/13", "6.6a/13"),
         (SixteenBitKeys, "6.6a/13", "6.6a/13"),
