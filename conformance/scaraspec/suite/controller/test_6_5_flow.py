@@ -105,7 +105,10 @@ def test_output_node_in_time(subject: Subject, line: Line) -> None:
 
 @case("6.5/23", hazards=PROGRAMS)
 def test_loop(subject: Subject, line: Line) -> None:
-    """The nodes of a loop are executed again, from the first to the last but one; no other is."""
+    """The nodes of a loop are executed again, from the first to the last but one; no other is.
+
+    Another loop stands ahead of it, in a branch that is not executed.
+    """
     first, last = OUTPUTS[:2]
     ahead = Calculate(3, variable(3), Opt.ADD, number(1))
     body: list[Statement] = [If(variable(3), Opt.EQUAL, number(2), [Flip(_BAD)])]
@@ -114,7 +117,9 @@ def test_loop(subject: Subject, line: Line) -> None:
         body.append(If(variable(key), Opt.EQUAL, number(2), [Flip(port)]))
     with bench(subject, line) as robot:
         nodes = loop(subject.dialect, nodes_of([*body, Wait(1)], robot.before))
-        nodes = [*nodes_of([ahead], robot.before), *nodes]
+        skipped = loop(subject.dialect, nodes_of([Flip(_BAD)], robot.before))
+        holds = compare(number(2), Opt.LESS, number(1))
+        nodes = [*nodes_of([ahead], robot.before), *branch(holds, skipped), *nodes]
         robot.start(nodes, variables_of({1: 0, 2: 0, 3: 0}))
         for port in (first, last):
             expect(

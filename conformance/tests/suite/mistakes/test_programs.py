@@ -150,6 +150,17 @@ class FromTheBeginning(Brain):
     interpreter = _FromTheBeginning
 
 
+class ToTheFirstLoop(Brain):
+    """A controller whose programs return from the end of a loop to the first one that there is."""
+
+    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+        """What runs so."""
+
+        def _repeat(self, start: int) -> None:
+            kinds = [node.type for node in self._program.nodes]
+            super()._repeat(kinds.index(NodeType.LOOP, 0, start + 1))
+
+
 class _Subtracts(interpreter.Run):
     """Compares by the sign of the difference, as far as 32 bits hold it."""
 
@@ -407,6 +418,7 @@ class KeepsSums(KeepsPrograms):
         (no_nesting(NodeType.IF, NodeType.ENDIF), "6.5/24", "6.5/24"),
         (no_nesting(NodeType.ELSE, NodeType.ENDIF), "6.5/24", "6.5/24"),
         (FromTheBeginning, "6.5/23", "6.5/23"),
+        (ToTheFirstLoop, "6.5/23", "6.5/23"),
         (WaitsOn, "6.5/20", "6.5/20"),
         (KeepsPrograms, "6.5/19", "6.5/19"),
         (SetsPortsOnce, "6.5/19", "6.5/19"),
