@@ -57,10 +57,16 @@ STEM: Final = "zs"
 PLAIN_PASSWORD: Final = b"zspasswords"
 """What cases set the password to, for a while: a word, as those of the document are (L128)."""
 
-ODD_PASSWORDS: Final = (b"zs-Password", b"zs-%s" % (b"password" * 8), b"zs", b"zs.+%s$")
+ODD_PASSWORDS: Final = (
+    b"zs-Password",
+    b"zs-%s" % (b"password" * 8),
+    b"zs",
+    b"zs.+%s$",
+    b"zs ",
+)
 """Others, which may break rules that a subject has for passwords (A-4.1-3): as many letters as the
-one above and of both cases, more than any buffer of 64 bytes holds, few, and what means something
-in patterns and formats."""
+one above and of both cases, more than any buffer of 64 bytes holds, few, what means something in
+patterns and formats, and a blank, without which it is another of these."""
 
 OTHER_PASSWORDS: Final = (PLAIN_PASSWORD, *ODD_PASSWORDS)
 """All of them: an interrupted case is put right with these."""

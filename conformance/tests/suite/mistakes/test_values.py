@@ -81,6 +81,17 @@ class SmallPasswords(Brain):
         return super().set_password(request)
 
 
+class TrimsPasswords(Brain):
+    """New passwords lose the blanks around them."""
+
+    def set_password(self, request: Request) -> bool:
+        """Take them off."""
+        value = request.value
+        if value is not None:
+            request = replace(request, value=value._replace(new=value.new.strip()))
+        return super().set_password(request)
+
+
 class PasswordBuffer(Brain):
     """New passwords are cut to what a buffer of 64 bytes holds."""
 
@@ -265,6 +276,7 @@ class SevenBits(Brain):
         (ChangesLengths, "4.2/4", "4.2/4"),
         (SmallPasswords, "4.2/4", "4.2/4"),
         (PasswordBuffer, "4.2/4", "4.2/4"),
+        (TrimsPasswords, "4.2/4", "4.2/4"),
         (PatternOfAPassword, "4.2/4", "4.2/4"),
     ],
 )
