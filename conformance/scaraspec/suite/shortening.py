@@ -1,7 +1,8 @@
 """Shortening: which steps of a sequence that fails matter.
 
 hypothesis shortens what it has drawn without knowing what it is; of steps each of which may be left
-out, a tenth of the tries finds the few that are needed, and a try may last seconds on a robot.
+out, a tenth of the tries finds the few that are needed, and a try may last seconds on a robot: as
+long as an answer is awaited, where it fails by one that does not come.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,8 +27,15 @@ class Failure(NamedTuple):
     steps: int
 
 
+def _always() -> bool:
+    return True
+
+
 def shortened(
-    steps: Sequence[T], failure: Failure, attempt: Callable[[Sequence[T]], Failure | None]
+    steps: Sequence[T],
+    failure: Failure,
+    attempt: Callable[[Sequence[T]], Failure | None],
+    goes_on: Callable[[], bool] = _always,
 ) -> Failure:
     """Leave out of a sequence whatever it fails without, in a bounded number of tries.
 
@@ -35,6 +43,7 @@ def shortened(
         steps: The sequence.
         failure: How it fails.
         attempt: Takes the steps of another sequence; None where it does not fail in the same way.
+        goes_on: Whether there is time for another try.
 
     Returns:
         How the shortest sequence fails that was found.
@@ -43,7 +52,7 @@ def shortened(
     size = len(steps) // 2
     while size:
         before = end = len(steps)
-        while end > 0 and tries < _TRIES:
+        while end > 0 and tries < _TRIES and goes_on():
             fewer = [*steps[: max(end - size, 0)], *steps[end:]]
             tries += 1
             if again := attempt(fewer):

@@ -42,3 +42,15 @@ def test_tries_are_bounded() -> None:
     whole = Failure(Unmet("whole"), 5000)
     assert shortened(range(5000), whole, attempt) is whole
     assert tries <= 200
+
+
+def test_there_may_be_no_time_for_another_try() -> None:
+    """Then the shortest sequence is given back that was found until then."""
+    left = [True]
+
+    def attempt(steps: Sequence[int]) -> Failure:
+        return Failure(Unmet(f"{len(steps)}"), len(steps))
+
+    whole = Failure(Unmet("64"), 64)
+    shortest = shortened(range(64), whole, attempt, lambda: bool(left) and left.pop())
+    assert f"{shortest.error}" == "32"
