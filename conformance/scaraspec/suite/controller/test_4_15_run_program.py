@@ -7,6 +7,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.asking.files import NameRefused
 from scaraspec.suite.as_client.asking.motion import BUSY, quieten
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.state.defaults import default_kept
 from scaraspec.suite.as_client.subject import STEM, Subject
 from scaraspec.suite.as_client.two_stage.refusals import expect_missing
 from scaraspec.suite.as_client.two_stage.tasks import (
@@ -29,6 +30,7 @@ from scaraspec.suite.programs.listed import INHERITED, long_name
 from scaraspec.suite.strategies import names
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
+_DEFAULTS = ("get_default_program", "set_default_program")
 _LONG_BYTES = 25
 """Of a name: near ones are not longer than names may be (L226)."""
 
@@ -155,9 +157,21 @@ def test_end_of_a_run(subject: Subject, line: Line) -> None:
 
 @case("4.15/7", hazards=_MOTION)
 def test_missing_program(subject: Subject, line: Line) -> None:
-    """A program whose name is not in use is not run, however near to it another name is."""
+    """A program whose name is not in use is not run, however near to it another name is.
+
+    Nor is the default program in its place, as far as there is one.
+    """
     has(subject, RUN)
     program = stored(subject, line, 0, long_name(subject, _LONG_BYTES))
+    _expect_near_ones_missing(subject, line, program)
+    if not subject.statement.lacks.isdisjoint(_DEFAULTS):
+        return
+    with default_kept(subject, line):
+        line.ask("set_default_program", program)
+        expect_missing(subject, line, RUN, subject.new_name(), "4.15/7")
+
+
+def _expect_near_ones_missing(subject: Subject, line: Line, program: bytes) -> None:
     stem, dot, extension = program.rpartition(b".")
     near = [
         stem,

@@ -21,6 +21,7 @@ from scaraspec.protocol.commands import Command, RunningProgram
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
+from scaraspec.protocol.programs import Program
 
 Try = Callable[..., Any]
 
@@ -40,6 +41,13 @@ class OpenDoor(Brain):
     def _may_ask(self, session: Session, command: Command) -> bool:
         """Let them in."""
         return self.robot.task is not None or super()._may_ask(session, command)
+
+
+class RunsTheDefault(Brain):
+    """In place of a missing program the default one is run."""
+
+    def _program(self, name: bytes | None) -> Program | None:
+        return super()._program(name) or super()._program(self.store.settings.default_program)
 
 
 class LocksOnItsWay(Brain):
@@ -286,6 +294,7 @@ class SixteenBits(Brain):
         (DiesWithItsClient, "4.15/4", "4/15"),
         # What one client has begun ends with a result, whoever else comes and goes.
         (StopsForAnyone, "4.17/6", "4.15/5"),
+        (RunsTheDefault, "4.15/7", "4.15/7"),
         # What is refused has no effect.
         (LocksOnItsWay, "4.24/8", "4.24/8"),
         # Without a login nothing is set, whatever another client's program is doing.
