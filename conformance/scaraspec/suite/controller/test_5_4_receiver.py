@@ -16,6 +16,7 @@ from scaraspec.suite.as_client.asking.files import (
     CHUNK_S,
     again,
     begin,
+    clear,
     course_of,
     delete,
     download,
@@ -152,6 +153,7 @@ def test_end_behind_short_chunks(subject: Subject, line: Line, lengths: list[int
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
         position += length
     expect_stored(line, name, content, "5.4/4")
+    clear(subject, line)
 
 
 # The time-out
@@ -194,7 +196,9 @@ def _patient(subject: Subject, limits: Limits) -> Track:
     name, start = _sent(subject, 0)
 
     def after_another(line: Line) -> None:
-        upload(line, subject.new_name(), _CONTENT)
+        another = subject.new_name()
+        upload(line, another, _CONTENT)
+        delete(line, another)
         start(line)
 
     def survived(line: Line, silence: Silence, chunk: Chunk) -> None:

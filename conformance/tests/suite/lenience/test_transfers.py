@@ -91,6 +91,13 @@ def test_room_may_be_little(tried: Try) -> None:
     assert not tried(IsSmall, "3/6", "5.1/7", "5.2/10", "5.2/16", "5.4/2").alarms
 
 
+@pytest.mark.parametrize("kept", ["remove", "keep"])
+def test_room_may_be_little_for_what_is_drawn(tried: Try, kept: str) -> None:
+    """What one example has left, whole or broken off, is deleted before there are too many."""
+    spoken, only = DEFAULT.replace(partial_keep=kept), ("5.1/8", "5.1/12", "5.2/10", "5.4/4")
+    assert not tried(IsSmall, *only, "5.4/5", spoken=spoken, examples=10).alarms
+
+
 class TakesPlainNames(Brain):
     """A name has letters, digits and one dot."""
 
