@@ -63,10 +63,12 @@ ODD_PASSWORDS: Final = (
     b"zs",
     b"zs.+%s$",
     b"zs ",
+    b"007",
 )
 """Others, which may break rules that a subject has for passwords (A-4.1-3): as many letters as the
 one above and of both cases, more than any buffer of 64 bytes holds, few, what means something in
-patterns and formats, and a blank, without which it is another of these."""
+patterns and formats, a blank, without which it is another of these, and what is a number, too."""
+LONG_PASSWORD: Final = ODD_PASSWORDS[1]
 
 OTHER_PASSWORDS: Final = (PLAIN_PASSWORD, *ODD_PASSWORDS)
 """All of them: an interrupted case is put right with these."""

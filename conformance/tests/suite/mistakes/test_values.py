@@ -81,6 +81,26 @@ class SmallPasswords(Brain):
         return super().set_password(request)
 
 
+class ComparesTheBeginning(Brain):
+    """Of a password sixteen letters are compared."""
+
+    def login(self, request: Request) -> bool:
+        """Compare them."""
+        right, said = self.store.settings.password, request.value
+        return super().login(replace(request, value=right if said[:16] == right[:16] else said))
+
+
+class KeepsNumbers(Brain):
+    """A new password that is a number is kept as one."""
+
+    def set_password(self, request: Request) -> bool:
+        """Count it."""
+        value = request.value
+        if value is not None and value.new.isdigit():
+            request = replace(request, value=value._replace(new=b"%d" % int(value.new)))
+        return super().set_password(request)
+
+
 class TrimsPasswords(Brain):
     """New passwords lose the blanks around them."""
 
@@ -277,6 +297,8 @@ class SevenBits(Brain):
         (SmallPasswords, "4.2/4", "4.2/4"),
         (PasswordBuffer, "4.2/4", "4.2/4"),
         (TrimsPasswords, "4.2/4", "4.2/4"),
+        (KeepsNumbers, "4.2/4", "4.2/4"),
+        (ComparesTheBeginning, "4.1/3", "4.1/3"),
         (PatternOfAPassword, "4.2/4", "4.2/4"),
     ],
 )

@@ -144,7 +144,12 @@ def _differs(value: Any, wanted: Any) -> bool:
 def _as_kept_wrongly() -> list[bytes]:
     """What a faulty subject may have made of a new password: nobody could log in again."""
     cut = [each[:size] for each in OTHER_PASSWORDS for size in _BUFFERS_BYTES if size < len(each)]
-    return [*cut, *(made for each in OTHER_PASSWORDS for made in (each.lower(), each.upper()))]
+    ways: tuple[Callable[[bytes], bytes], ...] = (
+        bytes.lower,
+        bytes.upper,
+        lambda each: each.lstrip(b"0"),
+    )
+    return [*cut, *(way(each) for each in OTHER_PASSWORDS for way in ways)]
 
 
 def restore_password(subject: Subject) -> None:
