@@ -284,7 +284,10 @@ def test_no_direction(subject: Subject, line: Line) -> None:
 
 @case("4.28/4", name="both-notations", hazards=_MOTION)
 def test_notations(subject: Subject, line: Line) -> None:
-    """The direction is understood as an ASCII digit or as a binary byte, or both (A-4.28-1)."""
+    """The direction is understood as an ASCII digit or as a binary byte, or both (A-4.28-1).
+
+    Where both are, each of them means the same.
+    """
     with returning(subject, line):
         jog_somewhere(subject, line)
         heard = listens(subject, line, jogs=True)
@@ -292,15 +295,21 @@ def test_notations(subject: Subject, line: Line) -> None:
         if not heard:
             raise NotRun("the robot answers nothing while it executes (A-4-3)")
         request, dialect = BY_NAME[JOG].request, subject.dialect
-        taken = []
+        taken, ways = [], dict[JogDirection, tuple[float, float]]()
         for notation in ("ascii", "binary"):
             for direction in (JogDirection.MINUS_X, JogDirection.PLUS_X):
                 data = request.encode(direction, dialect.replace(jog_byte=notation))
+                before = pose_of(line)
                 answer = offered(line, JOG, data=data)
                 if answer is not None and answer.accepted:
                     taken.append(notation)
+                    _jogged(subject, line)
                     stop(subject, line)
                 quieten(subject, line)
+                now = pose_of(line)
+                if farthest(now[:2], before[:2]) >= _ENOUGH_MM:
+                    way = now.x - before.x, now.y - before.y
+                    _expect_same_way(direction, ways.setdefault(direction, way), way)
         expect(
             taken,
             "a jog is understood in neither notation",
@@ -310,3 +319,16 @@ def test_notations(subject: Subject, line: Line) -> None:
         if "ascii" not in taken:
             message = "the direction is understood as a binary byte alone"
             subject.tolerate("4.28/4", "jog_byte", "binary", message)
+
+
+def _expect_same_way(
+    direction: JogDirection, first: tuple[float, float], second: tuple[float, float]
+) -> None:
+    """Fail the subject if one notation of a direction moves the arm against the other one."""
+    expect(
+        first[0] * second[0] + first[1] * second[1] > 0,
+        f"a binary byte for {direction} does not move the arm as the digit does",
+        expected=f"along {first}",
+        observed=f"along {second}",
+        requirement="4.28/3",
+    )

@@ -224,14 +224,16 @@ def test_no_chunk_is_repeated(subject: Subject, line: Line) -> None:
 
 @case("5.3/7")
 def test_silence_of_the_client(subject: Subject, line: Line) -> None:
-    """A download goes on after an answer that took 25 s, twice, and is over after 60 s."""
+    """A download goes on after an answer that took 25 s, twice, and is over after 60 s.
+
+    It is over so behind its first chunk and behind its second.
+    """
     name = some_file(subject, line, _CONTENT)
     times = min(2, len(course_of(line, name)) - 1)  # of a stored program there may be less
     line.close()
     limits = limits_of(subject)
 
-    def ask(on: Line) -> None:
-        _unless_last(_ask_for(on, name))
+    ask, answer = (partial(_begin, name=name, answered=answered) for answered in (0, 1))
 
     def survived(on: Line, silence: Silence) -> None:
         on.pump()
@@ -270,16 +272,24 @@ def test_silence_of_the_client(subject: Subject, line: Line) -> None:
             ),
             Track(ask, ((limits.early_s, early),)),
             Track(ask, ((limits.late_s, late),)),
-            Track(ask, ((limits.over_s, over),)),
+            *(Track(begin, ((limits.over_s, over),)) for begin in (ask, answer)[:times]),
         ],
         at_once=downloads_at_once(subject, name),
     )
 
 
+def _begin(line: Line, name: bytes, answered: int = 0) -> None:
+    """Ask for a file, and answer so many of its chunks: another one follows."""
+    _unless_last(_ask_for(line, name))
+    for _ in range(answered):
+        line.answer_chunk(accepted=True)
+        _unless_last(next_chunk(line))
+
+
 def _ask_again(line: Line, name: bytes) -> None:
     """Ask for a file that was just fetched: the time-out of that must not be this one's."""
     download(line, name)
-    _unless_last(_ask_for(line, name))
+    _begin(line, name)
 
 
 def _goes_on(line: Line, within_s: float) -> bool:

@@ -169,7 +169,7 @@ def test_silence(subject: Subject) -> None:
             _patient(subject, limits),
             _reported(subject, limits.early_s, limits),
             _reported(subject, limits.late_s, limits),
-            _abandoned(subject, limits, sent=1),
+            _abandoned(subject, limits, sent=2),
             _abandoned(subject, limits, sent=0),
         ],
         at_once=uploads_at_once(subject),

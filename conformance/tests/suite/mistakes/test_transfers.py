@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from scaraspec.controller.behaviour.base import Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.session import Request, Session
@@ -52,6 +53,28 @@ class OneBuffer(Brain):
         if frame.opcode == 0x56 and task is not None and task.program:
             frame = frame._replace(data=frame.data[:-1] + b"\1")
         super().emit(session, frame)
+
+
+class GuardsTheBeginning(Brain):
+    """Of a transfer that has begun nobody measures the silence."""
+
+    def _begun(self, request: Request) -> None:
+        transfer = request.session.transfer
+        if transfer is not None:
+            transfer.end._timeout_s = None
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        """Behind its second chunk that is an upload."""
+        taken = super().upload_chunk(request)
+        if request.value is not None and request.value.position:
+            self._begun(request)
+        return taken
+
+    def download_chunk(self, request: Request) -> Silence:
+        """Behind its first chunk that is a download."""
+        silence = super().download_chunk(request)
+        self._begun(request)
+        return silence
 
 
 class SilenceByTheClock(Brain):
@@ -106,6 +129,8 @@ class SixteenBits(Brain):
         (SixteenBits, "5.2/10", "5.2/10"),
         (OldTimeOut, "5.4/5", "5.4/5"),
         (OldTimeOut, "5.3/7", "5.3/7"),
+        (GuardsTheBeginning, "5.4/5", "5.4/5"),
+        (GuardsTheBeginning, "5.3/7", "5.3/7"),
     ],
 )
 def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:

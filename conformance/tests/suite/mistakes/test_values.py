@@ -208,6 +208,16 @@ class TakesItsNeighbourAlong(Brain):
         return done
 
 
+class OtherBytes(Brain):
+    """Binary directions of a jog have the order of the keys on its pendant: 3 is -X."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Take them so."""
+        if frame.opcode == 0x3D and frame.data in (b"\3", b"\4"):
+            frame = frame._replace(data=bytes((7 - frame.data[0],)))
+        super().handle(session, frame, now_s)
+
+
 class OffInDoubt(Brain):
     """A value that is none switches the output off, and is refused."""
 
@@ -271,6 +281,7 @@ class SevenBits(Brain):
         (TakesItsNeighbourAlong, "4.32/6", "4.32/6"),
         (OffInDoubt, "4.32/7", "4.32/7"),
         (SevenBits, "4.28/7", "4.28/7"),
+        (OtherBytes, "4.28/4", "4.28/3"),
         (TakesOffZeros, "4.5/5", "4.5/5"),
         (PointBehind, "4.4/5", "4.4/5"),
         # The characters on both sides of the digits are none, and no sign stands behind them.
