@@ -31,9 +31,11 @@ def _expect_open(subject: Subject, line: Line, message: str, requirement: str = 
     expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
 
 
-def _expect_refused(subject: Subject, wrong: bytes, what: str) -> Line:
-    """Try one wrong password; the connection on which it was tried."""
+def _expect_refused(subject: Subject, wrong: bytes, what: str, right: bytes | None = None) -> Line:
+    """Try one wrong password, behind the right one if need be; the connection on which it was."""
     line = subject.open(login=False)
+    if right is not None:
+        subject.log_in(line, right)
     answer = line.ask("login", wrong)
     _expect_flag(answer)
     expect(
@@ -116,11 +118,12 @@ def test_near_misses(subject: Subject) -> None:
             right = LONG_PASSWORD if expect_changed(line, right, LONG_PASSWORD) else right
         line.close()
         last = b"y" if right.endswith(b"x") else b"x"
-        tried = [(right[:-1] + last, "the right password but for its last letter")]
+        behind = "the right password but for its last letter, behind the right one,"
+        tried: list[tuple[bytes, str, bytes | None]] = [(right[:-1] + last, behind, right)]
         if len(right) > 1:
-            tried.append((right[:-1], "the right password without its last letter"))
-        for wrong, what in tried:
-            _expect_refused(subject, wrong, what).close()
+            tried.append((right[:-1], "the right password without its last letter", None))
+        for wrong, what, before in tried:
+            _expect_refused(subject, wrong, what, before).close()
             line = subject.open(login=False)  # three wrong ones in a row may lock us out (A-4.1-2)
             subject.log_in(line, right)
             line.close()

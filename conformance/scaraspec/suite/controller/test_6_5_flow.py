@@ -155,7 +155,10 @@ _BRANCHES: Final[tuple[Block, ...]] = (
             Opt.GREATER,
             number(1),
             [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)]), Flip(_BAD)],
-            [Put(OUTPUTS[4], number(0)), Flip(OUTPUTS[4])],
+            [
+                Put(OUTPUTS[4], number(0)),
+                If(number(1), Opt.EQUAL, number(1), [Flip(OUTPUTS[4])], [Flip(_BAD)]),
+            ],
         )
     ],
     [

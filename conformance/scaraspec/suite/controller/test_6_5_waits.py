@@ -28,6 +28,7 @@ from scaraspec.suite.programs.writing import (
     OUTPUTS,
     branch,
     compare,
+    input_port,
     number,
     set_output,
     wait,
@@ -304,17 +305,26 @@ def test_goes_on(subject: Subject, line: Line) -> None:
 
 @case("6.5/21", name="each-port", needs=("set_input",), hazards=PROGRAMS)
 def test_waits_for_its_port(subject: Subject, line: Line) -> None:
-    """A program waits for the port that its node names, and no other input lets it go on."""
+    """A program waits for the port that its node names, and no other input lets it go on.
+
+    An IF behind the wait reads an input as it is then, not as it was when the program began.
+    """
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         for port in INPUTS:
             drive(port, on=False)
-        wanted = INPUTS[2]
-        robot.start([wait_input(wanted, Condition.GREATER, 0)])
+        wanted, output = INPUTS[2], OUTPUTS[0]
+        on = not robot.before[output - 1]
+        came_on = compare(input_port(INPUTS[0]), Opt.GREATER, number(0))
+        waiting = wait_input(wanted, Condition.GREATER, 0)
+        robot.start([waiting, *branch(came_on, [set_output(output, on=on)])])
         for port in (*INPUTS[:2], *INPUTS[3:]):
             drive(port, on=True)
         _stands_still(line, robot, robot.before, f"only inputs other than {wanted} are on")
         drive(wanted, on=True)
         robot.finish()
+        due = with_port(robot.before, output, on=on)
+        message = "a program does not see an input that came on while it ran"
+        expect_outputs(line, due, message, requirement="6.6a/14")
 
 
 @case("6.5/9", name="hundredths", needs=("set_input",), hazards=PROGRAMS)

@@ -161,6 +161,41 @@ class ToTheFirstLoop(Brain):
             super()._repeat(kinds.index(NodeType.LOOP, 0, start + 1))
 
 
+class NoElseIf(Brain):
+    """A controller in whose programs an IF within an ELSE does not hold."""
+
+    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+        """What runs so."""
+
+        def _holds(self, operation: Operation) -> bool:
+            within: list[bool] = []
+            for node in self._program.nodes[: self._index]:
+                if node.type == NodeType.IF:
+                    within.append(False)
+                elif node.type == NodeType.ELSE:
+                    within[-1] = True
+                elif node.type == NodeType.ENDIF:
+                    within.pop()
+            return not any(within) and super()._holds(operation)
+
+
+class OldInputs(Brain):
+    """A controller whose programs calculate and compare with the inputs as they were at first."""
+
+    class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
+        """What runs so."""
+
+        def __init__(self, *program: Any, **where: Any) -> None:
+            super().__init__(*program, **where)
+            inputs = self._plant.digital_inputs
+            self._first = {port: int(inputs[port]) for port in range(1, 9)}
+
+        def _value(self, value_type: int, value: int) -> int:
+            if value_type == ValueType.INPUT_PORT:
+                return self._first[value]
+            return super()._value(value_type, value)
+
+
 class _Subtracts(interpreter.Run):
     """Compares by the sign of the difference, as far as 32 bits hold it."""
 
@@ -426,6 +461,7 @@ class KeepsSums(KeepsPrograms):
         (KeepsSums, "6.6a/13", "6.6a/13"),
         (RunsWhatComes, "6.5/19", "6.5/19"),
         (InPlace, "6.6a/14", "6.6a/14"),
+        (NoElseIf, "6.5/24", "6.5/24"),
         (GoesOn, "6.5/26", "6.5/26"),
         (Subtracts, "6.6a/12", "6.6a/12"),
         (ComparesAsFloats, "6.6a/12", "6.6a/12"),
@@ -446,3 +482,8 @@ class KeepsSums(KeepsPrograms):
 def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
     """A case of what it tries fails, for what is violated."""
     assert requirement in tried(brain, tries, examples=1).failed
+
+
+def test_old_inputs_are_found(tried: Try) -> None:
+    """So does one of what the inputs are while a program runs, where a hook can drive them."""
+    assert "6.6a/14" in tried(OldInputs, "6.5/21", examples=1, handled=("set_input",)).failed

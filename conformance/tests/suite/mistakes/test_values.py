@@ -90,6 +90,14 @@ class ComparesTheBeginning(Brain):
         return super().login(replace(request, value=right if said[:16] == right[:16] else said))
 
 
+class KnowsItsClient(Brain):
+    """Who has logged in may say whatever he likes."""
+
+    def login(self, request: Request) -> bool:
+        """Believe it."""
+        return request.session.logged_in or super().login(request)
+
+
 class KeepsNumbers(Brain):
     """A new password that is a number is kept as one."""
 
@@ -310,6 +318,7 @@ class SevenBits(Brain):
         (TrimsPasswords, "4.2/4", "4.2/4"),
         (KeepsNumbers, "4.2/4", "4.2/4"),
         (ComparesTheBeginning, "4.1/3", "4.1/3"),
+        (KnowsItsClient, "4.1/3", "4.1/3"),
         (PatternOfAPassword, "4.2/4", "4.2/4"),
     ],
 )
