@@ -113,3 +113,9 @@ def test_what_is_told_is_what_was_sent(
     """Another reply, code, time or name, cut decimals, 16 bits, and nothing are told apart."""
     *what, case = misread
     assert tried(misreads(*what), case.rpartition(".")[0])[case] is Verdict.FAIL
+
+
+@pytest.mark.parametrize("reply", [b"1\n", b"true"])
+def test_only_1_logs_in(tried: Try, reply: bytes) -> None:
+    """Neither a pattern whose $ ends a line nor what a language takes for true is a yes."""
+    assert tried(misreads("login", reply, "login", b"1"), "4.1/8")["4.1/8"] is Verdict.FAIL
