@@ -210,6 +210,7 @@ class Dialogue:
         if seen.name == "download_chunk":
             self._transfers.answered(exchange, seen.place.time_ns)
         if exchange is None:
+            self._transfers.overanswered(seen.name)
             if self._listing and seen.name == self._listing.name:
                 yield from self._list_part(self._listing, seen)
             else:

@@ -252,6 +252,7 @@ class Transfer:
         received_bytes: How many bytes that is, also beyond the limit.
         whole_content: Whether `content` holds all of `received_bytes`.
         resumed: Its sender went on after a chunk had been refused (A-5-14).
+        overanswered: An answer was sent that no chunk awaited: the next may go on for it.
         differs_at: For a download of what is known to be stored: the first byte that came
             otherwise, -1 where none did.
         differs_in: The chunk that brought it.
@@ -271,6 +272,7 @@ class Transfer:
     received_bytes: int = 0
     whole_content: bool = True
     resumed: bool = False
+    overanswered: bool = False
     differs_at: int = -1
     differs_in: FrameSeen | None = None
     state: State = State.ACTIVE

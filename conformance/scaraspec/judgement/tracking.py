@@ -149,6 +149,11 @@ class TransferTracker:
         if exchange is None or time_ns - exchange.time_ns > self._survived_ns:
             self._strays += 1
 
+    def overanswered(self, name: str) -> None:
+        """An answer came that no chunk of this transfer awaits."""
+        if self._active and name == CHUNKS[not self._active.transfer.upload]:
+            self._active.transfer.overanswered = True
+
     def refused(self) -> bool:
         """An answer was refused: whether one was sent that nobody need have awaited."""
         stray = self._strays > 0

@@ -248,10 +248,13 @@ def no_content_after_refusal(x: Exchange, _: Scene) -> Judged | None:
 @rule("5.2/7", on=Exchange, names=_UPLOAD_CHUNK)
 @rule("5.3/6", on=Exchange, names=_DOWNLOAD_CHUNK)
 def stop_and_wait(x: Exchange, _: Scene) -> Judged | None:
-    """The next chunk is sent only after the answer to the previous one (A-5-9)."""
+    """The next chunk is sent only after the answer to the previous one (A-5-9).
+
+    Whoever is answered once too often may take that for the answer: no answer has a number.
+    """
     if not x.doubled:
         return PASSED
-    if x.error_signal:
+    if x.error_signal or (x.transfer and x.transfer.overanswered):
         return None
     return failed(
         "a chunk was sent before the one before it was answered",
