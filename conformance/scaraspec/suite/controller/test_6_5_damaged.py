@@ -169,6 +169,7 @@ def test_wrong_curves(subject: Subject, line: Line) -> None:
             ("a curve of no point", curve(speed, [])),
             ("a curve of one point", curve(speed, [home])),
             ("a curve of two points", curve(speed, [home] * 2)),
+            ("a curve that counts a point more than there are nodes", [move, *points[:2]]),
             ("a curve of two points and an output", [move, *points[:2], _harmless(robot)]),
             ("a curve with a wait in it", [move, points[0], *wait(0), points[1]]),
             ("a curve that begins with a wait", [move, *wait(0), *points[:2]]),

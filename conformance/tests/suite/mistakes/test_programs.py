@@ -16,6 +16,7 @@ import pytest
 from scaraspec.controller import interpreter
 from scaraspec.controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.controller.brain import Brain
+from scaraspec.controller.faults.clause_6_5_damaged import TakesShortCurves
 from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.session import Request, Session
 from scaraspec.protocol.payloads import Acceptance
@@ -420,6 +421,20 @@ class ComparesWithTheKey(Brain):
     interpreter = _ComparesWithTheKey
 
 
+class CurvesEndWithTheFile(TakesShortCurves):
+    """A curve that counts three points may have two, where the file ends behind them."""
+
+    forgiven = frozenset({"P-counts-past-end", "P-curve-short"})
+
+    def understood(self, data: bytes) -> Program | None:
+        """Look at the counts alone."""
+        program = super().understood(data)
+        if program is None:
+            return None
+        curves = (node for node in parse(data).nodes if node.type == NodeType.CURVE_MOVE)
+        return None if any(node.counts < 3 for node in curves) else program
+
+
 class KeepsPrograms(Brain):
     """What a program does is found out once for each name."""
 
@@ -474,6 +489,7 @@ class KeepsSums(KeepsPrograms):
         (AssignsNoInputs, "6.6a/14", "6.6a/14"),
         (HurriesInBranches, "6.5/20", "6.5/20"),
         (EndsLoopsByAnEndif, "6.5/28", "6.5/28"),
+        (CurvesEndWithTheFile, "6.5/28", "6.5/28"),
         (CountsLoopsToo, "6.5/24", "6.5/24"),
         (CalculatesInFloats, "6.6a/11", "6.6a/11"),
         (ComparesWithTheKey, "6.6a/14", "6.6a/14"),
