@@ -33,6 +33,24 @@ class SegmentIsFrame(OtherInlet):
     inlet = _Restarts
 
 
+class _EndsAtAStop(Inlet):
+    """Empties its buffer at an emergency stop."""
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        """Forget what is behind it."""
+        found = super().receive(data, now_s)
+        stops = (
+            n for n, each in enumerate(found) if isinstance(each, Frame) and each.opcode == 0x32
+        )
+        return found[: next(stops, len(found)) + 1]
+
+
+class StopsListening(OtherInlet):
+    """What comes in one segment with an emergency stop, behind it, is lost."""
+
+    inlet = _EndsAtAStop
+
+
 class _FullBuffer(Inlet):
     """Reads 256 bytes at once, and has no room for these behind what it has kept."""
 
@@ -123,6 +141,7 @@ class OutputsLast(OtherInlet):
         (OutputsLast, "3/30", "3/30"),
         (SegmentIsFrame, "2/5", "2/5"),
         (FewPieces, "2/5", "2/5"),
+        (StopsListening, "4.17/2", "2/6"),
         (FullBuffer, "2/6", "2/6"),
         (HalfAKilobyte, "2/6", "2/6"),
         (Kilobyte, "2/6", "2/6"),
