@@ -7,6 +7,7 @@ requirement that says so, one that carries another value on that of the case.
 import math
 import re
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Final
 
@@ -30,7 +31,7 @@ from scaraspec.suite.as_controller.line import PASSWORD, Line
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.poses import gives_pose
 from scaraspec.suite.as_controller.saying import spoken
-from scaraspec.suite.expect import NotRun, Unmet
+from scaraspec.suite.expect import NoAnswer, NotRun, Unmet
 from scaraspec.suite.wire import Answer as Request
 
 if TYPE_CHECKING:
@@ -117,6 +118,8 @@ def ask(
 ) -> tuple[Call, Request]:
     """Order an operation and await its request, which has to carry what was ordered.
 
+    One that carries something else is answered all the same, so that the next is not held back.
+
     Args:
         subject: The client.
         line: Where it is connected.
@@ -134,7 +137,12 @@ def ask(
     call = order(subject, name, value)
     request = awaited(line, name, call)
     wanted = VALUES.get(name) if value is None else value
-    expect_carries(subject, request, name, wanted, requirement=requirement)
+    try:
+        expect_carries(subject, request, name, wanted, requirement=requirement)
+    except Unmet:
+        with suppress(NoAnswer):  # it has closed already
+            answer(line, name, request)
+        raise
     return call, request
 
 
