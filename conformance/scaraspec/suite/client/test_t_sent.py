@@ -46,9 +46,9 @@ _BARRED: Final = (b"a|b.rob", b"|a.rob", b"a.rob|", b"|")
 _LONG_BYTES: Final = (30, 31, 32, 33, 64, 100, 128, 255)
 _TIDIED: Final = (
     *(b" pro1.rob", b"pro1.rob ", b"  pro1  ", b".pro1.rob", b"pro1..rob", b"pro1.rob."),
-    *(b"pro--1.rob", b"pro  1.rob", b"pro\t1.rob", b"pro%201.rob"),
+    *(b"pro--1.rob", b"pro  1.rob", b"pro\t1.rob", b"pro%201.rob", b"pro$&${1}.rob"),
 )
-"""Names that a program may tidy up."""
+"""Names that a program may tidy up, or fill in."""
 _CONTROL: Final = 0x20
 _PORTS: Final = 8
 

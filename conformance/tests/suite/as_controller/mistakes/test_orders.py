@@ -140,6 +140,8 @@ def tidies(altered: Callable[[str], str]) -> type[AsyncClient]:
         lambda name: name.replace("  ", " "),
         lambda name: name.replace("\t", ""),
         lambda name: name.replace("%20", " "),
+        lambda name: name.replace("$&", "NAME"),
+        lambda name: name.replace("${1}", ""),
     ],
 )
 def test_another_name_is_another_program(tried: Try, altered: Callable[[str], str]) -> None:
