@@ -33,6 +33,7 @@ _IMPOSSIBLE: Final = (
     "201412221430",
     "2014122214300",
     "201412221430000",
+    "20141222143000\n",  # which the $ of many a pattern lets pass
     "2014+122143000",  # whose parts are numbers to most languages, and so are the next one's
     "２０１４１２２２１４３０００",
 )
