@@ -411,13 +411,21 @@ class Subject:
             except Unreadable:
                 self.moved = False
                 raise
+        self.clear(line)
+        self.moved = False
+        self.close_lines()
+
+    def clear(self, line: Line) -> None:
+        """Delete what the case has stored, whole or not: there may be room for little (A-5-21).
+
+        Raises:
+            NoAnswer: It does not answer any more.
+        """
         if Hazard.STATE not in self.allowed or _DELETE in self.unanswered:
             self.created.clear()  # a run that may only ask has made nothing
         while self.created:
             line.ask(_DELETE, data=self.created[-1])
             self.created.pop()
-        self.moved = False
-        self.close_lines()
 
     def _runs_ours(self, line: Line) -> bool:
         """Whether it runs what a case has stored, though its status may say that it is idle."""

@@ -7,7 +7,6 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, FILE_DATA_BYTES
 from scaraspec.suite.as_client.asking.files import (
     again,
     begin,
-    clear,
     course_of,
     delete,
     download,
@@ -153,7 +152,7 @@ def test_ascending(subject: Subject, line: Line, size: int) -> None:
         expect_equal(chunk.position, due, "a chunk does not follow on the one before")
         due += chunk.length
     expect_equal(due, size, "a download does not reach the end of its file")
-    clear(subject, line)
+    subject.clear(line)
 
 
 @case("5.1/9")
@@ -214,7 +213,7 @@ def test_rest_of_the_buffer(
         send(line, Chunk(len(content), position, length, buffer[:BUFFER_BYTES]), "5.1/12")
         position += length
     expect_stored(line, name, content, "5.1/12")
-    clear(subject, line)
+    subject.clear(line)
 
 
 def _pieces(content: bytes, *positions: int) -> list[Chunk]:

@@ -12,7 +12,6 @@ from scaraspec.suite.as_client.asking.files import (
     NameRefused,
     again,
     begin,
-    clear,
     delete,
     download,
     expect_round_trip,
@@ -216,7 +215,7 @@ _too_long = st.integers(BUFFER_BYTES + 1, _MOST).filter(_other_order_is_illegal)
 
 def _out_of_bounds(subject: Subject, line: Line, head: Chunk, taken_before: int = 0) -> None:
     """Send a chunk that must not be taken, behind others that are in order."""
-    clear(subject, line)
+    subject.clear(line)
     begin(line, subject.new_name())
     for chunk in list(chunks_of(content_of(head.file_size)))[:taken_before]:
         send(line, chunk)

@@ -16,7 +16,6 @@ from scaraspec.suite.as_client.asking.files import (
     CHUNK_S,
     again,
     begin,
-    clear,
     course_of,
     delete,
     download,
@@ -153,7 +152,7 @@ def test_end_behind_short_chunks(subject: Subject, line: Line, lengths: list[int
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
         position += length
     expect_stored(line, name, content, "5.4/4")
-    clear(subject, line)
+    subject.clear(line)
 
 
 # The time-out

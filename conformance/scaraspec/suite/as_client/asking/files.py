@@ -278,13 +278,6 @@ def delete(line: Line, name: bytes) -> None:
     )
 
 
-def clear(subject: Subject, line: Line) -> None:
-    """Delete what the case has stored, whole or not: there may be room for few (A-5-12, A-5-21)."""
-    while subject.created:
-        line.ask("delete_program", data=subject.created[-1])
-        subject.created.pop()
-
-
 def some_file(subject: Subject, line: Line, content: bytes) -> bytes:
     """The name of a file to fetch: one of this content, or what is there where none may be sent.
 
