@@ -423,9 +423,13 @@ class Subject:
         """
         if Hazard.STATE not in self.allowed or _DELETE in self.unanswered:
             self.created.clear()  # a run that may only ask has made nothing
-        while self.created:
-            line.ask(_DELETE, data=self.created[-1])
-            self.created.pop()
+        try:
+            while self.created:
+                line.ask(_DELETE, data=self.created[-1])
+                self.created.pop()
+        except NoAnswer as error:
+            error.requirement = ANSWERED
+            raise
 
     def _runs_ours(self, line: Line) -> bool:
         """Whether it runs what a case has stored, though its status may say that it is idle."""
