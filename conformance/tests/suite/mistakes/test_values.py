@@ -90,6 +90,16 @@ class ComparesTheBeginning(Brain):
         return super().login(replace(request, value=right if said[:16] == right[:16] else said))
 
 
+class LeapsEveryEighthYear(Brain):
+    """Only every other leap year has a 29 February."""
+
+    def set_time(self, request: Request) -> bool:
+        """Refuse the others."""
+        time = request.value
+        refused = time is not None and (time.month, time.day) == (2, 29) and time.year % 8
+        return not refused and super().set_time(request)
+
+
 class KnowsItsClient(Brain):
     """Who has logged in may say whatever he likes."""
 
@@ -291,6 +301,7 @@ class SevenBits(Brain):
         (SevenBits, "4.28/7", "4.28/7"),
         (OtherBytes, "4.28/4", "4.28/3"),
         (TakesOffZeros, "4.5/5", "4.5/5"),
+        (LeapsEveryEighthYear, "4.5/6", "4.5/6"),
         (PointBehind, "4.4/5", "4.4/5"),
         # The characters on both sides of the digits are none, and no sign stands behind them.
         (overlooks(rb"/"), "4.20/4", "4.20/4"),
