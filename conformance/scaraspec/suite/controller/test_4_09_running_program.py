@@ -135,6 +135,7 @@ def test_running(subject: Subject, line: Line) -> None:
     """One of two programs runs: it is told, all 30 bytes of its name, and its run time grows.
 
     So does the time of the clock. The other one is the default program, as far as there is one.
+    Another client is told of it, too.
     """
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
@@ -147,6 +148,7 @@ def test_running(subject: Subject, line: Line) -> None:
 
 
 def _expect_told(subject: Subject, line: Line, name: bytes, other: bytes) -> None:
+    beside = subject.open() if subject.takes_several else line
     try:
         begin(subject, line, "run_program", name)
         first = clock = None
@@ -160,7 +162,8 @@ def _expect_told(subject: Subject, line: Line, name: bytes, other: bytes) -> Non
                 first, clock = now, _clock(subject, line)
                 _expect_listed_beside(subject, line, other, name)
             _expect_grown(subject, first, now, "")
-            _expect_flag_and_status(line)
+            _expect_flag_and_status(line, "4.9/10")
+            _expect_flag_and_status(beside, "4.9/2")
             _expect_clock_on(subject, clock, _clock(subject, line))
         else:
             line.result("run_program")
@@ -203,8 +206,8 @@ def _expect_clock_on(subject: Subject, first: Reading | None, then: Reading | No
         expect_ran(subject, first, then, message, "4.6/4")
 
 
-def _expect_flag_and_status(line: Line) -> None:
-    """The flag is 1 between two statuses 01 (4.9/10)."""
+def _expect_flag_and_status(line: Line, requirement: str) -> None:
+    """The flag is 1 between two statuses 01, whoever has begun the program."""
     before = line.ask("get_status").value
     answer = line.ask("get_running_program")
     if before == line.ask("get_status").value == "01":
@@ -213,7 +216,7 @@ def _expect_flag_and_status(line: Line) -> None:
             "no program is told although the status is 01",
             expected="1|name|DDHHMMSS",
             observed=f"{answer}",
-            requirement="4.9/10",
+            requirement=requirement,
         )
 
 

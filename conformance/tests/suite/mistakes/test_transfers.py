@@ -5,6 +5,7 @@ Each is found by a case of a requirement that it violates.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -77,6 +78,16 @@ class GuardsTheBeginning(Brain):
         return silence
 
 
+class FindsWithoutExtension(Brain):
+    """A file is found without its extension, too."""
+
+    def download_name(self, request: Request) -> bool:
+        """Find it."""
+        stems = {name.partition(b".")[0]: name for name in self.store.names()}
+        name = stems.get(request.value, request.value)
+        return super().download_name(replace(request, value=name))
+
+
 class SilenceByTheClock(Brain):
     """Takes the time of day for the time that passes: an upload ends when the clock is set."""
 
@@ -129,6 +140,7 @@ class SixteenBits(Brain):
         (SixteenBits, "5.2/10", "5.2/10"),
         (OldTimeOut, "5.4/5", "5.4/5"),
         (OldTimeOut, "5.3/7", "5.3/7"),
+        (FindsWithoutExtension, "5.3/3", "5.3/3"),
         (GuardsTheBeginning, "5.4/5", "5.4/5"),
         (GuardsTheBeginning, "5.3/7", "5.3/7"),
     ],

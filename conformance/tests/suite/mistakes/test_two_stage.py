@@ -50,6 +50,16 @@ class RunsTheDefault(Brain):
         return super()._program(name) or super()._program(self.store.settings.default_program)
 
 
+class TellsItsStarter(Brain):
+    """What runs is told to nobody but the client that began it."""
+
+    def get_running_program(self, request: Request) -> RunningProgram | None:
+        """Tell it."""
+        task = self.robot.task
+        own = task is not None and task.request.session is request.session
+        return super().get_running_program(request) if own else None
+
+
 class LocksOnItsWay(Brain):
     """A lock that is refused while the arm moves ends the move, which is then done."""
 
@@ -279,6 +289,7 @@ class SixteenBits(Brain):
         (OthersRun, "4/15", "4/15"),
         (StopsLater, "4.15/5", "4.15/5"),
         (TellsItsDefault, "4.9/4", "4.9/4"),
+        (TellsItsStarter, "4.9/2", "4.9/2"),
         (SixteenBits, "4.24/9", "4.24/9"),
         (SmallLetters, "4.9/4", "4.9/4"),
         (VersionOfARun, "4.7/4", "4.7/4"),
