@@ -29,6 +29,7 @@ YES: Final = True
 """The answer of a plain success."""
 
 _DONE: Final = "11"
+_MOMENT_S: Final = 0.005
 
 
 class Line(Wire):
@@ -134,7 +135,12 @@ class Line(Wire):
         self.send_frame(self.frame(name, value, data=data))
 
     def result(self, name: str, code: str = "", *, data: bytes | None = None) -> None:
-        """Send the final result of a two-stage command: done, or failed with a code."""
+        """Send the final result of a two-stage command: done, or failed with a code.
+
+        It comes a moment behind the first reply: to a client that loses what shares a segment with
+        that (4/10), every command would go on for ever.
+        """
+        self.wait(_MOMENT_S)
         self.send_frame(self.result_frame(name, code, data=data))
 
     def result_frame(self, name: str, code: str = "", *, data: bytes | None = None) -> Frame:
