@@ -6,6 +6,7 @@ Each is found by a case of a requirement that it violates.
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime, timedelta
 from typing import Any
 
 import pytest
@@ -282,6 +283,15 @@ class NeedsNoCentury(FillsUp):
     before = b"20"
 
 
+class YearsOf365Days(Brain):
+    """The last day of a leap year is told as the one before."""
+
+    def get_time(self, request: Request) -> datetime:
+        """Tell it."""
+        time = super().get_time(request)
+        return time - timedelta(days=time.timetuple().tm_yday > 365)
+
+
 class SevenBits(Brain):
     """Of the digit of a jog the highest bit does not count."""
 
@@ -316,6 +326,7 @@ class SevenBits(Brain):
         (overlooks(rb"(?<=\.)0x", opcode=0x05), "4.4/5", "4.4/5"),
         (overlooks(rb"(?<=1)e1", opcode=0x05), "4.4/5", "4.4/5"),
         (overlooks(rb"\n[^|]*", opcode=0x06), "4.5/5", "4.5/5"),
+        (YearsOf365Days, "4.5/6", "4.5/4"),
         (NeedsNoSeconds, "4.5/5", "4.5/5"),
         (NeedsNoCentury, "4.5/5", "4.5/5"),
         (LimitedTenths, "4.20/3", "4.20/3"),
