@@ -131,12 +131,24 @@ def _broken(subject: Subject, joints: tuple[Joint, ...]) -> Iterator[None]:
 
 @case("8/2", "8/1", "8/3", name="faults", needs=_FAULTS, hazards=_MOTION)
 def test_codes_of_faults(subject: Subject, line: Line) -> None:
-    """Every combination of motors fails; status and refusals bear codes of the table."""
+    """Every combination of motors fails; status and refusals bear codes of the table.
+
+    Where the status is a code of motors it is that of those which fail (8/4).
+    """
     subject.moved = True
     for count in range(1, len(Joint) + 1):
         for joints in combinations(Joint, count):
             with _broken(subject, joints):
-                _expect_code(subject, line.ask("get_status").frame.data)
+                status = line.ask("get_status")
+                _expect_code(subject, status.frame.data)
+                told = errors.lookup(status.value) if isinstance(status.value, str) else None
+                expect(
+                    told is None or not told.joints or {*told.joints} == {*joints},
+                    "the status tells of other motors than those that fail",
+                    expected=errors.code_for_joints(joints).text,
+                    observed=f"{status}",
+                    requirement="8/4",
+                )
                 answer = line.ask(MOVE, data=_FAR)
                 if answer.accepted is False and _code_of(answer):
                     _expect_code(subject, _code_of(answer))

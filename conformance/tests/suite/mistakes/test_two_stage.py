@@ -321,3 +321,19 @@ def test_a_jog_that_moves_nothing_is_not_called_right(tried: Try) -> None:
     """Nor is it a mistake: towards an end of its travel the arm may stay."""
     directions = tried(JogsNowhere, "4.28/3")
     assert {case.verdict for case in directions.values()} == {Verdict.NONE}
+
+
+class ExchangesJoints(Brain):
+    """The bits of the wrist and of the gripper are exchanged in the codes of motors."""
+
+    def get_status(self, request: Request) -> str:
+        """Exchange them."""
+        told: str = super().get_status(request)
+        return {"14": "18", "18": "14"}.get(told, told)
+
+
+def test_motors_that_are_told_for_others_are_found(tried: Try) -> None:
+    """Who makes a motor fail knows which (A-8-1)."""
+    hooks = ("motor_fault", "clear_faults")
+    assert "8/4" in tried(ExchangesJoints, "8/2", handled=hooks).failed
+    assert not tried(Brain, "8/2", handled=hooks).wrong
