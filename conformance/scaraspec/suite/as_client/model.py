@@ -260,7 +260,7 @@ class Model:
     def _mistake_password(self, _: Step, line: Line) -> str | None:
         if not self._subject.access.needs_login or not self._subject.may_mistake():
             return None
-        answer = change(line, b"no-" + self._password, PLAIN_PASSWORD)
+        answer = change(line, self._password + b"-no", PLAIN_PASSWORD)
         expect(
             answer.accepted is False,
             "the password was changed although the old one was wrong",

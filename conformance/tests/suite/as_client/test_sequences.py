@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -63,6 +64,22 @@ def test_shrunk(
     assert not told[0].startswith("…"), found.message
     left = iter(told)
     assert all(any(step.startswith(name) for step in left) for name in steps), told
+
+
+class LooksAtTheBeginning(Brain):
+    """The old password may be any that begins like it."""
+
+    def set_password(self, request: Request) -> bool:
+        """Take it."""
+        value, old = request.value, self.store.settings.password
+        if value is not None and value.old.startswith(old):
+            request = replace(request, value=value._replace(old=old))
+        return super().set_password(request)
+
+
+def test_more_than_the_old_password_is_a_wrong_one(tried: Try) -> None:
+    """It is offered now and then where passwords are changed."""
+    assert "4.2/3" in tried(LooksAtTheBeginning, "4.2/3", examples=20).failed
 
 
 class IsFull(Brain):
