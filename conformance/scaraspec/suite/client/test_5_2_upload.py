@@ -391,7 +391,7 @@ def _fetched_to_nowhere(subject: Subject, line: Line) -> Line:
     return serving(subject, line, "a file that cannot be written")
 
 
-_ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10", b"01", b"", b"01")
+_ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10", b"01", b"", b"01", b"10", b"\x01")
 """In turn to the name, the first chunk and the last one; nothing at all is said to two of them."""
 
 
