@@ -55,7 +55,7 @@ class CodesInDecimal(_OtherCodes):
         return b"%02d" % int(code, 16)
 
 
-@fault("8/2")
+@fault("8/2", "8/4")
 class StatusInDecimal(AltersReplies):
     """The status of motors at fault is written in decimal."""
 
