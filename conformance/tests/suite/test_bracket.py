@@ -179,6 +179,31 @@ def test_who_comes_back_by_himself_is_tried_on(trial: Try) -> None:
     assert only(results).verdict is Verdict.PASS
 
 
+class LocksEverybodyOut(Brain):
+    """Asked for its version, it refuses every login from then on."""
+
+    logins = 0
+    locked = False
+
+    def get_version(self, request: Request) -> str:
+        """Tell it."""
+        type(self).locked = True
+        return super().get_version(request)
+
+    def login(self, request: Request) -> bool:
+        """Refuse it, or not."""
+        type(self).logins += self.locked
+        return not self.locked and super().login(request)
+
+
+def test_who_lets_nobody_in_is_not_asked_over_and_over(trial: Try) -> None:
+    """He is there, and may count wrong passwords."""
+    LocksEverybodyOut.logins, LocksEverybodyOut.locked = 0, False
+    text = "@case('4.7/2')\ndef test_one(line):\n    line.ask('get_version')\n"
+    trial(text, LocksEverybodyOut, Options())  # which has no password to put back
+    assert 0 < LocksEverybodyOut.logins < 10
+
+
 def test_whose_status_is_unreadable_is_moved_no_more(trial: Try) -> None:
     """Nobody can tell whether it rests; all else can be tried."""
     results = trial(

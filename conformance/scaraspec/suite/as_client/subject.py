@@ -453,7 +453,11 @@ class Subject:
             return
         deadline_ns = self.now_ns + round(_RETURN_S * 1e9)
         while self.now_ns < deadline_ns:
-            with suppress(Unmet):
+            try:
                 self.open()
+            except NoAnswer:
+                self.pause(_RETURN_POLL_S)
+            except Unmet:
+                return  # it is there: asked over and over it may lock us out (A-4.1-2)
+            else:
                 return
-            self.pause(_RETURN_POLL_S)
