@@ -17,7 +17,7 @@ from scaraspec.suite.as_controller.files import (
     take,
 )
 from scaraspec.suite.as_controller.line import Line
-from scaraspec.suite.as_controller.patience import given_up, given_up_meanwhile, survived
+from scaraspec.suite.as_controller.silences import given_up, given_up_meanwhile, survived
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.chunks import chunk_of

@@ -1,4 +1,4 @@
-"""Patience: silences that a client's transfer has to survive, and others that have to end it."""
+"""Silences: which a client's transfer has to survive, and which have to end it."""
 
 from collections.abc import Callable
 from contextlib import suppress
