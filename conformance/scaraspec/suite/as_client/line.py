@@ -253,14 +253,16 @@ class Line(Wire):
         A frame that was begun is spoilt, a transfer is over after its time-out (L763, L795), and
         what is still being answered comes.
         """
-        if self._subject.access.ends or self.over:
+        if self.over:
             return
         with suppress(Unmet):
-            if self.mid_frame:
+            notices = self._subject.access.ends
+            if not notices and self.mid_frame:
                 self.send_bytes(bytes(MAX_FRAME_BYTES))
-            if self._may_transfer:
+            if self._subject.transfers_outlive and self._may_transfer:
                 self.wait(limits_of(self._subject).over_s)
-            self.fence()
+            if not notices:
+                self.fence()
 
     @property
     def _may_transfer(self) -> bool:

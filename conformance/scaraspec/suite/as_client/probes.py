@@ -15,8 +15,9 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_client.asking.files import upload
-from scaraspec.suite.as_client.subject import SILENCE_S, Subject
+from scaraspec.suite.as_client.subject import OUTLIVE, SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
+from scaraspec.suite.limits import limits_of
 from scaraspec.suite.programs.layout import LISTED, candidates
 from scaraspec.suite.programs.listed import program_names
 from scaraspec.suite.programs.writing import wait_program
@@ -107,12 +108,30 @@ def _prog_ext(subject: Subject) -> str | None:
     taken = []
     for extension in (".rob", ".txt"):
         subject.dialect = subject.dialect.replace(prog_ext=extension)
-        line = subject.open()
-        if line.ask("upload_name", subject.new_name()).accepted:
+        if _breaks_off(subject):
+            _look_how_long_it_lasts(subject)
             taken.append(extension)
-        line.close()
     subject.dialect = subject.dialect.replace(prog_ext=subject.statement.dialect["prog_ext"])
     return "any" if len(taken) > 1 else next(iter(taken), None)
+
+
+def _breaks_off(subject: Subject) -> bool:
+    """Begin an upload, and break it off with its connection; whether it was granted."""
+    line = subject.open()
+    granted = line.ask("upload_name", subject.new_name()).accepted is True
+    line.close()
+    return granted
+
+
+def _look_how_long_it_lasts(subject: Subject) -> None:
+    """Begin another upload: one that is broken off so may last until its time-out (A-5-17)."""
+    if OUTLIVE in subject.known:
+        return
+    subject.known[OUTLIVE] = False
+    if not _breaks_off(subject):
+        subject.pause(limits_of(subject).over_s)
+        subject.known[OUTLIVE] = True
+        subject.known[OUTLIVE] = _breaks_off(subject)
 
 
 def _endian(subject: Subject) -> str | None:

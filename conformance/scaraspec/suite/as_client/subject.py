@@ -46,6 +46,8 @@ DEAF: Final = "deaf while it executes"
 LATCHED: Final = "latched"
 """Known of a subject: whether an emergency stop may have latched it (A-4.17-2)."""
 
+OUTLIVE: Final = "transfers outlive their connection"
+"""What is known of a robot with room for few transfers that ends one only for silence."""
 _NOTICES_LATE: Final = "sends clients away whose place another one has just left"
 _GREETING: Final = "opcodes of what comes on a new connection unasked"
 _MISTAKES: Final = "wrong passwords tried in sequences"
@@ -335,6 +337,11 @@ class Subject:
         self.dialect = self.dialect.replace(**{key: option})
 
     # ------------------------------------------------------------------ state
+
+    @property
+    def transfers_outlive(self) -> bool:
+        """Whether a transfer goes on until its time-out when its connection ends (5.4/5)."""
+        return not self.access.ends or bool(self.known.get(OUTLIVE))
 
     def has_been_stopped(self) -> None:
         """An emergency stop was granted: perhaps the robot is latched (A-4.17-2)."""

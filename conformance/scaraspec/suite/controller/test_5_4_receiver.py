@@ -342,9 +342,15 @@ def _broken_off(subject: Subject, end: Callable[[Line], None]) -> None:
 
 @case("5.4/7", "5.4/1", name="closed")
 def test_connection_closed(subject: Subject) -> None:
-    """An upload whose connection was closed, at any chunk, leaves nothing but what was sent."""
+    """An upload whose connection was closed, at any chunk, leaves nothing but what was sent.
+
+    It may last until its time-out, and be in the way of others until then (A-5-17).
+    """
     subject.notices_leaving()
     _broken_off(subject, Line.close)
+    if subject.transfers_outlive:
+        message = "an upload whose connection ended is in the way of others until its time-out"
+        subject.tolerate("5.4/7", "A-5-17", "outlives", message)
 
 
 @case("5.4/7", "5.4/1", name="reset")

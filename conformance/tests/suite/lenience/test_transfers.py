@@ -12,9 +12,10 @@ from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
-from scaraspec.controller.session import Request, Session
+from scaraspec.controller.session import Request, Session, Transfer
 from scaraspec.controller.store import Store
 from scaraspec.judgement.requirements import REQUIREMENTS
+from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
@@ -197,6 +198,51 @@ def test_one_file_may_be_transferred_at_a_time(tried: Try) -> None:
     """A download that is over for the suite is so for the robot before another one begins."""
     only = ("3/31", "4.2/4", "5.2/12", "5.4/1")
     assert not tried(TransfersOneAtATime, *only, examples=20).alarms
+
+
+class OutlivesItsConnection(Brain):
+    """There is room for one transfer, which ends for silence, and not with its connection."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.left: list[Transfer] = []
+
+    def _forget(self, session: Session, now_s: float) -> None:
+        if session.transfer:
+            self.left.append(session.transfer)
+        super()._forget(session, now_s)
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        for transfer in self.left:
+            transfer.end.expire(now_s)
+
+    def _may_begin(self, session: Session) -> bool:
+        others = (other.transfer for other in self.sessions.values() if other is not session)
+        return super()._may_begin(session) and not any((*others, *self.under_way))
+
+    @property
+    def under_way(self) -> list[Transfer]:
+        """What others have left."""
+        return [transfer for transfer in self.left if transfer.end.state is State.ACTIVE]
+
+
+class NeverEnds(OutlivesItsConnection):
+    """It ends with the robot."""
+
+    @property
+    def under_way(self) -> list[Transfer]:
+        """All of it."""
+        return self.left
+
+
+def test_a_transfer_may_outlive_its_connection(tried: Try) -> None:
+    """Until its time-out nobody's file is taken, as if another client transferred one (A-5-17)."""
+    only = ("4.15/5", "5.1/9", "5.2/2", "5.2/11", "5.3/7", "5.4/5", "5.4/7")
+    cases = tried(OutlivesItsConnection, *only)
+    assert not cases.alarms
+    assert cases["5.4/7.closed"].verdict is Verdict.TOLERATED
+    assert "5.2/2" in tried(NeverEnds, *only).failed
 
 
 def test_an_answer_to_no_chunk_may_be_refused(tried: Try) -> None:

@@ -61,11 +61,12 @@ def run_tracks(subject: Subject, tracks: list[Track], *, at_once: bool) -> None:
     """Go through all tracks, one by one or as many at once as the subject takes transfers.
 
     One by one also where a limit is so short that waiting for an answer which does not come, as a
-    late chunk may be ignored (A-5-16), would outlast the pause of another track.
+    late chunk may be ignored (A-5-16), would outlast the pause of another track; and where a track
+    that has ended leaves a transfer that has to be waited for.
     """
     limits = limits_of(subject)
     apart = limits.late_s + subject.reply_s < 2 * limits.survived_s
-    at_once = at_once and (apart or _refuses_strays(subject))
+    at_once = at_once and not subject.transfers_outlive and (apart or _refuses_strays(subject))
     waiting = list(tracks)
     while waiting:
         running = [_Running(subject, waiting.pop(0))]
