@@ -232,7 +232,9 @@ class Model:
         try:
             answer = other.ask("login", b"no-" + self._password)
         except NoAnswer:
-            if other.ending is None:
+            silent = other.ending is None
+            other.close()
+            if silent and self._serves_a_third():
                 raise
             return None  # it serves no more than two (A-2-2)
         expect(
@@ -246,6 +248,16 @@ class Model:
             other.ask("login", self._password)
         other.close()
         return "log in wrongly elsewhere"
+
+    def _serves_a_third(self) -> bool:
+        """Whether one more connection is answered: some are let in when another one leaves."""
+        third = self._subject.open(login=False)
+        try:
+            return third.ask("login", self._password).accepted is True
+        except NoAnswer:
+            return False
+        finally:
+            third.close()
 
     def _set_password(self, step: Step, line: Line) -> str | None:
         if not self._subject.access.needs_login:

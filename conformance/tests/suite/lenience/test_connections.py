@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Action, Carrier, Close, Request, Session
 from scaraspec.judgement.verdicts import Verdict
@@ -149,6 +150,53 @@ class ServesTwo(Brain):
 def test_a_few_clients_are_enough(tried: Try) -> None:
     """How many clients are served at once is open (A-2-2)."""
     assert not tried(ServesTwo, "3/29", "3/32").wrong
+
+
+class LetsTwoIn(Brain):
+    """Others wait at the door, and what they send with them, until one of the two leaves."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._waiting: dict[int, bytes] = {}
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:  # noqa: ARG002 - all are of one kind here
+        """Let in as many as there is room for."""
+        self._waiting[connection] = b""
+        return self._let_in(now_s)
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Hear who is in."""
+        if connection not in self._waiting:
+            return super().receive(connection, data, now_s)
+        self._waiting[connection] += data
+        return self.advance(now_s)
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        """Make room."""
+        self._waiting.pop(connection, None)
+        return [*super().close(connection, now_s), *self._let_in(now_s)]
+
+    def _let_in(self, now_s: float) -> list[Action]:
+        actions = self.advance(now_s)
+        while self._waiting and len(self.sessions) < 2:
+            connection = next(iter(self._waiting))
+            actions += super().open(connection, now_s)
+            actions += super().receive(connection, self._waiting.pop(connection), now_s)
+        return actions
+
+
+class IgnoresWrongPasswords(Brain):
+    """Who does not know the password is not answered."""
+
+    def login(self, request: Request) -> Any:
+        """Keep silent."""
+        return super().login(request) or SILENCE
+
+
+def test_who_is_not_let_in_is_not_answered(tried: Try) -> None:
+    """A third client may wait at the door (A-2-2); one that is served is answered."""
+    for brain, alarms in ((LetsTwoIn, False), (IgnoresWrongPasswords, True)):
+        assert bool(tried(brain, "4.2/4", "4.20/3", examples=20).wrong) is alarms
 
 
 class FreesLate(ServesTwo):
