@@ -10,12 +10,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
 
-from scaraspec.judgement.happenings import Exchange, FrameSeen, Happening, Transfer, Undecodable
+from scaraspec.judgement.happenings import (
+    Exchange,
+    FrameSeen,
+    Happening,
+    Transfer,
+    Unasked,
+    Undecodable,
+)
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.requirements import REQUIREMENTS, Binds
 from scaraspec.judgement.rules.rule import sender_of
 from scaraspec.judgement.verdicts import Finding
-from scaraspec.judgement.wire import WireEvent
+from scaraspec.judgement.wire import Place, WireEvent
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
 from scaraspec.suite.statement import Statement
@@ -62,6 +69,8 @@ class Observer:
         self.sightings: list[Sighting] = []
         self.case = ""
         self.recent: deque[FrameSeen | Undecodable] = deque(maxlen=_RECENT_FRAMES)
+        self.unasked: deque[Place] = deque(maxlen=_RECENT_FRAMES)
+        """Where the last first replies are that answer nothing, not even late (A-3-16)."""
         self._role, self._beyond = role, statement.beyond_the_judge
         self._take, self._hear = take, hear
         self._overlooked = ""
@@ -109,6 +118,8 @@ class Observer:
             self._hear(item)
             if not isinstance(item, Finding):
                 happening = item
+                if isinstance(item, Unasked) and not (item.late or item.seen.frame.tagged):
+                    self.unasked.append(item.seen.place)
             elif item.requirement in (self._overlooked, *self._beyond) or happening is None:
                 continue
             elif blamed(item, happening) is self._role:

@@ -22,6 +22,7 @@ from scaraspec.judgement.places import farthest, ways
 from scaraspec.judgement.requirements import REQUIREMENTS
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import JointValues, Pose
+from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 
@@ -283,7 +284,24 @@ def test_cases_that_are_tried_alone_know_no_less(
     assert not tried(brain, requirement).failed
 
 
-@pytest.mark.parametrize("brain", [Latching, Away, Late, Quick, Deaf, DeafAndSlow, Trembles, Turns])
+class TellsOfItself(Brain):
+    """Whenever its status changes it is told to every client, whether asked for or not (A-3-16)."""
+
+    _told = "00"
+
+    def _settle(self, now_s: float) -> None:
+        super()._settle(now_s)
+        if self.robot.status == self._told:
+            return
+        self._told = self.robot.status
+        for session in self.sessions.values():
+            if session.logged_in:
+                self.emit(session, Frame(C2A, 0x09, self._told.encode()))
+
+
+@pytest.mark.parametrize(
+    "brain", [Latching, Away, Late, Quick, Deaf, DeafAndSlow, Trembles, Turns, TellsOfItself]
+)
 def test_no_false_alarm(tried: Try, brain: type[Brain]) -> None:
     """No case of the two-stage commands fails of what the register lets a controller do."""
     cases = tried(brain, *(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES))
