@@ -3,7 +3,6 @@
 What a busy robot answers stands in `busy`; how an emergency stop goes in `stop`.
 """
 
-from itertools import islice
 from typing import Final
 
 from scaraspec.judgement.happenings import Exchange, FrameSeen, Unasked
@@ -136,8 +135,11 @@ def reply_before_execution(x: Exchange, scene: Scene) -> Judged | None:
         f"the first reply to {x.name} came after {x.latency_ns / 1e9:.1f} s, "
         "together with its final result"
     )
-    before = (y for y in reversed(scene.memory.recent.get(x.name, [])) if _took_long(y))
-    if not any(map(_comes_at_its_end, islice(before, 1))):
+    before = [y for y in reversed(scene.memory.recent.get(x.name, [])) if _took_long(y)]
+    begun = (y for y in before if not _comes_at_its_end(y))
+    if any((y.latency_ns or 0) * 2 > x.latency_ns for y in begun):
+        return None  # it takes as long to begin what lasts
+    if not any(map(_comes_at_its_end, before[:1])):
         return unsure(f"{said}: once, as where a packet is lost on its way")
     return failed(said, expected="the first reply before the execution", observed="both at its end")
 

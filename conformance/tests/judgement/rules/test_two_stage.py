@@ -146,6 +146,13 @@ CASES = (
         + "> run_program a.rob\n< run_program 1\n+3\n<90 run_program 11"
         + SLOW_AGAIN,
     ),
+    # What lasts takes as long to begin.
+    (
+        "4/14",
+        "pass",
+        SLOW.format(query="get_status", answer="get_status 00").replace("<90", "+2\n<90")
+        + SLOW_AGAIN * 2,
+    ),
     # A program that does nothing, over a link that is slow.
     ("4/14", "none", SLOW.format(query="get_status\n+2", answer="get_status 00")),
     # Joints are locked at once, so that their result is with the reply where that is late.
