@@ -335,6 +335,16 @@ class Loose(Brain):
         self.plant.locked = False
 
 
+class LetsGo(Brain):
+    """An emergency stop lets go of the joints, and nothing moves until they are locked."""
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        """Let go of them."""
+        said = super().emergency_stop(request)
+        self.plant.locked &= not said.accepted
+        return said
+
+
 class Unhomed(Latching):
     """Switched on, it moves only behind a reset (A-4-1)."""
 
@@ -345,6 +355,11 @@ class Unhomed(Latching):
 def test_what_a_robot_wants_first(tried: Try, brain: type[Brain]) -> None:
     """A robot that is not ready to move is made so, ahead of the first case that moves it."""
     assert not tried(brain, "4.24/5").wrong
+
+
+def test_joints_may_be_loose_behind_a_stop(tried: Try) -> None:
+    """They are locked again by who wants it to move, if a reset does not do (A-4.17-2)."""
+    assert not tried(LetsGo, "4.8/7", "4.15/5", "4.17/6", "4.28/4").alarms
 
 
 def test_who_need_not_move_is_not_moved(tried: Try) -> None:

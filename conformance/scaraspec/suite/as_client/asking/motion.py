@@ -36,7 +36,7 @@ _TIMES_LATER: Final = 3  # … where an idle robot is that much quicker
 _NS: Final = 1e9
 _STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
 _LATCHES: Final = "latches"
-_MOVE, _RESET = "set_tool_coordinates", "reset"
+_MOVE, _RESET, _LOCK = "set_tool_coordinates", "reset", "lock_joints"
 
 
 # ---------------------------------------------------------------------- where it is
@@ -367,7 +367,9 @@ def release_latch(subject: Subject, line: Line) -> None:
                 subject.known[LATCHED] = False
             return
     subject.known[_LATCHES] = True
-    with _set_aside(line, _RESET):
-        if line.ask(_RESET).accepted:
-            end_of(subject, line, _RESET)
-            line.wait(_POLL_S)
+    for remedy in (_RESET, _LOCK):  # it may have let go of its joints (A-4.25-1)
+        with _set_aside(line, remedy):
+            if remedy not in subject.statement.lacks and line.ask(remedy).accepted:
+                end_of(subject, line, remedy)
+                line.wait(_POLL_S)
+                break
