@@ -110,19 +110,17 @@ class Line(Wire):
         Raises:
             NoAnswer: None came in `within_s`, by default the subject's reply time.
         """
-        self._drop_unasked(BY_NAME[name])
-        self.send(name, value, data=data)
+        self._drop_unasked(self.send(name, value, data=data))
         return self.reply(name, within_s=within_s)
 
     def _drop_unasked(self, command: Command) -> None:
         """Drop what came of itself: it answers no later request (A-3-16), and may be outdated."""
-        self.pump()
-        unasked = self._subject.observer.unasked
-        self.heard[:] = [
-            seen
-            for seen in self.heard
-            if seen.frame.opcode != command.opcode or seen.place not in unasked
-        ]
+        if unasked := self._subject.observer.unasked:
+            self.heard[:] = [
+                seen
+                for seen in self.heard
+                if seen.frame.opcode != command.opcode or seen.place not in unasked
+            ]
 
     def reply(self, name: str, *, within_s: float | None = None) -> Answer:
         """Wait for a first reply, or for a chunk of a download.
