@@ -35,13 +35,12 @@ def _harmless(robot: Bench) -> Node:
     return set_output(port, on=robot.before[port - 1])
 
 
-def _never_run(subject: Subject, line: Line, robot: Bench, content: bytes, told: str) -> None:
+def _never_run(subject: Subject, robot: Bench, content: bytes, told: str) -> None:
     """Ask for the run of a damaged file: whatever comes of it, it is not 11."""
     with subject.observer.overlooking(CODE_20):
         if not robot.accepts(content):
             return
-    line.wait(robot.ours_s(_WATCHED_S))
-    result = robot.ended()
+    result = robot.ended(within_s=robot.ours_s(_WATCHED_S))
     expect(
         result is None or not result.done,
         f"{told} is reported as run",
@@ -64,10 +63,10 @@ def test_wrong_marks(subject: Subject, line: Line) -> None:
         good = _good(robot, [_harmless(robot)])
         for mark in (b"scara", FOOTER, b"ACARS", b"SCAR\0", b"\0CARA"):
             content = mark + good[len(MAGIC) :]
-            _never_run(subject, line, robot, content, f"a file that begins with {mark.decode()!r}")
+            _never_run(subject, robot, content, f"a file that begins with {mark.decode()!r}")
         for mark in (b"aracs", MAGIC, b"ACARS", b"ARAC\0", b"\0RACS"):
             content = good[: -len(FOOTER)] + mark
-            _never_run(subject, line, robot, content, f"a file that ends with {mark.decode()!r}")
+            _never_run(subject, robot, content, f"a file that ends with {mark.decode()!r}")
 
 
 @case("6.5/28", name="letters", hazards=PROGRAMS)
@@ -82,7 +81,7 @@ def test_one_wrong_letter(subject: Subject, line: Line) -> None:
             wrong = bytearray(good)
             wrong[place] ^= 1 << bit
             told = f"a file whose mark has a wrong bit in byte {place}"
-            _never_run(subject, line, robot, bytes(wrong), told)
+            _never_run(subject, robot, bytes(wrong), told)
 
         never_run()
 
@@ -95,7 +94,7 @@ def test_wrong_sizes(subject: Subject, line: Line) -> None:
         good = _good(robot, nodes, [Variable(1, b"a", 5)])
         for told, content in _missized(good, robot.layout):
             if not detect(content):
-                _never_run(subject, line, robot, content, told)
+                _never_run(subject, robot, content, told)
 
 
 def _missized(good: bytes, layout: Layout) -> Iterator[tuple[str, bytes]]:
@@ -128,7 +127,7 @@ def test_key_twice(subject: Subject, line: Line) -> None:
         _good(robot, nodes, _keyed(1, 2, 3, 4))
         for keys in ((1, 1), (0, 0), (7, 8, 9, 7), (1, -2, -2, 3)):
             content = robot.file(nodes, _keyed(*keys))
-            _never_run(subject, line, robot, content, f"a file with the keys {keys}")
+            _never_run(subject, robot, content, f"a file with the keys {keys}")
 
 
 def _keyed(*keys: int) -> list[Variable]:
@@ -156,7 +155,7 @@ def test_unbalanced_markers(subject: Subject, line: Line) -> None:
             ("an IF that the end of a loop ends", [_IF, node, _END_LOOP]),
             ("an IF that ends inside a loop", [_IF, _LOOP, _ENDIF, node, _END_LOOP]),
         ):
-            _never_run(subject, line, robot, robot.file(nodes), told)
+            _never_run(subject, robot, robot.file(nodes), told)
 
 
 @case("6.5/28", name="curves", hazards=PROGRAMS)
@@ -174,4 +173,4 @@ def test_wrong_curves(subject: Subject, line: Line) -> None:
             ("a curve with a wait in it", [move, points[0], *wait(0), points[1]]),
             ("a curve that begins with a wait", [move, *wait(0), *points[:2]]),
         ):
-            _never_run(subject, line, robot, robot.file(nodes), told)
+            _never_run(subject, robot, robot.file(nodes), told)

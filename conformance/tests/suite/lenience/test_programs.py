@@ -5,16 +5,19 @@ No case of the suite may fail of them, nor may the judge that watches it.
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from scaraspec.controller.arm import UPPER, Pose, UnreachableError, inverse
-from scaraspec.controller.behaviour.base import refused
+from scaraspec.controller.behaviour.base import ACCEPTED, refused
+from scaraspec.controller.behaviour.programs import MISSING
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.interpreter import Run
 from scaraspec.controller.plant import OUTPUTS, Plant
+from scaraspec.controller.robot import BAD_ARGUMENT, Task
 from scaraspec.controller.session import Request
 from scaraspec.controller.store import Store
-from scaraspec.protocol.payloads import Acceptance
+from scaraspec.protocol.payloads import Acceptance, Outcome
 
 Try = Callable[..., Any]
 
@@ -127,3 +130,38 @@ class HasRoomForFew(Brain):
 def test_there_may_be_room_for_few_programs(tried: Try) -> None:
     """No case fails because it stores more of them than there is room for (A-5-21)."""
     assert not tried(HasRoomForFew, "4.10/4", "6.5/28").alarms
+
+
+@dataclass(frozen=True, slots=True)
+class _Fails:
+    """An act that ends after a tenth of a second, because the file is no program."""
+
+    ends_s: float
+
+    @property
+    def next_event_s(self) -> float:
+        """When it is found out."""
+        return self.ends_s
+
+    def advance(self, now_s: float) -> Outcome | None:
+        """Say so."""
+        return Outcome(done=False, code=BAD_ARGUMENT) if now_s >= self.ends_s else None
+
+
+class ReadsAsItRuns(Brain):
+    """A file that is stored is accepted, whatever is in it; that it is damaged ends its run."""
+
+    def _start(self, request: Request, state: str) -> Acceptance:
+        accepted = super()._start(request, state)
+        if accepted != refused(MISSING) or not self.is_program(request.value):
+            return accepted
+        act = _Fails(request.now_s + 0.1)
+        self.robot.task = Task(request, state, act, program=request.value)
+        return ACCEPTED
+
+
+def test_a_damaged_file_may_fail_as_it_runs(tried: Try) -> None:
+    """It is as good as a refusal (A-4.15-2), and nothing is waited for behind such an end."""
+    outcomes = tried(ReadsAsItRuns, "6.5/28")
+    assert not outcomes.alarms
+    assert sum(case.duration_s for case in outcomes.values()) < 30
