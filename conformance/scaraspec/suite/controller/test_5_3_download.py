@@ -17,6 +17,7 @@ from scaraspec.suite.as_client.asking.files import (
     delete,
     download,
     expect_stored,
+    gives_up,
     incoming,
     left_behind,
     next_chunk,
@@ -301,7 +302,7 @@ def _goes_on(line: Line, within_s: float) -> bool:
         came = line.reply("download_chunk", within_s=within_s)
     except NoAnswer:
         return False
-    return not refuses_an_answer(came.frame)
+    return not refuses_an_answer(came.frame) and not gives_up(came)
 
 
 def _after_refusal(subject: Subject, line: Line, name: bytes, refuse_at: int) -> None:
@@ -312,7 +313,8 @@ def _after_refusal(subject: Subject, line: Line, name: bytes, refuse_at: int) ->
         line.answer_chunk(accepted=True)
         chunk = next_chunk(line)
     line.answer_chunk(accepted=False)
-    came = transfer_frames(line)
+    sent = transfer_frames(line)
+    came = [seen for seen in sent if not gives_up(seen)]
     repeated = [seen for seen in came if seen.value == chunk]
     expect(
         len(came) == len(repeated) <= 1,
@@ -323,6 +325,9 @@ def _after_refusal(subject: Subject, line: Line, name: bytes, refuse_at: int) ->
     if repeated:
         subject.tolerate("5.3/9", "A-5-14", "repeats", "a chunk that was refused is sent again")
         return
+    if sent:
+        message = "a chunk of length 0 follows one that was refused"
+        subject.tolerate("5.3/9", "A-5-10", "signal", message)
     if line.ending is not None:
         subject.tolerate("5.3/9", "A-5-26", "closed", "a chunk that was refused ends the link")
         return
@@ -343,7 +348,8 @@ def _still_goes_on(line: Line) -> bool:
         line.answer_chunk(accepted=True)
     except NoAnswer:
         return False
-    return any(seen.name == "download_chunk" for seen in transfer_frames(line, stray=True))
+    came = transfer_frames(line, stray=True)
+    return any(seen.name == "download_chunk" and not gives_up(seen) for seen in came)
 
 
 @case("5.3/9", name="middle")

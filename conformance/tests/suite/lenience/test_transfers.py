@@ -245,6 +245,35 @@ def test_a_transfer_may_outlive_its_connection(tried: Try) -> None:
     assert "5.2/2" in tried(NeverEnds, *only).failed
 
 
+class SaysThatItGivesUp(Brain):
+    """A download that has failed ends with a chunk of length 0."""
+
+    def _elapse(self, now_s: float) -> None:
+        transfers = [(session, session.transfer) for session in self.sessions.values()]
+        super()._elapse(now_s)
+        for session, transfer in transfers:
+            if transfer is not None and session.transfer is None:
+                self._signal(session, transfer.end)
+
+    def download_chunk(self, request: Request) -> Silence:
+        """Say so behind an answer that refuses a chunk, too."""
+        transfer = request.session.transfer
+        answer = super().download_chunk(request)
+        if transfer is not None:
+            self._signal(request.session, transfer.end)
+        return answer
+
+    def _signal(self, session: Session, end: Sender | Receiver) -> None:
+        if isinstance(end, Sender) and end.state is State.FAILED:
+            signal = FILE_DATA.encode(Chunk(end.size_bytes, 0, 0, b""), self.dialect)
+            self.emit(session, Frame(C2A, 0x56, signal))
+
+
+def test_a_download_may_end_with_a_signal(tried: Try) -> None:
+    """It is what a chunk of length 0 means (L787), and no further chunk of the file."""
+    assert not tried(SaysThatItGivesUp, "5.3/6", "5.3/7", "5.3/9", "5.4/6", **_HASTE).alarms
+
+
 def test_an_answer_to_no_chunk_may_be_refused(tried: Try) -> None:
     """The 0 is no chunk (A-5-16), neither for the cases nor for the judge."""
     assert not tried(RefusesAnswers, "5.3/10").alarms

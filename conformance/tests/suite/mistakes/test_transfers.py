@@ -16,6 +16,7 @@ from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults.transferring import SendsAfterTheEnd
 from scaraspec.controller.session import Request, Session
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.transfer import Chunk
 
 Try = Callable[..., Any]
 
@@ -130,6 +131,27 @@ class SixteenBits(Brain):
         super().handle(session, frame, now_s)
 
 
+class SignalsAndGoesOn(Brain):
+    """A download that was given up ends with a chunk of length 0, and goes on behind it."""
+
+    @cached_property
+    def given_up(self) -> set[int]:
+        """The connections whose last download was."""
+        return set()
+
+    def _elapse(self, now_s: float) -> None:
+        sending = [session for session in self.sessions.values() if session.transfer]
+        super()._elapse(now_s)
+        self.given_up.update(session.connection for session in sending if not session.transfer)
+
+    def download_chunk(self, request: Request) -> Silence:
+        """Send the next chunk behind the signal."""
+        if request.session.connection in self.given_up:
+            for length in (0, 200):
+                self._send_chunk(request.session, Chunk(650, 200, length, bytes(length)))
+        return super().download_chunk(request)
+
+
 @pytest.mark.parametrize(
     ("brain", "tries", "requirement"),
     [
@@ -140,6 +162,7 @@ class SixteenBits(Brain):
         (SixteenBits, "5.2/10", "5.2/10"),
         (OldTimeOut, "5.4/5", "5.4/5"),
         (OldTimeOut, "5.3/7", "5.3/7"),
+        (SignalsAndGoesOn, "5.3/7", "5.3/7"),
         (FindsWithoutExtension, "5.3/3", "5.3/3"),
         (GuardsTheBeginning, "5.4/5", "5.4/5"),
         (GuardsTheBeginning, "5.3/7", "5.3/7"),

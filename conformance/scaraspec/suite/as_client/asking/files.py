@@ -10,6 +10,7 @@ from typing import Final
 
 from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.judgement.tracking import refuses_an_answer
+from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk, chunks_of
 from scaraspec.suite.as_client.line import Line
@@ -260,6 +261,13 @@ def transfer_frames(line: Line, *, stray: bool = False) -> list[FrameSeen]:
         came = line.heard
     came = [seen for seen in came if seen.frame.opcode in _TRANSFER]
     return [seen for seen in came if not (stray and refuses_an_answer(seen.frame))]
+
+
+def gives_up(seen: FrameSeen | Answer) -> bool:
+    """Whether the controller says with it that its download has failed (L787; A-5-10)."""
+    if seen.frame.opcode != BY_NAME["download_chunk"].opcode:
+        return False
+    return not seen.frame.data or (isinstance(seen.value, Chunk) and not seen.value.length)
 
 
 def delete(line: Line, name: bytes) -> None:
