@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.asking.files import expect_stored, upload
+from scaraspec.suite.as_client.asking.files import NameRefused, expect_stored, upload
 from scaraspec.suite.as_client.asking.motion import quieten
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.malformed import Malformed, malformed, offer
@@ -83,6 +83,29 @@ def test_gone(subject: Subject, line: Line) -> None:
         upload(line, name, content)
     _delete(line, name)
     expect_stored(line, other, content, "4.11/3")
+    _goes_alone(subject, line)
+
+
+def _goes_alone(subject: Subject, line: Line) -> None:
+    """Fail the subject if it takes the name of what it deletes for a pattern or a beginning."""
+    try:
+        name = store_program(subject, line, subject.new_name(".a"))
+        others = [name.replace(b".", b"x", 1), name + b".rob"]
+        for other in others:
+            subject.created.append(other)
+            store_program(subject, line, other)
+    except NameRefused:
+        return
+    _delete(line, name)
+    left = program_names(subject, line)
+    for other in others:
+        expect(
+            other in left,
+            f"the deletion of {show(name)} took {show(other)} along",
+            expected="listed still",
+            observed="not in the list",
+            requirement="4.10/11",
+        )
 
 
 @case("4.11/3", name="run", hazards=(*_DESTRUCTIVE, Hazard.MOTION))

@@ -3,6 +3,7 @@
 Each is found by a case of a requirement that it violates.
 """
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -191,6 +192,39 @@ class ThirtyTwo(Brain):
         return super().is_program(name) and name in self.store.names()[:32]
 
 
+class DeletesByPattern(Brain):
+    """Any character stands for the dot in the name of what is to be deleted."""
+
+    def remove(self, name: bytes) -> bool:
+        """Delete what matches."""
+        for other in self.store.names():
+            if other != name and re.fullmatch(name, other):
+                super().remove(other)
+        return super().remove(name)
+
+
+class DeletesByBeginning(Brain):
+    """What begins with the name is deleted with it."""
+
+    def remove(self, name: bytes) -> bool:
+        """Delete it."""
+        for other in self.store.names():
+            if other != name and other.startswith(name):
+                super().remove(other)
+        return super().remove(name)
+
+
+class TakesZeroForNothing(Brain):
+    """A file that holds 0 alone is not there for who asks for it."""
+
+    def download_name(self, request: Request) -> bool:
+        """Refuse it."""
+        name = request.value
+        return (name not in self.store or self.store.read(name) != b"0") and (
+            super().download_name(request)
+        )
+
+
 @pytest.mark.parametrize(
     ("brain", "tries", "requirement"),
     [
@@ -210,6 +244,10 @@ class ThirtyTwo(Brain):
         (ThirtyTwo, "4.10/11", "4.10/11"),
         (HidesWhatRuns, "4.10/11", "4.10/11"),
         (OneByteTooMany, "4.10/9", "4.10/9"),
+        # What is deleted goes alone, and what is stored is there whatever it holds.
+        (DeletesByPattern, "4.11/3", "4.10/11"),
+        (DeletesByBeginning, "4.11/3", "4.10/11"),
+        (TakesZeroForNothing, "5.2/14", "5.2/14"),
         # Names that differ only at their end are those of different files.
         (SixteenNew, "4.10/4", "5.2/2"),
         # A program is listed as long as it is stored, also while it is the default one.
