@@ -307,8 +307,8 @@ class Bracket:
             subject.revive()
             self._ready = False
             subject.settle()
-        except Unmet:
-            self.give_up(f"the subject was dead before this case, since case {case.id}")
+        except Unmet as error:
+            self.give_up(f"the subject served nobody before this case, since {case.id}: {error}")
         except Undecided as error:
             self.give_up(f"before this case, since case {case.id}: {error}")
 

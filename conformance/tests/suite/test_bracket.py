@@ -101,6 +101,7 @@ def test_a_subject_that_a_case_kills(trial: Try) -> None:
     killer, after = only(results, "4.7/2"), only(results)
     assert (killer.verdict, killer.requirements) == (Verdict.FAIL, ("3/31",))
     assert (after.verdict, after.cause) == (Verdict.INCONCLUSIVE, Cause.DEPENDENCY)
+    assert after.message.endswith("since 4.7/2: login was not answered in 5 s")
     assert results.verdict is Conclusion.NONCONFORMANT
 
 
@@ -345,7 +346,20 @@ class KeepsFifteenBytes(Brain):
         return super().set_password(replace(request, value=PasswordChange(old, new[:15])))
 
 
-@pytest.mark.parametrize("brain", [KeepsSmallLetters, KeepsFifteenBytes])
+class ComparesWhatItKeeps(Brain):
+    """Of a new password it keeps eight bytes, which are all that it looks at in a login."""
+
+    def set_password(self, request: Request) -> bool:
+        """Cut it."""
+        old, new = request.value
+        return super().set_password(replace(request, value=PasswordChange(old, new[:8])))
+
+    def login(self, request: Request) -> bool:
+        """Cut what is said."""
+        return super().login(replace(request, value=request.value[:8]))
+
+
+@pytest.mark.parametrize("brain", [KeepsSmallLetters, KeepsFifteenBytes, ComparesWhatItKeeps])
 def test_nobody_is_locked_out(trial: Try, brain: type[Brain]) -> None:
     """What a faulty subject may have made of a password is tried, for it is put back."""
     text = """

@@ -155,19 +155,29 @@ def _as_kept_wrongly() -> list[bytes]:
 def restore_password(subject: Subject) -> None:
     """Set the password again that the tester named, if a case or the subject has left another.
 
+    What opens a login need not be the password: a faulty subject may look at its beginning alone.
+
     Raises:
         Unmet: The subject does not answer, or refuses to.
     """
     if Hazard.DESTRUCTIVE not in subject.allowed or not subject.access.needs_login:
         return
+    refused: Unmet | None = None
     for password in dict.fromkeys((subject.password, *OTHER_PASSWORDS, *_as_kept_wrongly())):
         line = subject.open(login=False)
-        if line.ask("login", password).accepted:
-            if password != subject.password:
+        opened = bool(line.ask("login", password).accepted)
+        if opened and password != subject.password:
+            try:
                 _set(line, "set_password", PasswordChange(password, subject.password))
-            line.close()
-            return
+            except NoAnswer:
+                raise
+            except Unmet as error:
+                refused, opened = error, False
         line.close()
+        if opened:
+            return
+    if refused is not None:
+        raise refused
 
 
 def _set(line: Line, name: str, value: Any = None, *, data: bytes | None = None) -> None:
