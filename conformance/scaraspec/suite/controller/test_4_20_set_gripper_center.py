@@ -92,6 +92,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
     """What is not three numbers is not answered 1, and changes nothing."""
     with kept(subject, line, "gripper centre"):
         _set(subject, line, _PLAIN)
+        _expect_shown(line, _PLAIN)
         for wrong in malformed("set_gripper_center", _OTHER, subject.dialect):
             offered = offer(subject, line, "set_gripper_center", wrong)
             line = offered.line

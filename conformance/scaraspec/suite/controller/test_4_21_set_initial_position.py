@@ -105,6 +105,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
     """What is not six numbers is not answered 1, and changes nothing."""
     with kept(subject, line, "gripper centre", "initial tool position"):
         near = _near(line)
+        _expect_shown(line, near, "0x37 does not give the initial position that was set")
         other = _at(Pose(*(value + _ASIDE for value in near)), 3)
         for wrong in malformed("set_initial_tool_position", other, subject.dialect):
             offered = offer(subject, line, "set_initial_tool_position", wrong)

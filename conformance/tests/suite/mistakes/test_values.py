@@ -382,3 +382,16 @@ class LivesLater(Brain):
 def test_no_timer_is_asked_for_what_it_cannot_hold(tried: Try) -> None:
     """Whether it would wait until then is undecided."""
     assert tried(LivesLater, "6.5/22")["6.5/22"].verdict is Verdict.INCONCLUSIVE
+
+
+class KeepsNoCenter(Brain):
+    """A gripper centre is taken, and is what it was."""
+
+    def set_gripper_center(self, _: Request) -> bool:
+        """Do nothing."""
+        return True
+
+
+def test_a_refusal_is_not_blamed_for_what_was_not_kept(tried: Try) -> None:
+    """Where a value is not what was set, no request behind it has changed it."""
+    assert "was refused" not in tried(KeepsNoCenter, "4.20/4")["4.20/4"].message
