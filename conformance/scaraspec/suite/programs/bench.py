@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.protocol.programs import Layout, Node, Program, Variable
+from scaraspec.protocol.programs import Layout, Node, Program, Variable, listing, parse
 from scaraspec.suite.as_client.asking.files import upload
 from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens, listens, quieten
 from scaraspec.suite.as_client.asking.ports import Bits, expect_outputs, outputs, outputs_kept
@@ -27,6 +27,8 @@ PROGRAMS: Final = (Hazard.STATE, Hazard.MOTION)
 """What a case with programs may do: it stores them and runs them."""
 
 _POLL_S: Final = 0.05
+_SETTINGS: Final = ("tool ", "port ")  # how lines of a listing begin that are about no step of it
+_MOST_LETTERS: Final = 1200
 _NS: Final = 1e9
 
 
@@ -45,7 +47,7 @@ class Bench:
     ) -> None:
         self.before = before
         self.started_s = self.replied_s = 0.0
-        self._stored = b""
+        self._stored = self._content = b""
         self.layout = layout
         self._subject, self._line, self._base = subject, line, base
 
@@ -62,6 +64,7 @@ class Bench:
 
         Nothing of the one before may be left; there may be room for few, too (A-5-21).
         """
+        self._content = content
         if not self._stored or not self._line.ask("delete_program", self._stored).accepted:
             self._stored = self._subject.new_name()
         upload(self._line, self._stored, content)
@@ -122,8 +125,9 @@ class Bench:
         Raises:
             Unmet: It is refused, fails, or does not end.
         """
-        self.start(nodes, variables)
-        return self.finish(lasts_s=lasts_s)
+        with self._told():
+            self.start(nodes, variables)
+            return self.finish(lasts_s=lasts_s)
 
     def performs(
         self,
@@ -147,7 +151,19 @@ class Bench:
         state.execute(block)
         self.run(nodes_of(block, initial), variables_of(variables), lasts_s=state.waited_s)
         message = "the outputs after a program are not those that its statements make"
-        expect_outputs(self._line, state.outputs, message)
+        with self._told():
+            expect_outputs(self._line, state.outputs, message)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Tell with what fails of which program it did: nobody sees it in its bytes."""
+        try:
+            yield
+        except Unmet as error:
+            lines = listing(parse(self._content)).splitlines()
+            told = (" ".join(line.split()) for line in lines if not line.startswith(_SETTINGS))
+            error.observed = f"{error.observed} of this program: {'; '.join(told)}"[:_MOST_LETTERS]
+            raise
 
     def ours_s(self, seconds: float) -> float:
         """How long so many seconds of the subject are for us."""

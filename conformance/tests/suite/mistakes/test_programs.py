@@ -503,3 +503,10 @@ def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: st
 def test_old_inputs_are_found(tried: Try) -> None:
     """So does one of what the inputs are while a program runs, where a hook can drive them."""
     assert "6.6a/14" in tried(OldInputs, "6.5/21", examples=1, handled=("set_input",)).failed
+
+
+def test_it_is_told_of_which_program_it_is(tried: Try) -> None:
+    """Who wrote the robot sees what it did wrong: the program stands with what was observed."""
+    failed = tried(NoElseIf, "6.5/24", examples=1)["6.5/24"]
+    assert "of this program: 1 if " in failed.observed
+    assert "; 2 set port " in failed.observed
