@@ -7,6 +7,7 @@ refuse, or has no value for, is met here too. No requirement is judged.
 import math
 import re
 from collections.abc import Sequence
+from decimal import Decimal
 from typing import Final
 
 from scaraspec.suite.as_controller.call import Call
@@ -33,6 +34,11 @@ def near(sent: float, ordered: float) -> bool:
     return math.isclose(sent, ordered, rel_tol=_SINGLE, abs_tol=_NEAR)
 
 
+def plain(number: float) -> str:
+    """A number without an exponent (T/5), in as many digits as it was meant to have."""
+    return f"{Decimal(f'{number:.15g}'):f}"
+
+
 def expect_numbers(answer: Answer, ordered: Sequence[float], *, requirement: str = "") -> None:
     """Fail the client unless a request carries these numbers, in this order.
 
@@ -43,7 +49,7 @@ def expect_numbers(answer: Answer, ordered: Sequence[float], *, requirement: str
     expect(
         sent is not None and len(sent) == len(ordered) and all(map(near, sent, ordered)),
         f"what {answer.seen.name} carries",
-        expected="|".join(f"{number:.15g}" for number in ordered),
+        expected="|".join(map(plain, ordered)),
         observed=told(answer.frame.data),
         requirement=requirement,
     )

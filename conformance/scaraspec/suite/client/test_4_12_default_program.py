@@ -58,6 +58,8 @@ def test_names(subject: Subject, line: Line) -> None:
     @example(b"a")
     @example(b"1.rob")
     @example(b"0.rob")
+    @example(b"007")  # a number for who reads it as one, and no is false
+    @example(b"no")
     @example(b"pick and place.rob")
     @given(names)
     def each(name: bytes) -> None:

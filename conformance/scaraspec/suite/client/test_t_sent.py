@@ -47,8 +47,9 @@ _LONG_BYTES: Final = (30, 31, 32, 33, 64, 100, 128, 255)
 _TIDIED: Final = (
     *(b" pro1.rob", b"pro1.rob ", b"  pro1  ", b".pro1.rob", b"pro1..rob", b"pro1.rob."),
     *(b"pro--1.rob", b"pro  1.rob", b"pro\t1.rob", b"pro%201.rob", b"pro$&${1}.rob"),
+    *(b"pro[1].rob", b"pro{1.rob", b"007", b"1.50", b"1e3", b"0x1F"),
 )
-"""Names that a program may tidy up, or fill in."""
+"""Names that a program may tidy up, fill in, or take for a pattern, a list or a number."""
 _CONTROL: Final = 0x20
 _PORTS: Final = 8
 

@@ -143,6 +143,12 @@ def tidies(altered: Callable[[str], str]) -> type[AsyncClient]:
         lambda name: name.replace("%20", " "),
         lambda name: name.replace("$&", "NAME"),
         lambda name: name.replace("${1}", ""),
+        lambda name: name.replace("[1]", "1"),
+        lambda name: f"{{{name}}}" if "{" in name else name,
+        lambda name: f"{int(name)}" if name.isdigit() else name,
+        lambda name: f"{float(name)}" if name == "1.50" else name,
+        lambda name: f"{float(name)}" if name == "1e3" else name,
+        lambda name: f"{int(name, 16)}" if name[:2] == "0x" else name,
     ],
 )
 def test_another_name_is_another_program(tried: Try, altered: Callable[[str], str]) -> None:

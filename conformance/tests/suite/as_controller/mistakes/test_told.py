@@ -105,6 +105,8 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
         ("upload_chunk", b"\x01", "upload_chunk", b"1", "5.2/19.odd-answers"),
         ("upload_name", b"10", "upload_name", b"1", "5.2/19.odd-answers"),
         ("get_default_program", b"1.rob", "get_default_program", b".rob", "T/9.default-program"),
+        ("get_default_program", b"007", "get_default_program", b"7", "T/9.default-program"),
+        ("get_default_program", b"no", "get_default_program", b"", "T/9.default-program"),
         (
             *("get_default_program", b"pick and place.rob", "get_default_program", b"pick"),
             "T/9.default-program",
