@@ -17,6 +17,8 @@ from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.frames import Found, Frame, Framer, Skipped, Why
 
 _KEPT_UNDECODABLE_BYTES: Final = 4096
+_SILENCE_NS: Final = 2_000_000_000
+"""For how long a frame may stop in its middle before another one behind it ends it (A-3-11)."""
 
 
 class Stream:
@@ -30,14 +32,36 @@ class Stream:
         self._run: Undecodable | None = None
         self._in_step = True
         self._ends_with_frame = False
+        self._silent_bytes = 0  # at which offset there was a long silence within a frame
+        self._claimed_bytes = 0  # up to which one a frame that was given up would have reached
 
     def feed(self, event: WireEvent) -> Iterator[FrameSeen | Undecodable]:
         """Take the next bytes."""
         if event.data:
+            if self._framer.held_bytes:
+                yield from self._resume(event)
             end_bytes = self._framer.offset_bytes + self._framer.held_bytes
             self._pieces.append((end_bytes, event.time_ns))
             at = self._framer.offset_bytes
             yield from self._tell(at, self._framer.feed(event.data), certain=self._in_step)
+
+    def _resume(self, event: WireEvent) -> Iterator[FrameSeen | Undecodable]:
+        """Wait no longer for the rest of a frame where after a long silence another one stands.
+
+        Who does wait may take what follows for that rest: up to there nothing is certain.
+        """
+        framer = self._framer
+        if event.time_ns - self._pieces[-1][1] >= _SILENCE_NS:
+            self._silent_bytes = framer.offset_bytes + framer.held_bytes
+        at, held_bytes = framer.offset_bytes, self._silent_bytes - framer.offset_bytes
+        if held_bytes > 0 and framer.stands_behind(held_bytes, event.data):
+            self._claimed_bytes = at + framer.announced_bytes(held_bytes)
+            wrong = [
+                item if isinstance(item, Frame) else item._replace(why=Why.BAD_END)
+                for item in framer.abandon(held_bytes)
+            ]
+            yield from self._tell(at, wrong, certain=False)
+            yield from self.flush()
 
     @property
     def held_bytes(self) -> int:
@@ -94,7 +118,8 @@ class Stream:
             if isinstance(item, Frame):
                 if self._run:
                     yield from self.flush()
-                yield FrameSeen(item, place, begun_ns, commands.read(item), certain)
+                sure = certain and end > self._claimed_bytes
+                yield FrameSeen(item, place, begun_ns, commands.read(item), sure)
             else:
                 yield from self._skip(item, place)
 

@@ -153,6 +153,21 @@ class Framer:
         """
         return self._give_up()
 
+    def stands_behind(self, held_bytes: int, data: bytes) -> bool:
+        """Whether a whole frame stands behind so many held bytes, once these data have come."""
+        found = Framer(self.direction, self._recovery).feed(self._held[held_bytes:] + data)
+        return bool(found) and isinstance(found[0], Frame)
+
+    def announced_bytes(self, held_bytes: int) -> int:
+        """How long the frame is that so many held bytes begin; as long as they are if unsaid."""
+        head = 4 if self._held[1:2] == bytes((TAG,)) and self._tag == TAG else 3
+        return head + self._held[head - 1] + 1 if held_bytes >= head else held_bytes
+
+    def abandon(self, held_bytes: int) -> list[Found]:
+        """Give up the frame that so many held bytes begin; what is behind them begins anew."""
+        self._held, rest = self._held[:held_bytes], self._held[held_bytes:]
+        return self._give_up() + self.feed(rest)
+
     def lose(self, length_bytes: int, foothold: Callable[[int, bool], bool]) -> list[Found]:
         """Account for bytes that passed unseen: finish, move on, and look for a new foothold."""
         found = self.finish()

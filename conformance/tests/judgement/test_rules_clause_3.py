@@ -39,6 +39,31 @@ LATE_CHUNK = """
     < get_status 00
 """
 
+HALF = """
+    login
+    > = AA 0D 0A 00 CC
+    +3
+    > list_programs
+    {answered}
+    > get_version
+    < get_version 1.0.0
+    +6
+    > get_status
+    < get_status 00
+    > get_status
+    < get_status 00
+"""
+LATE_REST = """
+    login
+    > = AA 30 05 61
+    +3
+    > = AA 2E 72 CC CC
+    < run_program 1
+    <90 run_program 11
+"""
+IN_TIME = HALF.format(answered="< list_programs 0|a.rob")
+IN_VAIN = HALF.format(answered="")
+
 LEFT = """
     login
     > run_program a
@@ -234,6 +259,14 @@ CASES = (
         "fail 3/6 3/7",
         f"login\n> = AA 30 2C {LONG_NAME} CC\n> get_status\n< get_status 00",
     ),
+    # What was announced does not come, and another request does: who answers that has waited 2 s.
+    ("3/7", "fail 3/6", IN_TIME),
+    ("3/26", "pass 3/6 3/7", IN_TIME),
+    ("3/31", "pass 3/32", "login\n> = AA\n+3\n> get_time\n< get_time 20260101000000"),
+    ("3/31", "pass", "login\n> = AA 09\n+3\n> = 00 CC\n< get_status 00"),
+    ("3/31", "pass", LATE_REST),
+    ("3/31", "pass 3/6 3/7", IN_TIME),
+    ("3/31", "inconclusive 3/6 3/7", IN_VAIN),  # who waits on takes it for the rest (A-3-11)
     ("3/31", "pass", QUERY),
     ("3/31", "pass", "login\n> get_time\n+6\n< get_time 20260101000000"),
     # Before the login silence is one way to refuse (A-4-4).
