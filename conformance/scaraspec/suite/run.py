@@ -199,13 +199,22 @@ class Run(Generic[P]):
             OSError: Its state cannot be written down.
         """
         try:
-            self._state = self.setting.begin(self._subject)
+            self._state = self._begun()
             self.setting.probe(self._subject)
         except (Unmet, Undecided) as error:
             self._subject.close_lines()
-            if isinstance(error, Unmet) and error.requirement and self.setting.role is Role.CLIENT:
-                self.bracket.outcomes.append(_wrong_from_the_start(error))
             self.bracket.give_up(f"the subject was not there to begin with: {error}")
+
+    def _begun(self) -> Mapping[str, Any]:
+        """What the subject is like; a client that is there, and wrong about that, has failed."""
+        try:
+            return self.setting.begin(self._subject)
+        except Unmet as error:
+            if not error.requirement or self.setting.role is not Role.CLIENT:
+                raise
+            self.bracket.outcomes.append(_wrong_from_the_start(error))
+            self._subject.close_lines()
+            return self.setting.begin(self._subject)
 
     def end(self) -> None:
         """Put everything back; what could not be is told, and stays written down."""
@@ -382,7 +391,7 @@ def _set_up(name: str, message: str) -> Outcome:
 
 
 def _wrong_from_the_start(error: Unmet) -> Outcome:
-    """A client that says of an idle robot that it is not: it is there, and no case can be tried."""
+    """A client that says of an idle robot that it is not, or nothing."""
     case = cases.Case("run.begin", (), frozenset({Hazard.READ_ONLY}))
     wrong = (error.requirement, Cause.SUBJECT, f"{error}", error.expected, error.observed)
     return Outcome(case, Verdict.FAIL, *wrong)

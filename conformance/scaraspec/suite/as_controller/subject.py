@@ -31,6 +31,7 @@ _SLICE_S: Final = 0.02  # for how long a connection may wait while others speak
 _CONCURRENT_S: Final = 2.0
 _DECLINED: Final = "declined"
 _TWICE: Final = 2
+_IDLE: Final = "00"
 _VAIN_S: Final = 1.0
 _AT_ONCE_S: Final = 4.0  # who waits for a reply in vain gives up after 5 s (A-3-15)
 
@@ -48,6 +49,7 @@ class Subject:
         tolerated: What the running case saw of listed readings: requirement, key, option, sentence.
         found: The readings that were found out, by key.
         known: What cases found out once for all of the run, by a name of their own.
+        idle: What it says of an idle robot; anything but 00 has failed, and stands for it since.
         polled: The requests that it has sent of its own accord.
         survival: No requirement of its own: see `party.Party`.
         off: Never: a client stays.
@@ -59,6 +61,7 @@ class Subject:
         self.tolerated: list[tuple[str, str, str, str]] = []
         self.found: dict[str, str] = {}
         self.known: dict[str, Any] = {}
+        self.idle: Any = None
         self.polled: set[Frame] = set()
         self.survival = ""
         self.off = False
@@ -390,6 +393,8 @@ class Subject:
         Raises:
             Unmet: It is something else.
         """
+        if expected == _IDLE and call.name == "get_status" and self.idle is not None:
+            expected = self.idle
         confirmed = self.confirmed(f"{call.name} gave {shown(expected)}", call)
         if confirmed is None:
             result = self.done(call, requirement=requirement)
@@ -512,7 +517,10 @@ class Subject:
         line = self.open(requirement="T/9")
         call = self.begin("get_status")
         line.serve(call, "00")
-        self.gives(call, "00", requirement="4.8/11")
+        try:
+            self.gives(call, _IDLE, requirement="4.8/11")
+        finally:
+            self.idle = call.result if self.idle is None and call.ok else self.idle
         self._hang_up()
         self.close_lines()
         for file in self.access.folder.iterdir():

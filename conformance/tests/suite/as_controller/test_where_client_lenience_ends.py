@@ -57,12 +57,19 @@ class WaitsForOneMore(ClientCore):
         return super().feed(data[:-1], now_s)
 
 
-@pytest.mark.parametrize("core", [MisreadsIdle, WaitsForOneMore])
-def test_who_is_wrong_from_the_start_fails(tried: Try, core: type[ClientCore]) -> None:
+def test_who_says_nothing_from_the_start_fails(tried: Try) -> None:
     """No case can be tried, and what was wrong is a failure all the same."""
-    verdicts = tried(core, "4.8/11")
+    verdicts = tried(WaitsForOneMore, "4.8/11")
     assert verdicts.pop("run.begin") is Verdict.FAIL
     assert set(verdicts.values()) == {Verdict.INCONCLUSIVE}
+
+
+def test_who_misreads_idle_fails_for_that_alone(tried: Try) -> None:
+    """It is there: every other case is tried, and none is failed for the same once more."""
+    verdicts = tried(MisreadsIdle, "4.8/11,2/5,5.4/6,4/9")
+    assert verdicts.pop("run.begin") is Verdict.FAIL
+    assert Verdict.FAIL not in verdicts.values()
+    assert Verdict.INCONCLUSIVE not in verdicts.values()
 
 
 @pytest.mark.parametrize(
