@@ -68,6 +68,22 @@ def expect_within(chunk: Chunk, size_bytes: int) -> None:
     expect(end <= size_bytes, message, expected=expected, observed=observed, requirement="5.1/6")
 
 
+def expect_position(chunk: Chunk, content: bytes) -> None:
+    """Hold a chunk's position against where the file holds what is in it.
+
+    Raises:
+        Unmet: It is another place, or there is none.
+    """
+    at = content.find(chunk.data) if chunk.data else -1
+    expect(
+        at >= 0 and content.startswith(chunk.data, chunk.position),  # a short one may recur
+        "position is not where the content belongs",
+        expected="a place in the file" if at < 0 else f"{at}",
+        observed=f"{chunk.position}" + ", of what is not in the file" * (at < 0),
+        requirement="5.1/4",
+    )
+
+
 def expect_content(chunk: Chunk, content: bytes) -> None:
     """Hold a chunk against what the file holds where the chunk says that it stands.
 

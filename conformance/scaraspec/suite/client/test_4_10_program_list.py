@@ -16,6 +16,8 @@ from scaraspec.suite.strategies import names
 _LATE_S: Final = 0.1
 _MANY: Final = 400
 _LONG_BYTES: Final = (29, 30, 31, 32, 64, 100, 253)
+_SCRIPTED: Final = ("part[1].rob", "{b}.rob", "$c;d.rob", "007", "1e3")
+"""Names that a script takes for commands, lists, variables and numbers."""
 _SEEMING: Final = ("0.rob", "1.rob", "11", "0", "10.rob", "00")
 """Names that look like flags."""
 
@@ -73,11 +75,12 @@ def test_many(subject: Subject, line: Line) -> None:
 
 @client_case("4.10/10", "T/9", name="order")
 def test_order(subject: Subject, line: Line) -> None:
-    """The names are in no order, differ in case, have blanks, look like flags, or hidden."""
+    """The names are in no order, differ in case, have blanks, are hidden, or look like others."""
     _lists(subject, line, [".hidden.rob", "~a.rob", "a.rob~", "..rob"], per_part=3)
     _lists(subject, line, ["pick and place.rob", "a  b.rob"], per_part=2)
     _lists(subject, line, ["z.rob", "a.rob", "m.rob", "A.rob", "Z.ROB", "z.txt"], per_part=2)
     _lists(subject, line, list(_SEEMING), per_part=2)
+    _lists(subject, line, list(_SCRIPTED), per_part=5)
 
 
 @client_case("4.10/10", name="no-bar")

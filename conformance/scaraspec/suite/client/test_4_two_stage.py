@@ -80,6 +80,10 @@ def test_stages(subject: Subject, line: Line) -> None:
         call = executing(subject, line, order)
         line.result(order.name)
         finished(subject, call)
+    call = executing(subject, line, RUN)
+    odd = line.result_frame(RUN.name, data=b"12")  # a code in place of a result is no success
+    line.send_bytes(odd.encode() + line.result_frame(RUN.name, "12").encode())
+    subject.fails(call, requirement="T/9")
 
 
 @client_case("4/9", name="untagged")

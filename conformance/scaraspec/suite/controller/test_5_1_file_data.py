@@ -19,7 +19,13 @@ from scaraspec.suite.as_client.asking.files import (
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.chunks import chunk_of, expect_content, expect_length, expect_within
+from scaraspec.suite.chunks import (
+    chunk_of,
+    expect_content,
+    expect_length,
+    expect_position,
+    expect_within,
+)
 from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import Unmet, expect, expect_equal
 
@@ -90,8 +96,7 @@ def test_file_size(subject: Subject, line: Line) -> None:
 def test_position(subject: Subject, line: Line) -> None:
     """Every chunk of a download stands at the byte offset that it tells."""
     for chunk in _chunks(subject, line):
-        expected = _WHOLE.find(chunk.data) if chunk.data else -1
-        expect_equal(chunk.position, expected, "position is not where the content belongs")
+        expect_position(chunk, _WHOLE)
 
 
 @case("5.1/5")

@@ -105,6 +105,16 @@ def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCor
         ("upload_chunk", b"\x01", "upload_chunk", b"1", "5.2/19.odd-answers"),
         ("upload_name", b"10", "upload_name", b"1", "5.2/19.odd-answers"),
         ("get_default_program", b"1.rob", "get_default_program", b".rob", "T/9.default-program"),
+        *(
+            ("list_programs", b"0|part[1].rob|{b}.rob|$c;d.rob|007|1e3", *read, "4.10/10.order")
+            for read in (
+                ("list_programs", b"0|part1.rob|{b}.rob|$c;d.rob|007|1e3"),
+                ("list_programs", b"0|part[1].rob|b.rob|$c;d.rob|007|1e3"),
+                ("list_programs", b"0|part[1].rob|{b}.rob|;d.rob|007|1e3"),
+                ("list_programs", b"0|part[1].rob|{b}.rob|$c;d.rob|7|1e3"),
+                ("list_programs", b"0|part[1].rob|{b}.rob|$c;d.rob|007|1000"),
+            )
+        ),
         ("get_default_program", b"007", "get_default_program", b"7", "T/9.default-program"),
         ("get_default_program", b"no", "get_default_program", b"", "T/9.default-program"),
         (
@@ -119,6 +129,20 @@ def test_what_is_told_is_what_was_sent(
     """Another reply, code, time or name, cut decimals, 16 bits, and nothing are told apart."""
     *what, case = misread
     assert tried(misreads(*what), case.rpartition(".")[0])[case] is Verdict.FAIL
+
+
+class TakesCodesForDone(ClientCore):
+    """A final result that begins with 1 is a success."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        opcode = BY_NAME["run_program"].opcode
+        code, done = (Frame(C2A, opcode, text, tagged=True).encode() for text in (b"12", b"11"))
+        return super().feed(data.replace(code, done), now_s)
+
+
+def test_a_code_in_place_of_a_result_is_no_success(tried: Try) -> None:
+    """Only 11 is: what begins like it is none."""
+    assert tried(TakesCodesForDone, "4/9")["4/9.stages"] is Verdict.FAIL
 
 
 @pytest.mark.parametrize("reply", [b"1\n", b"true"])
