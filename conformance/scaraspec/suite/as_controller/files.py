@@ -397,14 +397,17 @@ class Download:
         Raises:
             Unmet: It does not take it, or does not answer.
         """
-        try:
-            answer = self._line.request("download_chunk")
-        except NoAnswer as error:
+        which = f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes"
+        answer = reaction(self._subject, self._line, self.call, "download_chunk")
+        if answer is None:
+            error = self._line.no_answer(f"{which} was not answered")
             error.requirement = "5.3/5"
-            raise
+            if self.call.answer is not None:
+                error.observed = f"{error.observed}; {self.call}"
+            raise error
         expect(
             answer.accepted,
-            f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes was refused",
+            f"{which} was refused",
             expected="1",
             observed=f"{answer}",
             requirement=requirement,

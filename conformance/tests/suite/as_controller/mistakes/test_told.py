@@ -66,6 +66,28 @@ def test_what_is_wrong_costs_no_time_out() -> None:
         assert verdicts[case] is Verdict.FAIL
 
 
+class MissesChunks(ClientCore):
+    """What comes of a file is taken for the sign that nothing will."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        none = Frame(C2A, BY_NAME["download_chunk"].opcode).encode()
+        return super().feed(none if data[:2] == none[:2] else data, now_s)
+
+
+def test_who_says_that_it_is_over_is_not_waited_for() -> None:
+    """No answer to a chunk is due from a client that has given its download up, and said so."""
+    shell = type("Made", (AsyncClient,), {"core": MissesChunks})
+    with closing(MemoryClient(shell, DEFAULT)) as access:
+        options = Options(only=frozenset({"5.3/11"}), allowed=ALL, examples=3)
+        begun_s = access.now_s
+        results = Run(ClientSetting(access, Statement(), options)).results()
+        assert access.now_s - begun_s < 10
+    told = {case.id: case for case in results.cases}["5.3/11"]
+    assert told.verdict is Verdict.FAIL
+    assert "was not answered" in told.message
+    assert "error" in told.observed  # what it says
+
+
 def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCore]:
     """A client that takes one frame for another."""
     sent = Frame(C2A, BY_NAME[name].opcode, data).encode()
