@@ -221,6 +221,8 @@ class Bracket:
         self._raised = None
         self.announce(case)
         runtestprotocol(item, log=self._loud, nextitem=nextitem)
+        if _was_ended(self._raised):
+            raise KeyboardInterrupt
         outcome = self._outcome(case)
         frames = subject.observer.evidence
         if case.last:
@@ -311,6 +313,11 @@ class Bracket:
             self.give_up(f"the subject served nobody before this case, since {case.id}: {error}")
         except Undecided as error:
             self.give_up(f"before this case, since case {case.id}: {error}")
+
+
+def _was_ended(raised: BaseException | None) -> bool:
+    """Whether the tester ended the run: hypothesis tells that among the failures of a case."""
+    return isinstance(raised, BaseExceptionGroup) and bool(raised.subgroup(KeyboardInterrupt))
 
 
 def _innermost(raised: BaseException | None) -> BaseException | None:

@@ -328,6 +328,31 @@ def test_who_ends_a_run_while_it_puts_back_has_to_insist(
     assert stores[-1].settings.gripper_center == left
 
 
+_ENDED_WHILE_IT_DRAWS = """
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+@case('4.8/2', name='a')
+@example(1)
+@example(2)
+@given(st.integers(3, 4))
+def test_one(subject, line, number):
+    if number == 1:
+        raise Unmet('it is wrong', expected='', observed='')
+    raise KeyboardInterrupt
+
+@case('4.8/2', name='b')
+def test_two(subject, line):
+    line.ask('get_status')
+"""
+
+
+def test_who_ends_a_run_in_a_case_that_has_failed_already_ends_it(trial: Try) -> None:
+    """hypothesis tells the signal among the failures of all examples, where it was lost."""
+    assert "run.interrupted" in (found := {case.id for case in trial(_ENDED_WHILE_IT_DRAWS).cases})
+    assert "4.8/2.b" not in found
+
+
 class KeepsSmallLetters(Brain):
     """Of a new password it keeps small letters; what it is told it compares as it is."""
 
