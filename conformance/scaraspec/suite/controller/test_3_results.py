@@ -7,9 +7,10 @@ from typing import Any, Final
 
 import pytest
 
-from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.judgement.happenings import FrameSeen, Undecodable
 from scaraspec.protocol.commands import BY_NAME, MoveTarget
 from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import TAG
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import FinalResult
@@ -54,6 +55,7 @@ def test_one_tagged_result(subject: Subject, line: Line, name: str) -> None:
     try:
         performed = perform(subject, line, name)
     finally:
+        line.finish()  # another tag makes another length
         _expect_tagged(subject, name)
     first, result = performed.first, performed.result
     if result is None:
@@ -83,20 +85,29 @@ def test_no_second_result(subject: Subject, line: Line) -> None:
 
 def _expect_tagged(subject: Subject, name: str) -> None:
     """Look among what has just passed for a final result that came without its tag."""
+    opcode = BY_NAME[name].opcode
     for seen in subject.observer.recent:
-        if (
-            isinstance(seen, FrameSeen)
-            and seen.frame.direction is C2A
-            and seen.frame.opcode == BY_NAME[name].opcode
-            and not seen.frame.tagged
-            and FinalResult().decode(seen.frame.data).value is not None
-        ):
+        if seen.place.direction is C2A and _lacks_its_tag(seen, opcode):
             raise Unmet(
                 f"the final result of {name} came without the tag",
-                expected=f"{TAG:02X} {seen.frame.opcode:02X}",
-                observed=f"{seen.frame}",
+                expected=f"{TAG:02X} {opcode:02X}",
+                observed=f"{seen.frame}" if isinstance(seen, FrameSeen) else show(seen.data[:8]),
                 requirement="3/12",
             )
+
+
+def _lacks_its_tag(seen: FrameSeen | Undecodable, opcode: int) -> bool:
+    """Whether it is a final result without a tag, with another one, or with it elsewhere."""
+    if isinstance(seen, FrameSeen):
+        frame = seen.frame
+        return frame.opcode == opcode and not frame.tagged and _says_how_it_ended(frame.data)
+    head, data = seen.data[1:3], seen.data[4 : 4 + sum(seen.data[3:4])]
+    ends = seen.data[4 + len(data) : 5 + len(data)] == bytes((C2A.end,))
+    return opcode in head and ends and _says_how_it_ended(data)
+
+
+def _says_how_it_ended(data: bytes) -> bool:
+    return FinalResult().decode(data).value is not None
 
 
 def _no_result(line: Line, name: str, message: str, requirement: str) -> None:

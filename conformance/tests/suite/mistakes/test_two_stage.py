@@ -14,6 +14,7 @@ from scaraspec.controller import motion
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.controller.brain import Brain
+from scaraspec.controller.faults import faults
 from scaraspec.controller.robot import DONE, Task
 from scaraspec.controller.session import Action, Request, Session
 from scaraspec.judgement.verdicts import Verdict
@@ -337,3 +338,9 @@ def test_motors_that_are_told_for_others_are_found(tried: Try) -> None:
     hooks = ("motor_fault", "clear_faults")
     assert "8/4" in tried(ExchangesJoints, "8/2", handled=hooks).failed
     assert not tried(Brain, "8/2", handled=hooks).wrong
+
+
+@pytest.mark.parametrize("fault", ["another-tag", "tag-behind-the-opcode"])
+def test_a_result_is_known_by_what_it_says(tried: Try, fault: str) -> None:
+    """Where its tag is another, or stands elsewhere, its length is another, too."""
+    assert "3/12" in tried(faults()[fault].wrong, "3/12").failed
