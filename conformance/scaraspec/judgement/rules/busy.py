@@ -28,6 +28,8 @@ _SECOND_NS: Final = 1_000_000_000
 it the frames of two connections may be in another order than they were sent in."""
 _REPLY_NS: Final = 5_000_000_000
 """So long the answer to a request may be on its way (A-3-15)."""
+_MOMENT_NS: Final = 100_000_000
+"""For how long behind its end a status may be that of a command."""
 _SWAPPED_NS: Final = 50_000_000
 """By so much packets of two connections are swapped in a capture at most."""
 
@@ -182,19 +184,20 @@ def never_idle_while_executing(x: Exchange, _: Scene) -> Judged | None:
 def idle_after_success(x: Exchange, scene: Scene) -> Judged | None:
     """After a successful final result the status returns to 00 (L318).
 
-    On another connection the two may have been captured in another order, if it was at once; and
-    what another client asked for may have begun, its "1" being on the way.
+    At what moment is not said: not every robot changes both at once, and on another connection they
+    may have been captured in another order. What another client asked for may have begun, its "1"
+    being on the way.
     """
     ended = scene.memory.accepted[-1] if scene.memory.accepted else None
     if ended is None or not ended.result or not ended.outcome or not ended.outcome.done:
         return None
     since_ns = x.time_ns - ended.result.place.time_ns
-    here = ended.request.place.connection == x.request.place.connection
-    least_ns = 0 if here else _SWAPPED_NS
-    if scene.executing or x.unsettled or not least_ns < since_ns <= _SECOND_NS:
+    if scene.executing or x.unsettled or not 0 < since_ns <= _SECOND_NS:
         return None
     if x.answer == "00":
         return PASSED
+    if since_ns < _MOMENT_NS:
+        return None
     begun = any(scene.memory.awaits(name, x.time_ns - _REPLY_NS) for name in STATE_OF)
     if begun or x.answer not in BUSY:
         return None

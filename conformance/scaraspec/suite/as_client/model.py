@@ -23,6 +23,7 @@ from scaraspec.suite.as_client.asking.motion import (
     off_by,
     pose_of,
     quieten,
+    status_behind,
     stop,
     target,
 )
@@ -329,8 +330,9 @@ class Model:
         """The status and the program that is told are those of what executes."""
         if self._is_over(within_s=0):
             return
-        status, told = line.ask("get_status"), line.ask("get_running_program")
         command, name = self._running[:2] if self._running else ("", b"")
+        status = line.ask("get_status") if command else status_behind(line)
+        told = line.ask("get_running_program")
         due = STATES[command] if command else IDLE
         if status.value != due and self._is_over(within_s=SILENCE_S):
             return

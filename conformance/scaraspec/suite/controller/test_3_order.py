@@ -16,7 +16,7 @@ from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_client.asking.clock import shifted
 from scaraspec.suite.as_client.asking.files import CHUNK_S, expect_stored
-from scaraspec.suite.as_client.asking.motion import quieten, returning, stop
+from scaraspec.suite.as_client.asking.motion import quieten, returning, status_behind, stop
 from scaraspec.suite.as_client.asking.queries import Query, known_to, replies_to, some_queries
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.delivery import takes_one_at_a_time
@@ -171,7 +171,7 @@ def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
             locked = jog.accepted and _locked_between(line, jog, stopped)
             if stopped.accepted:
                 finish(subject, line, "emergency_stop")  # until then the arm may slow down
-            status = line.ask("get_status").value
+            status = status_behind(line).value
             quieten(subject, line)
             if jog.accepted:
                 break

@@ -5,7 +5,7 @@ from typing import Final
 
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.asking.motion import quieten
+from scaraspec.suite.as_client.asking.motion import quieten, status_behind
 from scaraspec.suite.as_client.asking.queries import known_to
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
@@ -29,7 +29,7 @@ _STEP_S: Final = 0.25
 
 
 def _expect_idle(line: Line, message: str) -> None:
-    answer = line.ask("get_status")
+    answer = status_behind(line)
     code = sound(answer)
     if code is None:
         message = "the status is no code of table 8-1"

@@ -17,6 +17,7 @@ from scaraspec.suite.as_client.asking.motion import (
     quieten,
     returning,
     same_place,
+    status_behind,
     target,
 )
 from scaraspec.suite.as_client.line import Line
@@ -151,7 +152,7 @@ def _expect_interrupted(line: Line, task: Task) -> None:
         observed=f"{own}",
         requirement="4.17/8",
     )
-    status = line.ask("get_status")
+    status = status_behind(line)
     expect(
         status.value not in BUSY,
         f"{task.name} goes on behind the stop",

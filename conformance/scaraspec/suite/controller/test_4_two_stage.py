@@ -352,6 +352,7 @@ def test_results_between_replies(subject: Subject, line: Line) -> None:
             requirement="3/18",
         )
         line.heard.clear()
+        line.wait(MOMENT_S)  # so long it may be the state of what has ended, and no longer
         status = line.ask("get_status")
         expect(
             status.value == IDLE,

@@ -105,6 +105,7 @@ FAULT = """
 """
 BEGUN_ELSEWHERE = f"""{RESET_BESIDE_ANOTHER}
     {{begun}}
+    +0.2
     > get_status
     < get_status 01
     {{then}}
@@ -181,7 +182,8 @@ CASES = (
         "login\n> lock_joints\n< lock_joints 1\n> get_status\n< get_status 00\n<90 lock_joints 11",
     ),
     ("4/7", "pass", DONE.format(result="11", pause="", status="00")),
-    ("4/7", "fail", DONE.format(result="11", pause="", status="03")),
+    ("4/7", "none", DONE.format(result="11", pause="", status="03")),  # a moment later, perhaps
+    ("4/7", "fail", DONE.format(result="11", pause="+0.2", status="03")),
     ("4/7", "none", DONE.format(result="11", pause="", status="12")),
     ("4/7", "none", DONE.format(result="00|12", pause="", status="03")),
     ("4/7", "none", DONE.format(result="11", pause="+2", status="01")),

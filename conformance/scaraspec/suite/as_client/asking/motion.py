@@ -13,7 +13,7 @@ from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
 from scaraspec.suite.as_client.asking.poses import numbers_of
 from scaraspec.suite.as_client.due import Due
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import DEAF, LATCHED, SILENCE_S, Subject
+from scaraspec.suite.as_client.subject import DEAF, LATCHED, MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.wire import Answer
 
@@ -282,6 +282,18 @@ def quieten(subject: Subject, line: Line) -> None:
     await_rest(subject, line)
     release_latch(subject, line)
     line.fence()
+
+
+def status_behind(line: Line) -> Answer:
+    """The status behind a final result, a moment later where it still tells of what has ended.
+
+    It returns to 00 (L318), at what moment is not said: not every robot changes both at once.
+    """
+    status = line.ask("get_status")
+    if status.value in BUSY:
+        line.wait(MOMENT_S)
+        status = line.ask("get_status")
+    return status
 
 
 def status_of(subject: Subject, line: Line) -> str | None:

@@ -4,7 +4,13 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.as_client.asking.motion import BUSY, SLOWEST_PERCENT, returning, target
+from scaraspec.suite.as_client.asking.motion import (
+    BUSY,
+    SLOWEST_PERCENT,
+    returning,
+    status_behind,
+    target,
+)
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import (
@@ -56,7 +62,7 @@ def perform(subject: Subject, line: Line, name: str) -> Performed:
 
 
 def _ended(subject: Subject, line: Line, name: str, first: Answer) -> Performed:
-    return Performed(first, finish(subject, line, name), line.ask("get_status"))
+    return Performed(first, finish(subject, line, name), status_behind(line))
 
 
 def _simply(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
