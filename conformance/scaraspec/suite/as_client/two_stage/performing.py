@@ -4,15 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.as_client.asking.motion import (
-    BUSY,
-    SLOWEST_PERCENT,
-    returning,
-    status_behind,
-    target,
-)
+from scaraspec.suite.as_client.asking.motion import BUSY, SLOWEST_PERCENT, returning, target
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.subject import MOMENT_S, Subject
 from scaraspec.suite.as_client.two_stage.tasks import (
     JOG,
     LOCK,
@@ -42,7 +36,7 @@ class Performed(NamedTuple):
     Attributes:
         first: The first reply.
         result: The final result; None where an emergency stop has ended it without one (A-4.17-4).
-        status: The status, asked for as soon as the result had come.
+        status: The status behind the result.
     """
 
     first: Answer
@@ -62,7 +56,14 @@ def perform(subject: Subject, line: Line, name: str) -> Performed:
 
 
 def _ended(subject: Subject, line: Line, name: str, first: Answer) -> Performed:
-    return Performed(first, finish(subject, line, name), status_behind(line))
+    return Performed(first, finish(subject, line, name), _status(subject, line))
+
+
+def _status(subject: Subject, line: Line) -> Answer:
+    """A moment later for who judges it: so long it may be that of what has ended."""
+    if subject.is_tried("4/7"):
+        line.wait(MOMENT_S)
+    return line.ask("get_status")
 
 
 def _simply(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
@@ -97,7 +98,7 @@ def _perform_release(subject: Subject, line: Line, name: str, _: Pose) -> Perfor
     with locked_again(subject, line):
         first, result = release(subject, line)
         if result is not None:
-            return Performed(first, result, line.ask("get_status"))
+            return Performed(first, result, _status(subject, line))
     return _ended(subject, line, name, first)
 
 
