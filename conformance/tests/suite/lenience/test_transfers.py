@@ -3,6 +3,7 @@
 No case of the suite may fail of them, nor may the judge that watches it.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +13,7 @@ from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
-from scaraspec.controller.session import Request, Session, Transfer
+from scaraspec.controller.session import Action, Carrier, Request, Session, Transfer
 from scaraspec.controller.store import Store
 from scaraspec.judgement.requirements import REQUIREMENTS
 from scaraspec.judgement.verdicts import Verdict
@@ -243,6 +244,35 @@ def test_a_transfer_may_outlive_its_connection(tried: Try) -> None:
     assert not cases.alarms
     assert cases["5.4/7.closed"].verdict is Verdict.TOLERATED
     assert "5.2/2" in tried(NeverEnds, *only).failed
+
+
+class Beats(Brain):
+    """Five times a second it tells its status, unasked (A-3-16)."""
+
+    _every_s = 0.2
+    _due_s = math.inf
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Begin."""
+        self._due_s = now_s + self._every_s
+        return super().open(connection, now_s, link)
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        if now_s >= self._due_s:
+            self._due_s = now_s + self._every_s
+            for session in self.sessions.values():
+                self.emit(session, Frame(C2A, 0x09, self.robot.status.encode()))
+
+    @property
+    def next_event_s(self) -> float | None:
+        """The next beat, too."""
+        return min(super().next_event_s or math.inf, self._due_s)
+
+
+def test_what_is_told_unasked_is_no_chunk(tried: Try) -> None:
+    """While the answer to a chunk is awaited no further chunk comes; other frames may (5.3/6)."""
+    assert not tried(Beats, "5.3/7", **_HASTE, examples=1).alarms
 
 
 class SaysThatItGivesUp(Brain):
