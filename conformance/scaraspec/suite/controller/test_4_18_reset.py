@@ -3,9 +3,9 @@
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.asking.motion import IDLE, quieten, returning, stop
+from scaraspec.suite.as_client.asking.motion import IDLE, quieten, returning, status_at_rest, stop
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import MOMENT_S, Subject
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.refusals import expect_busy, text_of
 from scaraspec.suite.as_client.two_stage.tasks import (
     RESET,
@@ -87,8 +87,7 @@ def test_end_of_a_reset(subject: Subject, line: Line) -> None:
     """A reset that has a way to go ends with "11", and the robot is idle and can be used."""
     with lasting(subject, line, RESET):
         done(subject, line, RESET)
-        line.wait(MOMENT_S)  # so long it may be the state of what has ended, and no longer
-        status = line.ask("get_status")
+        status = status_at_rest(line)
         expect(
             status.value == IDLE,
             f"the status is {status.value} behind a reset that has succeeded",

@@ -18,6 +18,7 @@ from scaraspec.suite.as_client.asking.motion import (
     quieten,
     returning,
     same_place,
+    status_at_rest,
     stop,
 )
 from scaraspec.suite.as_client.asking.queries import (
@@ -352,8 +353,7 @@ def test_results_between_replies(subject: Subject, line: Line) -> None:
             requirement="3/18",
         )
         line.heard.clear()
-        line.wait(MOMENT_S)  # so long it may be the state of what has ended, and no longer
-        status = line.ask("get_status")
+        status = status_at_rest(line)
         expect(
             status.value == IDLE,
             f"the status is {status.value} although {name} has ended with success",

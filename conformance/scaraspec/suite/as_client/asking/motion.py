@@ -296,6 +296,12 @@ def status_behind(line: Line) -> Answer:
     return status
 
 
+def status_at_rest(line: Line) -> Answer:
+    """The status a moment behind a final result: so long it may be that of what has ended."""
+    line.wait(MOMENT_S)
+    return line.ask("get_status")
+
+
 def status_of(subject: Subject, line: Line) -> str | None:
     """The status; None where a robot that executes answers nothing (A-4-3)."""
     deaf = subject.known.get(DEAF)

@@ -4,9 +4,15 @@ from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.as_client.asking.motion import BUSY, SLOWEST_PERCENT, returning, target
+from scaraspec.suite.as_client.asking.motion import (
+    BUSY,
+    SLOWEST_PERCENT,
+    returning,
+    status_at_rest,
+    target,
+)
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import MOMENT_S, Subject
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import (
     JOG,
     LOCK,
@@ -60,10 +66,8 @@ def _ended(subject: Subject, line: Line, name: str, first: Answer) -> Performed:
 
 
 def _status(subject: Subject, line: Line) -> Answer:
-    """A moment later for who judges it: so long it may be that of what has ended."""
-    if subject.is_tried("4/7"):
-        line.wait(MOMENT_S)
-    return line.ask("get_status")
+    """The status, which only the cases of 4/7 judge."""
+    return status_at_rest(line) if subject.is_tried("4/7") else line.ask("get_status")
 
 
 def _simply(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
