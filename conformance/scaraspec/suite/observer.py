@@ -22,7 +22,7 @@ from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.requirements import REQUIREMENTS, Binds
 from scaraspec.judgement.rules.rule import sender_of
 from scaraspec.judgement.verdicts import Finding
-from scaraspec.judgement.wire import Place, WireEvent
+from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
 from scaraspec.suite.statement import Statement
@@ -69,8 +69,8 @@ class Observer:
         self.sightings: list[Sighting] = []
         self.case = ""
         self.recent: deque[FrameSeen | Undecodable] = deque(maxlen=_RECENT_FRAMES)
-        self.unasked: deque[Place] = deque(maxlen=_RECENT_FRAMES)
-        """Where the last first replies are that answer nothing, not even late (A-3-16)."""
+        self.unasked: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
+        """The last first replies that answer nothing, not even late (A-3-16)."""
         self._role, self._beyond = role, statement.beyond_the_judge
         self._take, self._hear = take, hear
         self._overlooked = ""
@@ -89,6 +89,11 @@ class Observer:
     def frame(self, seen: FrameSeen | Undecodable) -> None:
         """A frame, or bytes that are none, passed: evidence of the running case."""
         self.recent.append(seen)
+
+    @property
+    def told_unasked(self) -> frozenset[int]:
+        """The opcodes of what the subject has told of itself lately (A-3-16)."""
+        return frozenset(seen.frame.opcode for seen in self.unasked)
 
     @property
     def evidence(self) -> tuple[FrameSeen | Undecodable, ...]:
@@ -119,7 +124,7 @@ class Observer:
             if not isinstance(item, Finding):
                 happening = item
                 if isinstance(item, Unasked) and not (item.late or item.seen.frame.tagged):
-                    self.unasked.append(item.seen.place)
+                    self.unasked.append(item.seen)
             elif item.requirement in (self._overlooked, *self._beyond) or happening is None:
                 continue
             elif blamed(item, happening) is self._role:

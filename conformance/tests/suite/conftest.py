@@ -70,7 +70,7 @@ def _tried(
     """
     robot = Robot(brain, spoken or claims.get("dialect", DEFAULT))
     hooks = {name: hook for name, hook in hooks_of(robot).items() if name in handled}
-    options = Options(only=frozenset(only), allowed=frozenset(allowed), examples=examples)
+    options = Options(frozenset(only), frozenset(allowed), undefined=True, examples=examples)
     return Tried(certified(robot, Statement(hooks=hooks, **claims), options))
 
 

@@ -115,7 +115,7 @@ class Line(Wire):
 
     def _drop_unasked(self, command: Command) -> None:
         """Drop what came of itself: it answers no later request (A-3-16), and may be outdated."""
-        if unasked := self._subject.observer.unasked:
+        if unasked := [seen.place for seen in self._subject.observer.unasked]:
             self.heard[:] = [
                 seen
                 for seen in self.heard
@@ -206,10 +206,14 @@ class Line(Wire):
                     message, expected="none", observed=f"{seen.frame}", requirement=requirement
                 )
 
+    def chunk_answer(self, *, accepted: bool) -> Frame:
+        """The answer to a chunk of a download."""
+        data = BY_NAME["download_chunk"].reply.encode(accepted, self._subject.dialect)
+        return Frame(A2C, BY_NAME["download_chunk"].opcode, data)
+
     def answer_chunk(self, *, accepted: bool) -> None:
         """Answer a chunk of a download."""
-        data = BY_NAME["download_chunk"].reply.encode(accepted, self._subject.dialect)
-        self.send_frame(Frame(A2C, BY_NAME["download_chunk"].opcode, data))
+        self.send_frame(self.chunk_answer(accepted=accepted))
 
     def apart(self) -> None:
         """Let what was sent arrive alone, where no reply says that it did.

@@ -19,12 +19,14 @@ class Call:
         values: What was ordered.
         answer: What the client said of it; None as long as it has said nothing.
         came: The request that it brings about has come, or the first of several.
+        begun_ns: When it was ordered.
     """
 
     def __init__(self, number: int, name: str, values: "Mapping[str, Any]") -> None:
         self.number, self.name, self.values = number, name, values
         self.answer: Mapping[str, Any] | None = None
         self.came = False
+        self.begun_ns = 0
 
     @property
     def unimplemented(self) -> bool:

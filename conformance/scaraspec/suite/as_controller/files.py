@@ -399,6 +399,8 @@ class Download:
         """
         which = f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes"
         answer = reaction(self._subject, self._line, self.call, "download_chunk")
+        if answer is None or not answer.accepted:
+            self._subject.has_been_in_time(self.call)
         if answer is None:
             error = self._line.no_answer(f"{which} was not answered")
             error.requirement = "5.3/5"

@@ -5,6 +5,7 @@ not known here. What the client asks of its own accord is answered while a case 
 """
 
 from contextlib import suppress
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 from scaraspec.judgement.happenings import FrameSeen
@@ -15,7 +16,8 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.polls import REPLIES, Polls
-from scaraspec.suite.expect import Declined, NoAnswer, NotRun, expect_equal
+from scaraspec.suite.expect import Declined, NoAnswer, NotRun, Undecided, expect_equal
+from scaraspec.suite.limits import limits_of
 from scaraspec.suite.wire import Answer, Wire
 
 if TYPE_CHECKING:
@@ -30,6 +32,8 @@ YES: Final = True
 
 _DONE: Final = "11"
 _MOMENT_S: Final = 0.005
+_NS: Final = 1e9
+_OF_FILES: Final = frozenset({"upload_name", "upload_chunk", "download_name", "download_chunk"})
 
 
 class Line(Wire):
@@ -44,6 +48,7 @@ class Line(Wire):
         self._subject = subject
         self._answering = False
         self._wanted: Callable[[FrameSeen], bool] = _nothing
+        self._sent_ns: list[int] = []
         super().__init__(name, link, subject, C2A, judged=judged)
 
     # ------------------------------------------------------------------ listening
@@ -120,7 +125,22 @@ class Line(Wire):
             self._answering = False
 
     def _sent(self, seen: FrameSeen) -> None:
+        self._sent_ns.append(seen.place.time_ns)
         self.polls.sent(seen)
+
+    def has_been_in_time(self, since_ns: int) -> None:
+        """Go on only where since then no silence of ours was as long as to end a transfer.
+
+        Raises:
+            Undecided: One was: this machine is too slow, or the client left it nothing to answer.
+        """
+        self.pump()
+        due = [self._subject.now_ns] if any(seen.name in _OF_FILES for seen in self.heard) else []
+        spoken_ns = [since_ns, *(time_ns for time_ns in self._sent_ns if time_ns > since_ns), *due]
+        silence_s = max((then - at for at, then in pairwise(spoken_ns)), default=0) / _NS
+        if silence_s > limits_of(self._subject).early_s:
+            slow = "this machine or the client is too slow"
+            raise Undecided(f"{slow}: nothing was sent to it for {silence_s:.3f} s")
 
     # ------------------------------------------------------------------ sending
 

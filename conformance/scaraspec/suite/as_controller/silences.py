@@ -16,26 +16,26 @@ _GRACE_S: Final = 0.5  # until a client that has given up says so
 
 
 def survived(
-    subject: Subject, line: Line, call: Call, requirement: str, go_on: Callable[[], None]
+    subject: Subject, call: Call, requirement: str, go_on: Callable[[], None], share: float = 1.0
 ) -> None:
-    """Keep silent for 25 s, and then go on.
+    """Keep silent for 25 s, or a share of them, and then go on.
 
     Args:
         subject: The client.
-        line: Its connection.
         call: The transfer.
         requirement: What it violates that has given up.
         go_on: Sends what has been missed so long, and sees that the client takes it.
+        share: How much of that silence; a short one shows a limit on a transfer as a whole.
 
     Raises:
         Unmet: The client has given up.
         Undecided: The silence was longer than it should be.
     """
     limits, silence = limits_of(subject), Silence(subject)
-    line.wait(limits.survived_s)
+    subject.pause(limits.survived_s * share)
     passed_s = silence.passed_s
     try:
-        message = f"a transfer did not survive {limits.survived_s:g} s of silence"
+        message = f"a transfer did not survive {limits.survived_s * share:g} s of silence"
         subject.undone(call, message)
         go_on()
     except Unmet as error:

@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.as_controller.line import Line
-from scaraspec.suite.as_controller.orders import ask, order, tells
+from scaraspec.suite.as_controller.orders import ask, tells
 from scaraspec.suite.as_controller.saying import same
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.expect import expect
 
 _NAME: Final = "get_motor_temperatures"
+_SETTING: Final = "set_default_program"
 _AS_PRINTED: Final = Frame(C2A, 0x0E, b"20|38|34|22")
 _SAID: Final = {"inner_arm": 20, "outer_arm": 38, "wrist": 34, "rotation": 22}
 _SHORT_S: Final = 0.1
@@ -94,12 +95,14 @@ def test_not_mistaken(subject: Subject, line: Line) -> None:
 
 @client_case("4.14/4", name="both")
 def test_both(subject: Subject, line: Line) -> None:
-    """Temperatures are asked for and the default program is set at once; both get their own."""
+    """Temperatures are asked for and the default program is set at once; both get their own.
+
+    Either comes first, and either is answered first.
+    """
     subject.concurrent(line)
-    for swapped in (False, True):
-        asking, _ = ask(subject, line, _NAME)
-        setting = order(subject, "set_default_program")
-        line.request("set_default_program", setting)
+    for names, swapped in product(((_NAME, _SETTING), (_SETTING, _NAME)), (False, True)):
+        calls = {name: ask(subject, line, name)[0] for name in names}
+        asking, setting = calls[_NAME], calls[_SETTING]
         frames = [_AS_PRINTED, Frame(C2A, 0x0E, b"1")]
         for frame in reversed(frames) if swapped else frames:
             line.send_frame(frame)

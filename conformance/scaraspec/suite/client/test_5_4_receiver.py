@@ -78,8 +78,8 @@ def test_late_and_missing_chunks(subject: Subject, line: Line) -> None:
     def second() -> None:
         download.give(_CHUNKS[1])
 
-    survived(subject, line, download.call, "5.4/5", first)
-    survived(subject, line, download.call, "5.4/5", second)
+    survived(subject, download.call, "5.4/5", first)
+    survived(subject, download.call, "5.4/5", second)
     given_up(subject, download.call, "5.4/5")
     _recovered(subject, line, download, 2)
 

@@ -521,6 +521,7 @@ def _large(subject: Subject, line: Line, size: int) -> None:
     begin(line, name)
     first, *others = chunks_of(content)
     if not line.ask("upload_chunk", first, within_s=CHUNK_S).accepted:
+        line.in_time()
         _expect_too_large(subject, again(subject, line), size)
         return
     for chunk in others:

@@ -241,16 +241,17 @@ def test_a_conforming_controller_of_another_kind_passes(
 
 @dataclass(frozen=True)
 class StallingAccess(MemoryAccess):
-    """A machine that does nothing for a while ahead of the third frame with an opcode."""
+    """A machine that does nothing for a while ahead of one of the frames with an opcode."""
 
     stalled: int = 0
+    which: int = 3
 
     def connect(self) -> Link:
         link, sent = super().connect(), itertools.count(1)
         send = link.send
 
         def stall(data: bytes) -> int:
-            if data[1] == self.stalled and next(sent) == 3:
+            if data[1] == self.stalled and next(sent) == self.which:
                 self.pause(31)
             return send(data)
 
@@ -259,12 +260,20 @@ class StallingAccess(MemoryAccess):
 
 
 @pytest.mark.parametrize(
-    ("stalled", "requirement"),
-    [(UPLOAD_CHUNK, "5.2/16"), (DOWNLOAD_CHUNK, "5.1/8"), (DOWNLOAD_CHUNK, "5.1/9")],
+    ("stalled", "which", "requirement"),
+    [
+        (UPLOAD_CHUNK, 3, "5.2/16"),
+        (UPLOAD_CHUNK, 7, "5.2/16"),  # the first of a large file, behind three small ones
+        (UPLOAD_CHUNK, 3, "5.4/4"),
+        (UPLOAD_CHUNK, 4, "5.4/8"),
+        (DOWNLOAD_CHUNK, 1, "4.7/4"),
+        (DOWNLOAD_CHUNK, 3, "5.1/8"),
+        (DOWNLOAD_CHUNK, 3, "5.1/9"),
+    ],
 )
-def test_a_slow_machine_fails_nobody(stalled: int, requirement: str) -> None:
+def test_a_slow_machine_fails_nobody(stalled: int, which: int, requirement: str) -> None:
     """A chunk that comes when the transfer is over is rightly refused, and none follows then."""
-    access = StallingAccess(Robot(Brain, DEFAULT).network, stalled=stalled)
+    access = StallingAccess(Robot(Brain, DEFAULT).network, stalled=stalled, which=which)
     options = Options(only=frozenset({requirement}), allowed=ALL)
     results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
     said = {case.message for case in results.cases if case.verdict is Verdict.INCONCLUSIVE}

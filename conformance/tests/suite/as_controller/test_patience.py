@@ -2,16 +2,23 @@
 
 from contextlib import closing
 
+import pytest
+
 from scaraspec.cli.prove.client import MemoryClient
+from scaraspec.client import AsyncClient
 from scaraspec.client.faults import faults
 from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.setting import ClientSetting
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
 ONLY = frozenset({"5.1/1", "5.1/2", "5.1/3", "5.1/4"})
+TRANSFERS = frozenset({"5.1/1", "5.1/4", "5.1/12", "5.2/5", "5.3/1", "5.3/5", "5.3/11"})
+LATE = (0x52, 0x56)  # the answer to a chunk, and a chunk
 
 
 def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> None:
@@ -24,3 +31,23 @@ def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> Non
     in_full = [message for message in said if "does not say in 10 s" in message]
     assert len(said) == len(ONLY)
     assert len(in_full) == 2
+
+
+def test_a_slow_machine_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who gives a transfer up because the suite was silent for too long cannot be judged."""
+    in_time = Line.send_frame
+
+    def late(line: Line, frame: Frame) -> None:
+        if frame.opcode in LATE:
+            line.wait(1.2)
+        in_time(line, frame)
+
+    monkeypatch.setattr(Line, "send_frame", late)
+    dialect = DEFAULT.replace(xfer_timeout="1")
+    with closing(MemoryClient(AsyncClient, dialect)) as access:
+        options = Options(only=TRANSFERS, allowed=ALL, examples=1)
+        results = Run(ClientSetting(access, Statement(dialect=dialect), options)).results()
+    undecided = [case for case in results.cases if case.verdict is Verdict.INCONCLUSIVE]
+    assert results.counts[Verdict.FAIL] == 0
+    assert len(undecided) > len(TRANSFERS)
+    assert all("this machine or the client is too slow" in case.message for case in undecided)

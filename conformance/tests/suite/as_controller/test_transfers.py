@@ -272,3 +272,24 @@ def test_one_thing_at_a_time() -> None:
 def test_verifies() -> None:
     """A client may fetch what it has just sent."""
     assert not _verdicts(MemoryClient(Verifies, DEFAULT), frozenset({"5.2/13", "5.2/18"}))
+
+
+class Tidies(AsyncClient):
+    """Deletes by itself what is left of an upload that failed, and waits for the answer."""
+
+    async def upload(self, local: Any, remote: Any = None, progress: Any = None) -> None:
+        try:
+            await super().upload(local, remote, progress)
+        except TransferFailed:
+            await self.delete_program(str(remote))
+            raise
+
+
+def test_what_it_waits_for_is_told() -> None:
+    """Deleting wants a user (A-5-12): nobody answers it, and the report says what was sent."""
+    dialect = DEFAULT.replace(xfer_timeout="1")
+    options = Options(only=frozenset({"5.2/4"}), allowed=ALL, examples=3)
+    with closing(MemoryClient(Tidies, dialect)) as access:
+        results = Run(ClientSetting(access, Statement(dialect=dialect), options)).results()
+    (failed,) = (case for case in results.cases if case.verdict is Verdict.FAIL)
+    assert failed.observed.startswith("silence; it has sent by itself delete_program")

@@ -329,3 +329,18 @@ def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned(tried:
     cases = tried(GoesSlowly, "4.35/2")
     assert not cases.wrong
     assert cases["4.35/2"].verdict is Verdict.TOLERATED
+
+
+class LeaksTheStatus(Brain):
+    """Who asks for the status has it told to every client."""
+
+    def get_status(self, request: Request) -> Any:
+        for session in self.sessions.values():
+            if session is not request.session:
+                self.emit(session, Frame(C2A, 0x09, self.robot.status.encode()))
+        return super().get_status(request)
+
+
+def test_a_status_that_another_client_asked_for_is_not_told_of_itself(tried: Try) -> None:
+    """It is held against a robot that has not told it before."""
+    assert "2/12" in tried(LeaksTheStatus, "2/12").failed

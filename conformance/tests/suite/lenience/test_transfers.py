@@ -246,10 +246,44 @@ def test_a_transfer_may_outlive_its_connection(tried: Try) -> None:
     assert "5.2/2" in tried(NeverEnds, *only).failed
 
 
-class Beats(Brain):
-    """Five times a second it tells its status, unasked (A-3-16)."""
+class Gathers(Brain):
+    """What it gathers is written 150 bytes at a time, into a file that it creates with its name;
+    what is not yet written of an upload that breaks off is lost (A-5-12)."""
 
-    _every_s = 0.2
+    def abandon(self, session: Session) -> None:
+        """Leave what is written."""
+        transfer = session.transfer
+        super().abandon(session)
+        if transfer is not None and isinstance(transfer.end, Receiver):
+            content = transfer.end.content
+            self._write(transfer.name, self.leave(content[: len(content) // 150 * 150]))
+
+    def leave(self, written: bytes) -> bytes:
+        """What becomes of it."""
+        return written
+
+
+class GathersNonsense(Gathers):
+    """What it has written is not what came."""
+
+    def leave(self, written: bytes) -> bytes:
+        """Spoil it."""
+        return written[1:]
+
+
+def test_a_beginning_of_a_broken_upload_may_stay(tried: Try) -> None:
+    """As much as was written, or the empty file, where such a one can be fetched, too."""
+    speaks = {"dialect": _HASTE["dialect"].replace(empty_file="chunk"), "claimed": {"xfer_timeout"}}
+    cases = tried(Gathers, "5.4/5", "5.4/7", **speaks)
+    assert not cases.alarms
+    assert cases["5.4/7.closed"].verdict is Verdict.TOLERATED
+    assert "5.4/7" in tried(GathersNonsense, "5.4/7", **speaks).failed
+
+
+class Beats(Brain):
+    """Ten times a second it tells its status, unasked (A-3-16)."""
+
+    _every_s = 0.1
     _due_s = math.inf
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
@@ -270,9 +304,9 @@ class Beats(Brain):
         return min(super().next_event_s or math.inf, self._due_s)
 
 
-def test_what_is_told_unasked_is_no_chunk(tried: Try) -> None:
-    """While the answer to a chunk is awaited no further chunk comes; other frames may (5.3/6)."""
-    assert not tried(Beats, "5.3/7", **_HASTE, examples=1).alarms
+def test_what_is_told_unasked_answers_nothing(tried: Try) -> None:
+    """It is no further chunk (5.3/6), nobody else's reply, nor one to an undefined opcode."""
+    assert not tried(Beats, "2/12", "3/21", "5.3/7", **_HASTE, examples=1).alarms
 
 
 class SaysThatItGivesUp(Brain):

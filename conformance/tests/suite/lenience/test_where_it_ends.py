@@ -9,11 +9,11 @@ import pytest
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import Silence
 from scaraspec.controller.brain import Brain
-from scaraspec.controller.session import Request, Session
+from scaraspec.controller.session import Action, Request, Session
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.transfer import Sender, State
+from scaraspec.protocol.transfer import Receiver, Sender, State
 
 Try = Callable[..., Any]
 
@@ -209,3 +209,50 @@ def test_a_fault_is_found(tried: Try, brain: type[Brain], requirement: str) -> N
 def test_a_refusal_of_a_name_is_not_taken_for_want_of_room(tried: Try, only: str) -> None:
     """When a file has gone there is room for the name that was refused (A-5-21)."""
     assert "5.2/2" in tried(Collides, only).failed
+
+
+class CarriesOver(Brain):
+    """What came of an upload that was refused stands before the next one of its connection."""
+
+    left: tuple[Session, bytes] | None = None
+    takes: Session | None = None
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        """Keep it, as a buffer that is not cleared."""
+        self.takes, transfer = request.session, request.session.transfer
+        taken = super().upload_chunk(request)
+        if transfer and isinstance(transfer.end, Receiver) and transfer.end.state is State.FAILED:
+            self.left = request.session, transfer.end.content
+        return taken
+
+    def _write(self, name: bytes, content: bytes) -> bool:
+        if self.left and self.left[0] is self.takes:
+            content, self.left = self.left[1] + content, None
+        return super()._write(name, content)
+
+
+def test_what_a_broken_upload_left_in_its_connection(tried: Try) -> None:
+    """The next upload is sent on the same connection too, if that takes one."""
+    assert "5.4/6" in tried(CarriesOver, "5.4/6").failed
+
+
+class AwaitsTheAnswerAlone(Brain):
+    """While it sends a file, what came together with something else is no answer to a chunk."""
+
+    alone = True
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """See whether it comes alone: five bytes, or less."""
+        self.alone = len(data) <= 5
+        return super().receive(connection, data, now_s)
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Pass over an answer that does not."""
+        if frame.opcode != 0x56 or self.alone:
+            super().handle(session, frame, now_s)
+
+
+def test_an_answer_to_a_chunk_that_does_not_come_alone(tried: Try) -> None:
+    """It comes in one segment with questions, and is taken all the same."""
+    assert "2/6" in tried(AwaitsTheAnswerAlone, "5.4/8").failed
+    assert not tried(Brain, "5.4/8").alarms

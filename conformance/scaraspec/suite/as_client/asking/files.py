@@ -68,8 +68,8 @@ def offer(
         return None
 
 
-def send(line: Line, chunk: Chunk, requirement: str = "5.2/6") -> None:
-    """Send a chunk that has to be taken.
+def send(line: Line, chunk: Chunk, requirement: str = "5.2/6", message: str = "") -> None:
+    """Send a chunk that has to be taken; the message says what is wrong where it is not.
 
     Raises:
         Unmet: It is not.
@@ -80,7 +80,8 @@ def send(line: Line, chunk: Chunk, requirement: str = "5.2/6") -> None:
         line.in_time()
     expect(
         answer.accepted,
-        f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes was refused",
+        message
+        or f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes was refused",
         expected="1",
         observed=f"{answer}",
         requirement=requirement,
@@ -309,7 +310,11 @@ def again(subject: Subject, line: Line) -> Line:
 
 
 def left_behind(line: Line, name: bytes) -> bytes | None:
-    """What is stored under a name, of which nothing may be; b"" also where no chunk comes."""
+    """What is stored under a name, of which nothing may be; b"" also where no chunk comes.
+
+    Raises:
+        Undecided: A chunk was answered so late that the transfer may have been over.
+    """
     if not line.ask("download_name", data=name).accepted:
         return None
     content = b""
@@ -317,6 +322,8 @@ def left_behind(line: Line, name: bytes) -> bytes | None:
         try:
             chunk = chunk_of(line.reply("download_chunk"))
         except NoAnswer:
+            if content:
+                line.in_time()
             break
         content += chunk.data
         line.answer_chunk(accepted=True)

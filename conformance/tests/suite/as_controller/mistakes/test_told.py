@@ -171,3 +171,22 @@ def test_a_code_in_place_of_a_result_is_no_success(tried: Try) -> None:
 def test_only_1_logs_in(tried: Try, reply: bytes) -> None:
     """Neither a pattern whose $ ends a line nor what a language takes for true is a yes."""
     assert tried(misreads("login", reply, "login", b"1"), "4.1/8")["4.1/8"] is Verdict.FAIL
+
+
+_UNDER_0E = ("get_motor_temperatures", "set_default_program")
+
+
+class GivesItToTheFirst(ClientCore):
+    """Whose reply is under 0x0E is told by who asked first, and not by its fields (A-4.14-1)."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        setting = BY_NAME["set_default_program"]
+        asked = [e.command.name for e in self._open if e.command.name in _UNDER_0E]
+        if frame.opcode == setting.opcode and asked[:1] == [setting.name]:
+            frame = frame._replace(data=frame.data[:1])
+        return super()._dispatch(frame, now_s)
+
+
+def test_who_asked_first_is_not_answered_first(tried: Try) -> None:
+    """Temperatures that come under 0x0E are none of a setting's, though that asked before."""
+    assert tried(GivesItToTheFirst, "4.14/4")["4.14/4.both"] is Verdict.FAIL

@@ -10,6 +10,8 @@ from scaraspec.client import ClientCore
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import Parsed
+from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Receiver, State
 
 Try = Callable[..., Mapping[str, Verdict]]
@@ -99,3 +101,26 @@ class CountsIn16Bits(ClientCore):
 def test_no_download_is_over_too_early(tried: Try) -> None:
     """A small sum does not end a large file."""
     assert tried(CountsIn16Bits, "5.3/11")["5.3/11.large"] is Verdict.FAIL
+
+
+class _LimitsAll(Upload):
+    """Is given up where its chunks together have taken the time that one answer may (L763)."""
+
+    begun_s: float | None = None
+
+    def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
+        begun_s = self.begun_s = now_s if self.begun_s is None else self.begun_s
+        if now_s - begun_s > (self._dialect.seconds("xfer_timeout") or 0):
+            self._give_up("it took too long")
+            return []
+        return super().take(parsed, data, now_s)
+
+
+class LimitsWholeUploads(ClientCore):
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        return _LimitsAll(name, content, self.dialect)
+
+
+def test_an_upload_may_last(tried: Try) -> None:
+    """The limit is one of each answer: that of all chunks together is none of the document."""
+    assert tried(LimitsWholeUploads, "5.2/9")["5.2/9"] is Verdict.FAIL
