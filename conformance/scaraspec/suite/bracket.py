@@ -147,6 +147,7 @@ class Bracket:
         """Run one case, or say why not."""
         if not is_case(item):
             return None
+        self._end_if_asked()
         case = case_of(item)
         self.subject.observer.begin(case.id)
         outcome = self._known(case)
@@ -221,8 +222,7 @@ class Bracket:
         self._raised = None
         self.announce(case)
         runtestprotocol(item, log=self._loud, nextitem=nextitem)
-        if _was_ended(self._raised):
-            raise KeyboardInterrupt
+        self._end_if_asked()
         outcome = self._outcome(case)
         frames = subject.observer.evidence
         if case.last:
@@ -231,6 +231,18 @@ class Bracket:
             outcome = self._afterwards(case, outcome)
         duration_s = (subject.now_ns - begun_ns) / _NS
         return replace(outcome, duration_s=duration_s, frames=outcome.frames or frames)
+
+    def _end_if_asked(self) -> None:
+        """End the run where nobody did, though it was asked for.
+
+        What a signal raises is lost where garbage is collected, and hypothesis tells it among what
+        else a case has raised.
+
+        Raises:
+            KeyboardInterrupt: The tester wants it to end.
+        """
+        if self.subject.observer.interruption.asked:
+            raise KeyboardInterrupt
 
     def _outcome(self, case: Case) -> Outcome:
         """The verdict of what the case raised."""
@@ -313,11 +325,6 @@ class Bracket:
             self.give_up(f"the subject served nobody before this case, since {case.id}: {error}")
         except Undecided as error:
             self.give_up(f"before this case, since case {case.id}: {error}")
-
-
-def _was_ended(raised: BaseException | None) -> bool:
-    """Whether the tester ended the run: hypothesis tells that among the failures of a case."""
-    return isinstance(raised, BaseExceptionGroup) and bool(raised.subgroup(KeyboardInterrupt))
 
 
 def _innermost(raised: BaseException | None) -> BaseException | None:

@@ -25,6 +25,7 @@ from scaraspec.judgement.verdicts import Finding
 from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
+from scaraspec.suite.interruption import Interruption
 from scaraspec.suite.statement import Statement
 
 _RECENT_FRAMES: Final = 40
@@ -54,6 +55,9 @@ class Observer:
         needs_login: False for a serial link (L83).
         take: Is given every wire event: a recording.
         hear: Is given what happened and what is wrong with it: statistics.
+
+    Attributes:
+        interruption: Ends the run; not within it, so that what passes is kept and judged, once.
     """
 
     def __init__(
@@ -65,6 +69,7 @@ class Observer:
         take: Take = lambda _: None,
         hear: Hear = lambda _: None,
     ) -> None:
+        self.interruption = Interruption()
         self.judge = Judge(statement.dialect, needs_login=needs_login)
         self.sightings: list[Sighting] = []
         self.case = ""

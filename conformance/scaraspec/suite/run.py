@@ -127,6 +127,7 @@ class Run(Generic[P]):
 
     Attributes:
         bracket: Runs the cases.
+        interruption: Ends it before its end.
     """
 
     def __init__(
@@ -147,6 +148,7 @@ class Run(Generic[P]):
             take=take,
             hear=self._stats.add,
         )
+        self.interruption = self._observer.interruption
         self._subject = setting.subject(self._observer)
         self.bracket = Bracket(self._subject, setting.role, setting.options, tell, loud=loud)
         self.bracket.before_last = self._put_back

@@ -21,6 +21,7 @@ from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.observer import Observer
 
 _SLICE_S: Final = 0.02  # how long one wire is listened to while others may have something to say
+_STEP_S: Final = 1.0  # how long whoever ends the run may have to wait for it
 _NS: Final = 1_000_000_000
 _FLOOD_BYTES: Final = 2**16
 _FLOOD_RATIO: Final = 64
@@ -127,12 +128,13 @@ class Wire:
             return
         self.pump()  # what has come so far came before this
         try:
-            time_ns = self._link.send(data)
+            with self._holder.observer.interruption:
+                time_ns = self._link.send(data)
+                self._due_bytes = _FLOOD_BYTES + _FLOOD_RATIO * len(data)
+                self._event(self._ours, Kind.BYTES, time_ns, data)
         except LinkError as error:
             self.pump()
             raise NoAnswer(f"the subject does not take what is sent: {error}") from None
-        self._due_bytes = _FLOOD_BYTES + _FLOOD_RATIO * len(data)
-        self._event(self._ours, Kind.BYTES, time_ns, data)
 
     def send_frame(self, frame: Frame) -> None:
         """Send one frame."""
@@ -194,8 +196,8 @@ class Wire:
             if self.over:
                 return False
             alone = self._holder.pump_others(self)
-            until_s = deadline_s if alone else min(deadline_s, self._link.now_s + _SLICE_S)
-            if self._receive(until_s):
+            slice_s = _STEP_S if alone else _SLICE_S
+            if self._receive(min(deadline_s, self._link.now_s + slice_s)):
                 return True
             if self._link.now_s >= deadline_s:
                 return False
@@ -219,21 +221,22 @@ class Wire:
         """Take one arrival; whether there was one."""
         if self.over:
             return False
-        try:
-            arrival = self._link.receive(deadline_s)
-        except LinkError:
-            arrival = Arrival(self._holder.now_ns, Ending.RESET)
-        if arrival is None:
-            return False
-        if isinstance(arrival.what, Ending):
-            self.ending = arrival.what
-            kind = Kind.RESET if arrival.what is Ending.RESET else Kind.CLOSED
-            self._take(self._theirs, self._streams[self._theirs].finish())
-            self._event(self._theirs, kind, arrival.time_ns)
-        else:
-            self._event(self._theirs, Kind.BYTES, arrival.time_ns, arrival.what)
-            self._check_flood(len(arrival.what))
-        return True
+        with self._holder.observer.interruption:
+            try:
+                arrival = self._link.receive(deadline_s)
+            except LinkError:
+                arrival = Arrival(self._holder.now_ns, Ending.RESET)
+            if arrival is None:
+                return False
+            if isinstance(arrival.what, Ending):
+                self.ending = arrival.what
+                kind = Kind.RESET if arrival.what is Ending.RESET else Kind.CLOSED
+                self._take(self._theirs, self._streams[self._theirs].finish())
+                self._event(self._theirs, kind, arrival.time_ns)
+            else:
+                self._event(self._theirs, Kind.BYTES, arrival.time_ns, arrival.what)
+                self._check_flood(len(arrival.what))
+            return True
 
     def _check_flood(self, size_bytes: int) -> None:
         self._due_bytes -= size_bytes
@@ -246,10 +249,11 @@ class Wire:
         offset_bytes = self._offsets_bytes[direction]
         event = WireEvent(time_ns, self.name, direction, kind, data, offset_bytes)
         self._offsets_bytes[direction] += len(data)
-        self._holder.observer.event(event, judged=self._judged)
-        if data:
-            self._take(direction.opposite, self._streams[direction.opposite].settle())
-            self._take(direction, self._streams[direction].feed(event))
+        with self._holder.observer.interruption:
+            self._holder.observer.event(event, judged=self._judged)
+            if data:
+                self._take(direction.opposite, self._streams[direction.opposite].settle())
+                self._take(direction, self._streams[direction].feed(event))
 
     def _take(self, direction: Direction, found: "Iterator[FrameSeen | Undecodable]") -> None:
         for item in found:

@@ -54,9 +54,8 @@ def test_bad_drivers(processes: Any, tmp_path: Path, name: str) -> None:
     file = tmp_path / "driver.py"
     file.write_text(body, encoding="utf-8")
     line = f"{shlex.quote(sys.executable)} {shlex.quote(str(file))}"
-    done = processes.run(
-        *("certify", "client", "--driver", line, "--only", "4.8", "--answer-timeout", "1")
-    )
+    limit = ("--answer-timeout", "1") if name == "hangs" else ()
+    done = processes.run("certify", "client", "--driver", line, "--only", "4.8", *limit)
     assert done.returncode in (1, 3), done.stdout + done.stderr
     assert says in done.stdout
     assert "Traceback" not in done.stderr

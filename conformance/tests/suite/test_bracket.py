@@ -339,7 +339,19 @@ from hypothesis import strategies as st
 def test_one(subject, line, number):
     if number == 1:
         raise Unmet('it is wrong', expected='', observed='')
-    raise KeyboardInterrupt
+    subject.observer.interruption.ask()
+
+@case('4.8/2', name='b')
+def test_two(subject, line):
+    line.ask('get_status')
+"""
+_ENDED_WHILE_GARBAGE_IS_COLLECTED = """
+from contextlib import suppress
+
+@case('4.8/2', name='a')
+def test_one(subject, line):
+    with suppress(KeyboardInterrupt):  # so does the interpreter
+        subject.observer.interruption.ask()
 
 @case('4.8/2', name='b')
 def test_two(subject, line):
@@ -347,9 +359,10 @@ def test_two(subject, line):
 """
 
 
-def test_who_ends_a_run_in_a_case_that_has_failed_already_ends_it(trial: Try) -> None:
-    """hypothesis tells the signal among the failures of all examples, where it was lost."""
-    assert "run.interrupted" in (found := {case.id for case in trial(_ENDED_WHILE_IT_DRAWS).cases})
+@pytest.mark.parametrize("text", [_ENDED_WHILE_IT_DRAWS, _ENDED_WHILE_GARBAGE_IS_COLLECTED])
+def test_who_ends_a_run_ends_it(trial: Try, text: str) -> None:
+    """Also where hypothesis tells the signal among the failures of a case, or nobody does."""
+    assert "run.interrupted" in (found := {case.id for case in trial(text).cases})
     assert "4.8/2.b" not in found
 
 

@@ -90,7 +90,6 @@ def command(  # noqa: PLR0913 - one for each option
         if dry_run:
             return
         given = again(driver=driver and shlex.quote(driver), listen=listen, ics=ics, seed=seed)
-        end_in_order()
         with (
             closing(_access(driver, listen, answer_timeout)) as access,
             Files(out, sittings=attended) as files,
@@ -106,6 +105,7 @@ def command(  # noqa: PLR0913 - one for each option
             )
             run = Run(setting, earlier=files.earlier, take=files.take, tell=display.tell)
             run.bracket.announce = display.announce
+            end_in_order(run.interruption)
             results = run.results()
             files.write(results)
     conclude(results, out)

@@ -97,7 +97,6 @@ def command(  # noqa: PLR0913 - one for each option
             return
         given = again(allow=allow, ics=ics, seed=seed, examples=examples)
         replay = f"scaraspec certify controller {where}{given}"
-        end_in_order()
         with (
             Files(out, needs_login=access.needs_login) as files,
             Display(Console(), len(cases)) as display,
@@ -112,6 +111,8 @@ def command(  # noqa: PLR0913 - one for each option
                 replay=replay,
                 state_file=files.state_file,
             )
-            results = Run(setting, take=files.take, tell=display.tell).results()
+            run = Run(setting, take=files.take, tell=display.tell)
+            end_in_order(run.interruption)
+            results = run.results()
             files.write(results)
     conclude(results, out)

@@ -24,6 +24,7 @@ from scaraspec.report.model import Results
 from scaraspec.report.visible import visible
 from scaraspec.suite.bracket import Outcome
 from scaraspec.suite.case import Case
+from scaraspec.suite.interruption import Interruption
 from scaraspec.suite.plan import Options, why_not
 from scaraspec.suite.statement import Statement
 from scaraspec_recorder.aside import Aside
@@ -120,7 +121,7 @@ _AT_ONCE_S: Final = 0.5
 """Two signals within this time are one: `timeout` signals a process, and then its whole group."""
 
 
-def end_in_order() -> None:
+def end_in_order(interruption: Interruption) -> None:
     """Let SIGTERM, as of a service manager or a CI, end a run as Ctrl-C does: all is put back.
 
     Another signal ends it at once.
@@ -130,7 +131,9 @@ def end_in_order() -> None:
     def end(number: int, frame: FrameType | None) -> None:
         nonlocal last_s
         before_s, last_s = last_s, time.monotonic()
-        if last_s - before_s > _AT_ONCE_S:
+        if not interruption.asked:
+            interruption.ask()
+        elif last_s - before_s > _AT_ONCE_S:
             signal.default_int_handler(number, frame)
 
     for number in (signal.SIGINT, signal.SIGTERM):
