@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from scaraspec.controller.brain import Brain
-from scaraspec.controller.session import Request
+from scaraspec.controller.session import Action, Carrier, Request
 from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import Network
 from scaraspec.protocol.readings import DEFAULT
@@ -42,6 +42,37 @@ def test_a_network_that_applies_after_a_restart_cannot_be_verified_without_one(t
 def test_a_network_that_applies_late_unclaimed_is_a_failure(tried: Try) -> None:
     """What is not claimed is judged by the default."""
     assert tried(AppliesLater, "4.4/4")["4.4/4"].verdict is Verdict.FAIL
+
+
+class Hurried(Brain):
+    """A simulator eight of whose seconds pass in one."""
+
+    SCALE = 8
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        return super().open(connection, now_s * self.SCALE, link)
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        return super().receive(connection, data, now_s * self.SCALE)
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        return super().close(connection, now_s * self.SCALE)
+
+    def advance(self, now_s: float) -> list[Action]:
+        return super().advance(now_s * self.SCALE)
+
+    @property
+    def next_event_s(self) -> float | None:
+        event_s = super().next_event_s
+        return None if event_s is None else event_s / self.SCALE
+
+
+def test_a_simulator_may_be_faster(tried: Try) -> None:
+    """Its seconds are shorter, also those that it waits for the rest of a frame."""
+    dialect = DEFAULT.replace(xfer_timeout=f"{30 / Hurried.SCALE:g}")
+    only = ["2/5", "2/12", "4.5/4", "4.6/2", "4.8/4", "4.9/2", "5.3/7", "6.5/20"]
+    cases = tried(Hurried, *only, dialect=dialect, spoken=DEFAULT, time_scale=Hurried.SCALE)
+    assert not cases.alarms
 
 
 @pytest.mark.parametrize(
