@@ -5,7 +5,6 @@ import contextlib
 import errno
 import logging
 import os
-import signal
 import socket
 import sys
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import click
 
+from scaraspec.cli.leaving import endings
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem, no_such_fault
 from scaraspec.controller.behaviour.settings import PASSWORD_MAX_BYTES
@@ -161,7 +161,7 @@ def _pass(connection: int, seen: Found) -> None:
 async def _serve(brain: Brain, options: _Options) -> None:
     server = Server(brain, options.time_scale)
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in endings():
         loop.add_signal_handler(number, server.stop)
     try:
         await _begin(server, options)
@@ -187,17 +187,11 @@ async def _begin(server: Server, options: _Options) -> None:
         except SerialPortError as error:
             raise Problem(f"{error}") from None
     if options.control:
-        Console(server, sys.stdin.fileno(), _answer)
+        Console(server, sys.stdin.fileno(), click.echo)
     where = join_host_port(host, port)
     if options.ready_file is not None:
         _announce(options.ready_file, where)
-    _answer(f"listening on tcp://{where}")
-
-
-def _answer(text: str) -> None:
-    """Print a line; that nobody reads it any more is no reason to stop serving."""
-    with contextlib.suppress(BrokenPipeError):
-        click.echo(text)
+    click.echo(f"listening on tcp://{where}")
 
 
 def _reason(error: OSError | UnicodeError) -> str:

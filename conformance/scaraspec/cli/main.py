@@ -9,6 +9,7 @@ import sys
 
 import click
 
+from scaraspec.cli.leaving import outliving_readers
 from scaraspec.cli.problems import Problem
 from scaraspec.report.visible import visible
 
@@ -63,8 +64,9 @@ def group() -> None:
 
 def main() -> None:
     """Run the command line; exit statuses are those of the README."""
-    try:
-        group(prog_name="scaraspec")
-    except Problem as problem:
-        click.echo(f"scaraspec: {visible(str(problem))}", err=True)
-        sys.exit(problem.exit_status)
+    with outliving_readers():
+        try:
+            group(prog_name="scaraspec")
+        except Problem as problem:
+            click.echo(f"scaraspec: {visible(str(problem))}", err=True)
+            sys.exit(problem.exit_status)

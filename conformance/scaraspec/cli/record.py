@@ -16,6 +16,7 @@ import click
 from rich.console import Console
 
 from scaraspec.cli.grouped import GroupedCommand
+from scaraspec.cli.leaving import endings
 from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.viewer import has_viewer, open_viewer
 from scaraspec.judgement.verdicts import ExitStatus
@@ -247,7 +248,7 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
 
     asked: list[Recording] = []
     with contextlib.suppress(NotImplementedError, AttributeError):  # not on every system
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in endings():
             loop.add_signal_handler(number, end)
         loop.add_signal_handler(signal.SIGUSR1, _ask, asked)
     showing = loop.create_task(_show(watches, stopped))

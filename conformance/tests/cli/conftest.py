@@ -109,9 +109,13 @@ def address_in(process: subprocess.Popen[str]) -> tuple[str, int]:
 
 @pytest.fixture(autouse=True, scope="session")
 def _interruptible() -> None:
-    """Tests that a shell runs in the background ignore SIGINT, and so would all that they start."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Who runs tests in the background may have them ignore signals, and all that they start."""
+    for number, usual in (
+        (signal.SIGINT, signal.default_int_handler),
+        (signal.SIGHUP, signal.SIG_DFL),
+    ):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, usual)
 
 
 @pytest.fixture

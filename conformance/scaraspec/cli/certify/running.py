@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
+from scaraspec.cli.leaving import endings
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import has_viewer
 from scaraspec.judgement.verdicts import Cause, Verdict
@@ -122,9 +123,9 @@ _AT_ONCE_S: Final = 0.5
 
 
 def end_in_order(interruption: Interruption) -> None:
-    """Let SIGTERM, as of a service manager or a CI, end a run as Ctrl-C does: all is put back.
+    """Let SIGTERM, as of a CI, and a lost terminal end a run as Ctrl-C does: all is put back.
 
-    Another signal ends it at once.
+    Another signal ends it at once, unless it is that of the terminal, which may come twice.
     """
     last_s = -math.inf
 
@@ -133,10 +134,10 @@ def end_in_order(interruption: Interruption) -> None:
         before_s, last_s = last_s, time.monotonic()
         if not interruption.asked:
             interruption.ask()
-        elif last_s - before_s > _AT_ONCE_S:
+        elif last_s - before_s > _AT_ONCE_S and number in (signal.SIGINT, signal.SIGTERM):
             signal.default_int_handler(number, frame)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in endings():
         signal.signal(number, end)
 
 

@@ -151,7 +151,10 @@ class Attended:
             KeyboardInterrupt: There will be none.
         """
         while b"\n" not in self._held:
-            data = os.read(self._input_fd, _READ_BYTES)
+            try:
+                data = os.read(self._input_fd, _READ_BYTES)
+            except OSError:  # his terminal is lost
+                data = b""
             if not data:
                 raise KeyboardInterrupt
             self._held += data

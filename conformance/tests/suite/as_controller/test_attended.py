@@ -1,6 +1,7 @@
 """What an operator types becomes what the client says, and nothing else does."""
 
 import os
+import pty
 from collections.abc import Callable, Iterator
 from contextlib import closing
 
@@ -69,3 +70,13 @@ def test_leaving(sitting: Sitting, typed: str, raised: type[BaseException]) -> N
     types(typed)
     with pytest.raises(raised):
         attended.pump()
+
+
+def test_an_operator_whose_terminal_is_lost_has_left() -> None:
+    """Nothing can be read from it."""
+    near, far = pty.openpty()
+    with closing(Attended("127.0.0.1", 0, str, input_fd=far)) as attended:
+        os.close(near)
+        with pytest.raises(KeyboardInterrupt):
+            attended.pump()
+    os.close(far)

@@ -1,0 +1,90 @@
+"""Leaving: whoever reads what a command tells may leave, and his terminal with him.
+
+What the command does, and what its exit status says, are the same whether anybody hears of it; only
+where what it tells should be kept, and cannot be, it does not end as if all were well.
+"""
+
+import errno
+import io
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, BinaryIO, Final, cast
+
+import click
+
+from scaraspec.judgement.verdicts import ExitStatus
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+_LEFT: Final = frozenset({errno.EPIPE, errno.EIO})
+"""Of a pipe whose reader has left, and of a terminal that is closed."""
+
+
+def endings() -> tuple[signal.Signals, ...]:
+    """The signals that ask a command to end: of a user, of a service manager, of a lost terminal.
+
+    Whoever started the command may have the last one ignored, as nohup does: it stays so.
+    """
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    with suppress(AttributeError):  # not on every system
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+            numbers.append(signal.SIGHUP)
+    return tuple(numbers)
+
+
+@contextmanager
+def outliving_readers() -> Iterator[None]:
+    """Let a command go on that can tell nothing any more.
+
+    Raises:
+        SystemExit: It has ended; with 3 where all is well but for what a full disk did not take.
+    """
+    files = [_replace(name) for name in ("stdout", "stderr")]
+    try:
+        yield
+    except SystemExit as ended:
+        sys.stdout.flush()
+        why = next((file.why for file in files if file and file.why), "")
+        if why and not ended.code:
+            click.echo(f"scaraspec: what it tells cannot be written: {why}", err=True)
+            raise SystemExit(ExitStatus.INCONCLUSIVE) from None
+        raise
+
+
+def _replace(name: str) -> "_Lenient | None":
+    """Put a lenient file below a standard stream; none where that is not the process's own."""
+    stream = getattr(sys, name)
+    if stream is None or stream is not getattr(sys, f"__{name}__"):
+        return None
+    file = _Lenient(stream.fileno(), "w", closefd=False)
+    told = io.TextIOWrapper(
+        cast("BinaryIO", file) if stream.write_through else io.BufferedWriter(file),
+        stream.encoding,
+        stream.errors,
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )
+    setattr(sys, name, told)
+    return file
+
+
+class _Lenient(io.FileIO):
+    """Drops what cannot be written.
+
+    Attributes:
+        why: Why that was, unless nobody reads it any more.
+    """
+
+    why = ""
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        """Write it, or drop it."""
+        try:
+            return super().write(data)
+        except OSError as error:
+            if error.errno not in _LEFT:
+                self.why = error.strerror or f"{error}"
+            return memoryview(data).nbytes

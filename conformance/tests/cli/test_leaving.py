@@ -1,0 +1,112 @@
+"""Whoever reads what a command tells leaves, and his terminal with him: nothing else is lost."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.client import Client
+from scaraspec.report.model import Results
+
+SCARASPEC = [sys.executable, "-m", "scaraspec"]
+LIMIT_S = 60
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_leaves(
+    processes: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unbuffered: str
+) -> None:
+    """As `| head` does: the report is written, and the exit status is that of the results."""
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
+    host, port = processes.controller("--fault", "status-of-one-digit")
+    words = ("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
+    assert _unread(*words, "--out", str(tmp_path / "out")) == 1
+    assert Results.read(tmp_path / "out" / "results.json").verdict.value == "nonconformant"
+
+
+def test_a_short_answer_is_no_failure() -> None:
+    """A status of 1 would say nonconformant."""
+    assert _unread("requirements") == 0
+
+
+def _unread(*words: str) -> int:
+    """The exit status of a command of which nobody reads a word."""
+    with subprocess.Popen([*SCARASPEC, *words], stdout=subprocess.PIPE) as run:
+        assert run.stdout
+        run.stdout.close()
+        return run.wait(LIMIT_S)
+
+
+@pytest.mark.parametrize(("words", "status"), [("requirements", 3), ("frame zz", 2)])
+def test_a_disk_that_is_full(words: str, status: int) -> None:
+    """What is to be kept and cannot be is no success, and any other status stays."""
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*SCARASPEC, *words.split()],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=LIMIT_S,
+            check=False,
+        )
+    assert done.returncode == status
+    assert done.stderr.count("\n") == 1
+    assert "Traceback" not in done.stderr
+
+
+def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:
+    """As that of a remote shell is: what the suite has stored is taken away, and all is told."""
+    host, port = processes.controller()
+    url, out = f"tcp://{host}:{port}", tmp_path / "out"
+    near, far = pty.openpty()
+    with Client(url, password="password") as robot:
+        before = robot.list_programs()
+        words = ("certify", "controller", url, "--allow", "state,motion", "--only", "5")
+        run = subprocess.Popen(
+            [*SCARASPEC, *words, "--out", str(out)], stdin=far, stdout=far, stderr=far
+        )
+        os.close(far)
+        try:
+            while robot.list_programs() == before:
+                assert run.poll() is None
+            os.close(near)
+            run.send_signal(signal.SIGHUP)
+            assert run.wait(LIMIT_S) == 3
+        finally:
+            run.kill()
+            run.wait()
+        assert robot.list_programs() == before
+    assert not (out / "state.json").exists()
+    assert "run.interrupted" in {case.id for case in Results.read(out / "results.json").cases}
+
+
+def test_a_recording_whose_terminal_is_lost(processes: Any, tmp_path: Path) -> None:
+    """It ends in order."""
+    host, port = processes.controller()
+    recorder = processes.start(
+        "record", f"tcp://{host}:{port}", "--listen", "127.0.0.1:0", "--out", str(tmp_path)
+    )
+    recorder.stdout.readline()
+    recorder.send_signal(signal.SIGHUP)
+    told, _ = recorder.communicate(timeout=LIMIT_S)
+    assert recorder.returncode == 0, told
+    assert (tmp_path / "capture.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
+
+
+def test_whoever_has_a_lost_terminal_ignored_is_obeyed() -> None:
+    """As nohup has."""
+    words = [*SCARASPEC, "controller", "--listen", "127.0.0.1:0"]
+    ignoring = ["sh", "-c", 'trap "" HUP; exec "$@"', "sh", *words]
+    with subprocess.Popen(ignoring, stdout=subprocess.PIPE, text=True) as serving:
+        assert serving.stdout
+        url = serving.stdout.readline().split()[-1]
+        serving.send_signal(signal.SIGHUP)
+        with Client(url, password="password") as robot:
+            assert robot.get_status()
+        serving.terminate()
+        assert serving.wait(LIMIT_S) == 0
