@@ -26,6 +26,7 @@ from scaraspec.suite.wire import Wire
 
 _NS: Final = 1e9
 _SENTENCE: Final = 500
+_ATTEMPTS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +75,7 @@ class Bracket:
         over: The ids of cases that are over since an earlier sitting.
         before_last: Called ahead of the first case behind which the subject may be gone.
         before_motion: Called ahead of the first case that may move it, also behind a new start.
+        stood_still_s: For how long nothing happened on this machine since it was asked last.
     """
 
     def __init__(
@@ -96,6 +98,7 @@ class Bracket:
         self.over: frozenset[str] = frozenset()
         self.before_last: Callable[[], None] = lambda: None
         self.before_motion: Callable[[], None] = lambda: None
+        self.stood_still_s: Callable[[], float] = lambda: 0.0
         self._dead = self._unmoved = ""
         self._drawing = Drawing(options.examples)
         self._at_last = self._ready = False
@@ -149,7 +152,6 @@ class Bracket:
             return None
         self._end_if_asked()
         case = case_of(item)
-        self.subject.observer.begin(case.id)
         outcome = self._known(case)
         if outcome is None:
             outcome = self._run(case, item, nextitem)
@@ -210,6 +212,27 @@ class Bracket:
         return None
 
     def _run(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
+        """Try a case, and once more where it went wrong while this machine stood still."""
+        self.announce(case)
+        for _ in range(1 if case.last else _ATTEMPTS):
+            self.subject.observer.begin(case.id)
+            self.stood_still_s()
+            outcome = self._attempt(case, item, nextitem)
+            still_s = self.stood_still_s()
+            if not still_s or outcome.verdict not in (Verdict.FAIL, Verdict.INCONCLUSIVE):
+                return outcome
+            if self._dead:
+                break
+        message = f"this machine stood still for {still_s:.1f} s: {outcome.message}"
+        return replace(
+            outcome,
+            verdict=Verdict.INCONCLUSIVE,
+            requirement="",
+            cause=Cause.SET_UP,
+            message=message,
+        )
+
+    def _attempt(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
         subject = self.subject
         if case.last and not self._at_last:
             self._at_last = True
@@ -220,7 +243,6 @@ class Bracket:
         begun_ns = subject.now_ns
         subject.tolerated.clear()
         self._raised = None
-        self.announce(case)
         runtestprotocol(item, log=self._loud, nextitem=nextitem)
         self._end_if_asked()
         outcome = self._outcome(case)

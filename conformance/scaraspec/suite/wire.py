@@ -163,7 +163,7 @@ class Wire:
                 if wanted(seen):
                     self.heard.remove(seen)
                     return Answer(seen, seen.value)
-            if not self._more(deadline_s) or self._link.now_s > deadline_s:
+            if self._link.now_s > deadline_s or not self._more(deadline_s):
                 when = "" if self.ending else f" in {within_s:g} s"
                 raise self.no_answer(f"{message}{when}")
 
@@ -200,7 +200,7 @@ class Wire:
             if self._receive(min(deadline_s, self._link.now_s + slice_s)):
                 return True
             if self._link.now_s >= deadline_s:
-                return False
+                return self._receive(deadline_s)  # it may have come while this machine stood still
 
     @property
     def mid_frame(self) -> bool:

@@ -29,6 +29,7 @@ from scaraspec.suite.as_controller.access import DriverAccess
 from scaraspec.suite.as_controller.attended import HELP, Attended
 from scaraspec.suite.as_controller.setting import ClientSetting
 from scaraspec.suite.plan import Options
+from scaraspec.suite.pulse import Pulse
 from scaraspec.suite.run import Run, collect
 
 _GROUPS = {
@@ -94,6 +95,7 @@ def command(  # noqa: PLR0913 - one for each option
             closing(_access(driver, listen, answer_timeout)) as access,
             Files(out, sittings=attended) as files,
             Display(Console(), len(cases), ticks=attended) as display,
+            Pulse() as pulse,
         ):
             setting = ClientSetting(
                 access,
@@ -105,6 +107,7 @@ def command(  # noqa: PLR0913 - one for each option
             )
             run = Run(setting, earlier=files.earlier, take=files.take, tell=display.tell)
             run.bracket.announce = display.announce
+            run.bracket.stood_still_s = pulse.stood_still_s
             end_in_order(run.interruption)
             results = run.results()
             files.write(results)

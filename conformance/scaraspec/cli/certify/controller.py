@@ -23,6 +23,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.suite.as_client.access import UrlAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.plan import Options, hazards
+from scaraspec.suite.pulse import Pulse
 from scaraspec.suite.run import Run, collect
 
 _GROUPS = {
@@ -100,6 +101,7 @@ def command(  # noqa: PLR0913 - one for each option
         with (
             Files(out, needs_login=access.needs_login) as files,
             Display(Console(), len(cases)) as display,
+            Pulse() as pulse,
         ):
             setting = ControllerSetting(
                 access,
@@ -112,6 +114,7 @@ def command(  # noqa: PLR0913 - one for each option
                 state_file=files.state_file,
             )
             run = Run(setting, take=files.take, tell=display.tell)
+            run.bracket.stood_still_s = pulse.stood_still_s
             end_in_order(run.interruption)
             results = run.results()
             files.write(results)
