@@ -3,6 +3,7 @@
 import importlib
 import time
 
+from scaraspec.links.clock import now_ns
 from scaraspec.links.link import Arrival, Ending, LinkError
 from scaraspec.links.tcp import SEND_TIMEOUT_S
 from scaraspec.links.url import Serial
@@ -36,7 +37,7 @@ class SerialLink:
     def send(self, data: bytes) -> int:
         """Send all of `data`; see `Link.send`."""
         self._check_open()
-        time_ns = time.time_ns()
+        time_ns = now_ns()
         try:
             self._port.write(data)
         except OSError as error:
@@ -54,8 +55,8 @@ class SerialLink:
             except OSError:
                 self._ending = Ending.CLOSED
             else:
-                return Arrival(time.time_ns(), data) if data else None
-        return Arrival(time.time_ns(), self._ending)
+                return Arrival(now_ns(), data) if data else None
+        return Arrival(now_ns(), self._ending)
 
     def half_close(self) -> None:
         """Refuse: a serial line has no ends of its own; see `Link.half_close`."""

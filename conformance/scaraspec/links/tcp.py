@@ -6,6 +6,7 @@ import socket
 import struct
 import time
 
+from scaraspec.links.clock import now_ns
 from scaraspec.links.link import Arrival, Ending, LinkError
 from scaraspec.links.url import Tcp
 
@@ -39,7 +40,7 @@ class SocketLink:
     def send(self, data: bytes) -> int:
         """Send all of `data`; see `Link.send`."""
         self._check_open()
-        time_ns = time.time_ns()
+        time_ns = now_ns()
         rest = memoryview(data)
         while rest:
             try:
@@ -67,9 +68,9 @@ class SocketLink:
                 self._ending = Ending.RESET
             else:
                 if data:
-                    return Arrival(time.time_ns(), data)
+                    return Arrival(now_ns(), data)
                 self._ending = Ending.RESET if self._cut else Ending.CLOSED
-        return Arrival(time.time_ns(), self._ending)
+        return Arrival(now_ns(), self._ending)
 
     def half_close(self) -> None:
         """Send FIN; see `Link.half_close`."""

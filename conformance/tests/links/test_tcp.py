@@ -3,6 +3,7 @@
 import socket
 import struct
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -228,3 +229,17 @@ def test_a_url_opens_a_link_over_ipv6() -> None:
         with peer:
             assert peer.recv(10) == b"x"
         link.close()
+
+
+def test_a_clock_that_is_set_moves_no_stamp(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is stamped stays at its distance from what was stamped before."""
+    near, far = socket.socketpair()
+    link = SocketLink(near)
+    before_ns = link.send(b"a")
+    monkeypatch.setattr(time, "time_ns", lambda: before_ns - 3_600_000_000_000)
+    far.sendall(b"b")
+    arrival = link.receive(link.now_s + 5)
+    link.close()
+    far.close()
+    assert arrival
+    assert 0 <= arrival.time_ns - before_ns < 5_000_000_000

@@ -9,6 +9,7 @@ import time
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from scaraspec.links.clock import now_ns
 from scaraspec.links.connect import connect
 from scaraspec.links.link import Link
 from scaraspec.links.memory import MemoryNetwork
@@ -100,7 +101,7 @@ class UrlAccess:
     @property
     def now_ns(self) -> int:
         """The system's clock."""
-        return time.time_ns()
+        return now_ns()
 
     def connect(self) -> Link:
         """Open a connection; see `Access.connect`."""

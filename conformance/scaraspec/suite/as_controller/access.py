@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from scaraspec.links.clock import now_ns
 from scaraspec.links.link import Link
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.suite.as_controller.call import Call
@@ -116,7 +117,7 @@ class DriverAccess:
     @property
     def now_ns(self) -> int:
         """The system's clock."""
-        return time.time_ns()
+        return now_ns()
 
     @property
     def now_s(self) -> float:

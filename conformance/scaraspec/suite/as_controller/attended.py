@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from scaraspec.links.clock import now_ns
 from scaraspec.links.link import Link
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.waiting import WatchedLink, ready_of
@@ -68,7 +69,7 @@ class Attended:
     @property
     def now_ns(self) -> int:
         """The system's clock."""
-        return time.time_ns()
+        return now_ns()
 
     @property
     def now_s(self) -> float:
