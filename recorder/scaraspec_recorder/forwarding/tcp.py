@@ -14,6 +14,10 @@ import sys
 from collections.abc import Callable
 from typing import Final
 
+if sys.platform == "linux":  # ahead of all, for a process without a free file imports nothing
+    import fcntl
+    import termios
+
 RESET_FLUSH_S: Final = 5.0
 """How long a reset waits for queued data to leave before it is passed on."""
 
@@ -69,9 +73,6 @@ def unsent_bytes(sock: socket.socket) -> int:
     """Return how much the peer has not acknowledged yet; 0 where the system does not tell."""
     if sys.platform != "linux":
         return 0
-    import fcntl  # noqa: PLC0415 - absent on Windows
-    import termios  # noqa: PLC0415 - absent on Windows
-
     answer = fcntl.ioctl(sock.fileno(), termios.TIOCOUTQ, b"\0\0\0\0")  # SIOCOUTQ, by its old name
     return int.from_bytes(answer, sys.byteorder)
 

@@ -5,6 +5,7 @@ import os
 import random
 import socket
 import struct
+import subprocess
 import sys
 from collections.abc import Awaitable, Callable
 from functools import partial
@@ -489,3 +490,24 @@ def test_addresses_are_written_as_users_write_them() -> None:
 def test_what_others_can_reach_is_no_loopback(host: str, loopback: bool) -> None:  # noqa: FBT001 - the expected answer
     """In doubt it is not."""
     assert tcp.is_loopback(host) is loopback
+
+
+NO_FILE_IS_FREE = """
+import resource, socket
+from scaraspec_recorder.forwarding.tcp import unsent_bytes
+near, far = socket.socketpair()
+resource.setrlimit(resource.RLIMIT_NOFILE, (0, 0))
+print(unsent_bytes(near))
+"""
+
+
+def test_what_is_unsent_is_told_where_no_file_is_free() -> None:
+    """A client for whom there is no further connection is sent away: it needs no module then."""
+    done = subprocess.run(
+        [sys.executable, "-c", NO_FILE_IS_FREE],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("0\n", "")
