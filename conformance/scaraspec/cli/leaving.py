@@ -35,6 +35,11 @@ def endings() -> tuple[signal.Signals, ...]:
     return tuple(numbers)
 
 
+def insists(number: int) -> bool:
+    """Whether it is a user's who wants a command to end at once; a lost terminal tells it twice."""
+    return number in (signal.SIGINT, signal.SIGTERM)
+
+
 @contextmanager
 def outliving_readers() -> Iterator[None]:
     """Let a command go on that can tell nothing any more.

@@ -16,7 +16,7 @@ import click
 from rich.console import Console
 
 from scaraspec.cli.grouped import GroupedCommand
-from scaraspec.cli.leaving import endings
+from scaraspec.cli.leaving import endings, insists
 from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.viewer import has_viewer, open_viewer
 from scaraspec.judgement.verdicts import ExitStatus
@@ -241,15 +241,15 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
     loop, whole = asyncio.get_running_loop(), asyncio.current_task()
     assert whole
 
-    def end() -> None:
-        if stopped.is_set():
+    def end(number: int) -> None:
+        if stopped.is_set() and insists(number):
             whole.cancel()
         stopped.set()
 
     asked: list[Recording] = []
     with contextlib.suppress(NotImplementedError, AttributeError):  # not on every system
         for number in endings():
-            loop.add_signal_handler(number, end)
+            loop.add_signal_handler(number, end, number)
         loop.add_signal_handler(signal.SIGUSR1, _ask, asked)
     showing = loop.create_task(_show(watches, stopped))
     try:

@@ -212,7 +212,7 @@ class Bracket:
         return None
 
     def _run(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
-        """Try a case, and once more where it went wrong while this machine stood still."""
+        """Try a case, and anew where it went wrong while this machine stood still."""
         self.announce(case)
         for _ in range(1 if case.last else _ATTEMPTS):
             self.subject.observer.begin(case.id)

@@ -242,6 +242,20 @@ def test_a_second_signal_ends_the_waiting(
     assert sum(len(event.data) for event in recorded) > 20
 
 
+def test_a_lost_terminal_is_told_twice(processes: Any, controller: str, tmp_path: Path) -> None:
+    """By the system and by the shell: what is left is waited for all the same."""
+    recorder = processes.start("record", controller, *LOCAL, "--out", str(tmp_path))
+    ask(url_in(recorder.stdout.readline()))
+    scribe = child_of(recorder.pid, "scribe")
+    os.kill(scribe, signal.SIGSTOP)
+    recorder.send_signal(signal.SIGHUP)
+    assert any(line.startswith("ending: ") for line in recorder.stdout)
+    recorder.send_signal(signal.SIGHUP)
+    os.kill(scribe, signal.SIGCONT)
+    told, _ = recorder.communicate(timeout=DEADLINE_S)
+    assert recorder.returncode == 0, told
+
+
 def child_of(pid: int, name: str) -> int:
     """The process of this name of a recorder, as soon as it is there."""
     until_s = time.monotonic() + DEADLINE_S

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from scaraspec.cli.leaving import endings
+from scaraspec.cli.leaving import endings, insists
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import has_viewer
 from scaraspec.judgement.verdicts import Cause, Verdict
@@ -125,7 +125,7 @@ _AT_ONCE_S: Final = 0.5
 def end_in_order(interruption: Interruption) -> None:
     """Let SIGTERM, as of a CI, and a lost terminal end a run as Ctrl-C does: all is put back.
 
-    Another signal ends it at once, unless it is that of the terminal, which may come twice.
+    Another signal ends it at once where it insists.
     """
     last_s = -math.inf
 
@@ -134,7 +134,7 @@ def end_in_order(interruption: Interruption) -> None:
         before_s, last_s = last_s, time.monotonic()
         if not interruption.asked:
             interruption.ask()
-        elif last_s - before_s > _AT_ONCE_S and number in (signal.SIGINT, signal.SIGTERM):
+        elif last_s - before_s > _AT_ONCE_S and insists(number):
             signal.default_int_handler(number, frame)
 
     for number in endings():
