@@ -11,6 +11,7 @@ import click
 
 from scaraspec.cli.leaving import outliving_readers
 from scaraspec.cli.problems import Problem
+from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.report.visible import visible
 
 COMMANDS = {
@@ -47,6 +48,12 @@ class _Lazy(click.Group):
         command = module.command
         assert isinstance(command, click.Command)
         return command
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:  # click would end it with 1, which says nonconformant
+            raise Problem("ended before its end", ExitStatus.INCONCLUSIVE) from None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
         with formatter.section("Commands"):

@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from scaraspec.cli import requirements
+from scaraspec.cli.main import main
 from scaraspec.client import Client
 from scaraspec.report.model import Results
 
@@ -57,6 +59,22 @@ def test_a_disk_that_is_full(words: str, status: int) -> None:
     assert done.returncode == status
     assert done.stderr.count("\n") == 1
     assert "Traceback" not in done.stderr
+
+
+def test_a_command_that_is_ended_has_no_verdict(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A status of 1 would say nonconformant."""
+
+    def end(**_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(requirements.command, "callback", end)
+    monkeypatch.setattr(sys, "argv", ["scaraspec", "requirements"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 3
+    assert capsys.readouterr().err == "scaraspec: ended before its end\n"
 
 
 def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:

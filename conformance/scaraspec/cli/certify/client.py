@@ -110,7 +110,8 @@ def command(  # noqa: PLR0913 - one for each option
             run.bracket.stood_still_s = pulse.stood_still_s
             end_in_order(run.interruption)
             results = run.results()
-            files.write(results)
+            with run.interruption:  # who ends it now ends it behind the report
+                files.write(results)
     conclude(results, out)
 
 

@@ -134,7 +134,7 @@ def _without_fault(role: Role, options: Options) -> Conclusion:
     """What the faultless implementation gets, told."""
     sound = STANDS[role].prove(options)
     if any(case.id == "run.interrupted" for case in sound.cases):
-        raise click.Abort
+        raise KeyboardInterrupt
     click.echo(f"without a fault: {sound.verdict.value}, {len(sound.cases)} cases")
     return sound.verdict
 
