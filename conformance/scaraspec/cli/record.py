@@ -236,7 +236,7 @@ def _metrics(
 
 
 async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watch]) -> None:
-    """Record until the first signal, and wait for what is left until the second."""
+    """Record until the first signal, and wait for what is left until another one insists."""
     stopped = asyncio.Event()
     loop, whole = asyncio.get_running_loop(), asyncio.current_task()
     assert whole

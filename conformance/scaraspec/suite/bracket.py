@@ -263,7 +263,7 @@ class Bracket:
         Raises:
             KeyboardInterrupt: The tester wants it to end.
         """
-        if self.subject.observer.interruption.asked:
+        if self.subject.observer.interruption.asked or _was_ended(self._raised):
             raise KeyboardInterrupt
 
     def _outcome(self, case: Case) -> Outcome:
@@ -347,6 +347,11 @@ class Bracket:
             self.give_up(f"the subject served nobody before this case, since {case.id}: {error}")
         except Undecided as error:
             self.give_up(f"before this case, since case {case.id}: {error}")
+
+
+def _was_ended(raised: BaseException | None) -> bool:
+    """Whether whoever runs pytest ended it, as hypothesis tells among the failures of a case."""
+    return isinstance(raised, BaseExceptionGroup) and bool(raised.subgroup(KeyboardInterrupt))
 
 
 def _innermost(raised: BaseException | None) -> BaseException | None:

@@ -339,7 +339,7 @@ from hypothesis import strategies as st
 def test_one(subject, line, number):
     if number == 1:
         raise Unmet('it is wrong', expected='', observed='')
-    subject.observer.interruption.ask()
+    END
 
 @case('4.8/2', name='b')
 def test_two(subject, line):
@@ -359,7 +359,16 @@ def test_two(subject, line):
 """
 
 
-@pytest.mark.parametrize("text", [_ENDED_WHILE_IT_DRAWS, _ENDED_WHILE_GARBAGE_IS_COLLECTED])
+@pytest.mark.parametrize(
+    "text",
+    [
+        _ENDED_WHILE_IT_DRAWS.replace("END", "subject.observer.interruption.ask()"),
+        _ENDED_WHILE_IT_DRAWS.replace(
+            "END", "raise KeyboardInterrupt"
+        ),  # by pytest itself
+        _ENDED_WHILE_GARBAGE_IS_COLLECTED,
+    ],
+)
 def test_who_ends_a_run_ends_it(trial: Try, text: str) -> None:
     """Also where hypothesis tells the signal among the failures of a case, or nobody does."""
     assert "run.interrupted" in (found := {case.id for case in trial(text).cases})

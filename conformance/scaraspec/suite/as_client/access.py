@@ -100,7 +100,7 @@ class UrlAccess:
 
     @property
     def now_ns(self) -> int:
-        """The system's clock."""
+        """See `links.clock`."""
         return now_ns()
 
     def connect(self) -> Link:

@@ -116,7 +116,7 @@ class DriverAccess:
 
     @property
     def now_ns(self) -> int:
-        """The system's clock."""
+        """See `links.clock`."""
         return now_ns()
 
     @property

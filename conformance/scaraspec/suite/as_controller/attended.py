@@ -68,7 +68,7 @@ class Attended:
 
     @property
     def now_ns(self) -> int:
-        """The system's clock."""
+        """See `links.clock`."""
         return now_ns()
 
     @property
