@@ -363,9 +363,7 @@ def test_two(subject, line):
     "text",
     [
         _ENDED_WHILE_IT_DRAWS.replace("END", "subject.observer.interruption.ask()"),
-        _ENDED_WHILE_IT_DRAWS.replace(
-            "END", "raise KeyboardInterrupt"
-        ),  # by pytest itself
+        _ENDED_WHILE_IT_DRAWS.replace("END", "raise KeyboardInterrupt"),  # by pytest itself
         _ENDED_WHILE_GARBAGE_IS_COLLECTED,
     ],
 )
