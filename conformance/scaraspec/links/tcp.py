@@ -1,6 +1,8 @@
 """TCP links, and the link that any stream socket gives."""
 
 import contextlib
+import errno
+import os
 import selectors
 import socket
 import struct
@@ -141,4 +143,15 @@ def connect_tcp(address: Tcp, timeout_s: float) -> TcpLink:
     except (OSError, UnicodeError) as error:  # a name that IDNA cannot encode is a UnicodeError
         why = error.strerror if isinstance(error, OSError) else "the host name is malformed"
         raise LinkError(f"cannot connect to {address}: {why}") from None
+    if _is_to_itself(connected):
+        connected.close()
+        raise LinkError(f"cannot connect to {address}: {os.strerror(errno.ECONNREFUSED)}")
     return TcpLink(connected)
+
+
+def _is_to_itself(connected: socket.socket) -> bool:
+    """Whether the system took the free port that was to be reached for this end of it, too."""
+    try:
+        return connected.getsockname() == connected.getpeername()
+    except OSError:  # the peer has cut it already
+        return False

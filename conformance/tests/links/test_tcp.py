@@ -5,6 +5,7 @@ import struct
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
@@ -34,6 +35,17 @@ def pair(listener: socket.socket) -> Iterator[tuple[SocketLink, socket.socket]]:
     with peer:
         yield link, peer
     link.close()
+
+
+def test_a_port_where_nobody_listens_is_never_reached(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not even from itself, as happens when the system gives the connection that very port."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = free.getsockname()
+    to_itself = partial(socket.create_connection, source_address=address)
+    monkeypatch.setattr(socket, "create_connection", to_itself)
+    with pytest.raises(LinkError, match=r"cannot connect to .*: Connection refused"):
+        connect_tcp(Tcp(*address), _SOON_S)
 
 
 def test_bytes_go_both_ways_with_their_times(pair: tuple[SocketLink, socket.socket]) -> None:

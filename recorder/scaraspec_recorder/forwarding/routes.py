@@ -5,6 +5,8 @@ clients come to be led here against their intention stands in `rules`.
 """
 
 import asyncio
+import errno
+import os
 import socket
 import struct
 from dataclasses import dataclass
@@ -20,6 +22,7 @@ _SO_ORIGINAL_DST: Final = 80  # linux/netfilter_ipv4.h; the module socket has no
 _SOCKADDR_IN: Final = struct.Struct("!2xH4s8x")
 
 _BY_ITSELF: Final = "the client was not led here by rules"  # it would be led in a circle
+_BACK: Final = "that is where the recorder itself listens"  # as above
 
 
 class Mode(StrEnum):
@@ -73,11 +76,11 @@ class Upstream:
         """Return the controller's address."""
         return tcp.address_text((self.host, self.port))
 
-    async def dial(self, client: socket.socket) -> socket.socket:  # noqa: ARG002 - see above
+    async def dial(self, client: socket.socket) -> socket.socket:
         """Connect to the first of the host's addresses that answers.
 
         Raises:
-            OSError: None does; the last one's reason.
+            OSError: None does, or the client was led here by one; the last one's reason.
         """
         try:
             found = await asyncio.get_running_loop().getaddrinfo(
@@ -87,6 +90,9 @@ class Upstream:
             raise OSError(f"{self.host} is no host name") from None
         failure = OSError(f"{self.host} has no address")
         for family, kind, protocol, _, address in found:
+            if address == client.getsockname():
+                failure = OSError(_BACK)
+                continue
             try:
                 return await _connect(socket.socket(family, kind, protocol), address)
             except OSError as error:
@@ -161,6 +167,9 @@ async def _connect(sock: socket.socket, address: tuple[object, ...]) -> socket.s
     except BaseException:  # also where the client has gone meanwhile
         sock.close()
         raise
+    if sock.getsockname() == address:  # from the free port that it was to reach
+        sock.close()
+        raise ConnectionRefusedError(errno.ECONNREFUSED, os.strerror(errno.ECONNREFUSED))
     return sock
 
 

@@ -16,8 +16,8 @@ import pytest
 
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec_recorder.forwarding import routes, tcp
 from scaraspec_recorder.forwarding import tap as tap_module
-from scaraspec_recorder.forwarding import tcp
 from scaraspec_recorder.forwarding.routes import Upstream
 from scaraspec_recorder.forwarding.tap import BUFFER_BYTES
 from scaraspec_recorder.spooling.records import Mark
@@ -241,16 +241,42 @@ def test_a_refused_connection_is_reset_and_told(run: Any, host: str, why: str) -
     """Where the controller is down, the client is cut off, not left waiting or closed in order."""
 
     async def test() -> None:
-        closed = tcp.listen("127.0.0.1", 0)
-        route = Upstream(host, closed.getsockname()[1])
-        closed.close()
-        async with Bench(route) as bench:
-            client = await bench.client()
+        with socket.socket() as closed:
+            closed.bind(("127.0.0.1", 0))  # held, lest the tap itself gets it
+            port = closed.getsockname()[1]
+            async with Bench(Upstream(host, port)) as bench:
+                client = await bench.client()
+                with pytest.raises(ConnectionResetError):
+                    await at_end(client)
+                assert (await bench.until(Kind.OPENED)).note.endswith(f" > {host}:{port}")
+                reset = await bench.until(Kind.RESET)
+                assert (reset.direction, reset.note) == (C2A, f"no connection: {why}")
+
+    run(test)
+
+
+def test_a_client_is_not_led_in_a_circle(run: Any) -> None:
+    """Where the robot's address is the recorder's own, the client is cut off and it is told."""
+
+    async def test() -> None:
+        async with Bench() as bench:
+            bench.tap.route = Upstream(*bench.address)
             with pytest.raises(ConnectionResetError):
-                await at_end(client)
-            assert (await bench.until(Kind.OPENED)).note.endswith(f" > {host}:{route.port}")
-            reset = await bench.until(Kind.RESET)
-            assert (reset.direction, reset.note) == (C2A, f"no connection: {why}")
+                await at_end(await bench.client())
+            why = "no connection: that is where the recorder itself listens"
+            assert [r.note for r in bench.records if r.kind is Kind.RESET] == [why]
+
+    run(test)
+
+
+def test_a_tap_never_reaches_itself_in_the_place_of_a_robot(run: Any) -> None:
+    """The system may give a connection the very port that it is to reach: nobody listens there."""
+
+    async def test() -> None:
+        with socket.socket() as sock:
+            sock.bind(("127.0.0.1", 0))
+            with pytest.raises(ConnectionRefusedError):
+                await routes._connect(sock, sock.getsockname())
 
     run(test)
 
