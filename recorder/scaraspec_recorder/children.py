@@ -8,6 +8,7 @@ service manager sends to all processes at once are for the recorder alone.
 import asyncio
 import logging
 import multiprocessing
+import os
 import signal
 import socket
 import sys
@@ -150,7 +151,12 @@ def _be(name: str, run: Callable[..., None], *arguments: Any) -> None:
     """Be a child, and be called so where the system lists processes."""
     with suppress(OSError):  # only Linux has such a file
         _SHOWN.write_text(f"scara-{name}")
-    run(*arguments)
+    try:
+        run(*arguments)
+    except SystemExit as ended:
+        if ended.code == SAID:  # at once: the next one waits, and it for nobody's threads
+            os._exit(SAID)
+        raise
 
 
 async def _end_of(process: "BaseProcess") -> int | None:

@@ -1,7 +1,13 @@
-"""Children: what a terminal sends to all processes at once is for the recorder alone."""
+"""Children: they obey their line alone, and the one that says why it ends ends at once."""
 
+import asyncio
+import socket
 import subprocess
 import sys
+import threading
+from pathlib import Path
+
+from scaraspec_recorder.children import SAID, Child
 
 FIRST = """
 import multiprocessing, signal
@@ -21,3 +27,24 @@ def test_the_first_child_is_held_back_too() -> None:
         [sys.executable, "-c", FIRST], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.stdout == "True 0\n", done.stderr
+
+
+def fail_once(lives: Path, _line: socket.socket) -> None:
+    """Be a child that fails, and has a thread that never ends."""
+    if not lives.exists():
+        lives.touch()
+        threading.Thread(target=threading.Event().wait).start()
+        sys.exit(SAID)
+
+
+def test_a_child_that_said_why_it_fails_waits_for_none_of_its_threads(tmp_path: Path) -> None:
+    """A library's may wait for ever, and so would the recording."""
+
+    async def live() -> bool:
+        child = Child("once", fail_once, tmp_path / "lives")
+        child.start()
+        assert child._keeper
+        await asyncio.wait_for(asyncio.shield(child._keeper), 30)
+        return await child.stop(30)
+
+    assert asyncio.run(live())

@@ -152,6 +152,6 @@ def connect_tcp(address: Tcp, timeout_s: float) -> TcpLink:
 def _is_to_itself(connected: socket.socket) -> bool:
     """Whether the system took the free port that was to be reached for this end of it, too."""
     try:
-        return connected.getsockname() == connected.getpeername()
+        return bool(connected.getsockname() == connected.getpeername())
     except OSError:  # the peer has cut it already
         return False

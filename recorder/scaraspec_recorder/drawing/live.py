@@ -19,7 +19,7 @@ from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.children import ignore_signals
 from scaraspec_recorder.deriving.deriver import Deriver
-from scaraspec_recorder.deriving.sinks import Folder, SinkFailed
+from scaraspec_recorder.deriving.sinks import Folder
 
 PATIENCE_S: Final = 30.0
 """How long a viewer may take nothing before it gets no more."""
@@ -147,7 +147,7 @@ def draw(line: Connection, url: str, needs_login: bool) -> None:  # noqa: FBT001
                 drawing.wait(PATIENCE_S)
         _exit_after(PATIENCE_S)
         deriver.close()
-    except (RuntimeError, SinkFailed):  # a flush failed: the viewer was closed, or hangs
+    except RuntimeError:  # a flush failed: the viewer was closed, or hangs
         _exit_after(0)
 
 

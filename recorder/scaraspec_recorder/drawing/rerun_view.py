@@ -4,11 +4,9 @@ Law: drawn from the derived layer alone, and never the truth: what is lost here 
 capture.mcap. How it looks stands in `blueprint`, how it is sent in `rerun_rows`.
 """
 
-import errno
 import os
-import shutil
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -22,7 +20,6 @@ from scaraspec.protocol.programs import ProgramError, listing, parse
 from scaraspec.protocol.transfer import State
 from scaraspec_recorder.deriving import wording
 from scaraspec_recorder.deriving.deriver import Item
-from scaraspec_recorder.deriving.sinks import SinkFailed
 from scaraspec_recorder.deriving.wording import Line
 from scaraspec_recorder.drawing import arm_model
 from scaraspec_recorder.drawing.arm_model import Box
@@ -41,7 +38,6 @@ from scaraspec_recorder.drawing import blueprint, rerun_files, rerun_rows
 APPLICATION: Final = "scaraspec"
 FILE_DELAY_NS: Final = 5_000_000_000
 LIVE_DELAY_NS: Final = 100_000_000
-_LITTLE_BYTES: Final = 1 << 20  # where no more is free, a refused write is put down to that
 _MOST_NAMES: Final = 100  # that a lane has a look for
 _PAGE_CHARACTERS: Final = 200_000
 _PORTS: Final = range(1, 41)  # L655, L667
@@ -65,8 +61,8 @@ class RerunSink:
         self._stream = stream
         self._session = dict(session or {})
         self._delay_ns = delay_ns
-        self._path: Path | None = None
-        self._optimized = False
+        self._file: rerun_files.RerunFile | None = None
+        self._optimized: Path | None = None
         self._batches: rerun_rows.Batches | None = None
         self._sent_ns = 0
         self._now_ns = 0
@@ -102,12 +98,11 @@ class RerunSink:
             footer: Whether to write a footer; optimizing makes one, and needs none.
 
         Raises:
-            SinkFailed: From every method, where the file cannot be written.
+            OSError: From every method, where the file cannot be written.
         """
-        with _failing(path):
-            stream = rerun_files.begin(APPLICATION, path, blueprint.layout(), footer=footer)
-        sink = cls(stream, session)
-        sink._path, sink._optimized = path, optimized
+        file = rerun_files.RerunFile(APPLICATION, path, blueprint.layout(), footer=footer)
+        sink = cls(file.stream, session)
+        sink._file, sink._optimized = file, path if optimized else None
         return sink
 
     @classmethod
@@ -154,26 +149,24 @@ class RerunSink:
         if self._batches and not 0 <= now_ns - self._sent_ns < self._delay_ns:
             self._sent_ns = now_ns
             self._batches.flush()
-            if self._path:  # a viewer takes it when it can
-                self._bring_out()
+            if self._file:  # a viewer takes it when it can
+                self._file.flush()
 
     def close(self, summary: Mapping[str, str]) -> None:
         """Send all, write the summary, and make a file small and quick to open."""
         if self._batches:
             self._batches.flush()
         self._session_page(summary)
-        self._bring_out()
-        self._stream.disconnect()
         self._batches = None
-        del self._stream  # only what nobody has any longer is released
-        rerun_files.release()
-        if self._path and self._optimized:
-            optimize(self._path)
-
-    def _bring_out(self) -> None:
-        """Wait until what was sent is written."""
-        with _failing(self._path):
+        if not self._file:
             self._stream.flush()
+            self._stream.disconnect()
+            return
+        del self._stream  # only what nobody has any longer is released
+        self._file.flush()
+        self._file.close()
+        if self._optimized:
+            optimize(self._optimized)
 
     def _put(
         self, entity: str, columns: rerun_rows.Columns, value: Any, time_ns: int | None = None
@@ -325,14 +318,3 @@ class RerunSink:
         "set_digital_output": _output,
         "get_analog_input": _analog,
     }
-
-
-@contextmanager
-def _failing(path: Path | None) -> Iterator[None]:
-    """Tell a disk that refuses by its own kind of error: rerun has but one for everything."""
-    try:
-        yield
-    except RuntimeError as error:
-        if path and shutil.disk_usage(path.parent).free < _LITTLE_BYTES:
-            raise SinkFailed(os.strerror(errno.ENOSPC)) from None
-        raise SinkFailed(f"nothing can be drawn: {error}") from None

@@ -10,7 +10,7 @@ from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
 from scaraspec_recorder.deriving.deriver import Deriver
 from scaraspec_recorder.deriving.masking import Redactor
-from scaraspec_recorder.deriving.sinks import Folder, SinkFailed
+from scaraspec_recorder.deriving.sinks import Folder
 from scaraspec_recorder.keeping.file_sets import facts, make_files
 
 
@@ -50,10 +50,7 @@ def draw_capture(events: Iterable[WireEvent], path: Path, *, needs_login: bool =
     """
     from scaraspec_recorder.drawing.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
 
-    try:
-        deriver = Deriver([RerunSink.to_file(path)], Judge(needs_login=needs_login))
-        for event in events:
-            deriver.write(event)
-        deriver.close()
-    except SinkFailed as error:
-        raise OSError(f"{error}") from None
+    deriver = Deriver([RerunSink.to_file(path)], Judge(needs_login=needs_login))
+    for event in events:
+        deriver.write(event)
+    deriver.close()

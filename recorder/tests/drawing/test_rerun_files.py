@@ -3,7 +3,8 @@
 These fail when rerun-sdk changes what it does not promise; each says what has changed.
 """
 
-import gc
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -29,11 +30,9 @@ def threads() -> int:
 
 def drawn(path: Path) -> None:
     """A file, begun and ended as a drawing is."""
-    stream = rerun_files.begin("test", path, blueprint.layout())
-    stream.log("value", rr.Scalars(1.0))
-    stream.disconnect()
-    del stream
-    gc.collect()
+    file = rerun_files.RerunFile("test", path, blueprint.layout())
+    file.stream.log("value", rr.Scalars(1.0))
+    file.close()
 
 
 def test_the_sdk_sends_a_layout_as_it_did(tmp_path: Path) -> None:
@@ -56,9 +55,9 @@ def test_the_sdk_sends_a_layout_as_it_did(tmp_path: Path) -> None:
 def test_a_footer_is_left_to_the_optimizing(tmp_path: Path, *, footer: bool) -> None:
     """The SDK keeps it in memory, for weeks perhaps; without one nothing else is missing."""
     path = tmp_path / "drawing.rrd"
-    stream = rerun_files.begin("test", path, blueprint.layout(), footer=footer)
-    stream.log("value", rr.Scalars(1.0))
-    stream.disconnect()
+    file = rerun_files.RerunFile("test", path, blueprint.layout(), footer=footer)
+    file.stream.log("value", rr.Scalars(1.0))
+    file.close()
     assert is_drawn(path) is footer
     assert optimize(path)
     assert is_drawn(path)
@@ -78,17 +77,54 @@ def test_nothing_is_left_of_closed_streams(tmp_path: Path) -> None:
     running = []
     for number in range(ROUNDS):
         drawn(tmp_path / f"{number}.rrd")
-        rerun_files.release()
         running.append(threads())
     assert running[-1] <= running[0], f"rerun-sdk keeps threads of closed streams: {running}"
 
 
-def test_the_release_is_still_needed(tmp_path: Path) -> None:
+def test_the_release_is_still_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Else this room can go: the SDK would free closed streams by itself."""
     before = threads()
-    for number in range(ROUNDS):
-        drawn(tmp_path / f"{number}.rrd")
+    with monkeypatch.context() as without:
+        without.setattr(rerun_files, "release", lambda: None)
+        for number in range(ROUNDS):
+            drawn(tmp_path / f"{number}.rrd")
     kept = threads() - before
     rerun_files.release()
     assert kept >= ROUNDS, "rerun-sdk frees closed streams by itself now: remove `release`"
     assert threads() <= before + 1
+
+
+REFUSED = """
+import resource, sys
+from os import urandom
+from pathlib import Path
+import rerun as rr
+from scaraspec_recorder.drawing import blueprint
+from scaraspec_recorder.drawing.rerun_files import RerunFile
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+for number in range(10):
+    file = RerunFile("test", Path(sys.argv[1]) / f"{number}.rrd", blueprint.layout())
+    why = ""
+    while not why:
+        file.stream.log("value", rr.TextLog(urandom(1000).hex()))
+        try:
+            file.flush()
+        except OSError as error:
+            why = error.strerror
+    file.stream.log("value", rr.TextLog(urandom(200_000).hex()))  # waits for the end of the process
+    print(why)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="nothing there refuses a file its growth")
+def test_a_file_that_refuses_a_write_holds_up_nobody(tmp_path: Path) -> None:
+    """It is told, with the system's reason; the SDK by itself waits for ever, most of the time."""
+    done = subprocess.run(
+        [sys.executable, "-c", REFUSED, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (0, "File too large\n" * 10), done.stderr
+    assert {path.stat().st_size for path in tmp_path.iterdir()} == {100_000}
