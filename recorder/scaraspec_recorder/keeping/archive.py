@@ -70,7 +70,7 @@ def archive_sink(
 ) -> Sink:
     """Make the sink that writes an archive (a `SinkFactory`).
 
-    What an earlier one left in the folder is repaired and listed first.
+    What an earlier one left in the folder is repaired and listed first, where there is room.
 
     Args:
         folder: Where to.
@@ -88,6 +88,8 @@ def archive_sink(
     free_bytes = free_bytes or (lambda: shutil.disk_usage(folder.path).free)
     retention = Retention(contents, archive.keep, archive.min_free_bytes, free_bytes)
     enough = retention.enforce(now_ns())
+    if enough:
+        contents.repair()
     contents.save()
     if not enough:
         raise SinkFailed(_too_little(archive))

@@ -20,7 +20,7 @@ from scaraspec_recorder.keeping.seams import is_ours
 from scaraspec_recorder.keeping.tally import DRAWN, Entry, Tally
 from scaraspec_recorder.mcap import schemas
 from scaraspec_recorder.mcap.mcap_reading import RawLayer, Summary, records
-from scaraspec_recorder.mcap.recover import discard_empty, recover
+from scaraspec_recorder.mcap.recover import discard_empty, is_full, recover
 from scaraspec_recorder.problems import CaptureError
 
 FILE_NAME: Final = "contents.jsonl"
@@ -36,8 +36,8 @@ _log = logging.getLogger(__name__)
 class Contents:
     """The table of contents of a folder, brought up to date when it is made.
 
-    Files of a recorder that was killed are repaired first. A file that cannot be repaired for want
-    of room stays as it is, until the next time. Nothing is written before `save`.
+    Files of a recorder that was killed are repaired first, see `repair`. Nothing is written before
+    `save`.
 
     Args:
         folder: The folder of the recordings; nobody else writes into it.
@@ -55,10 +55,27 @@ class Contents:
         self._path = folder / FILE_NAME
         self._saved = self._path.exists()
         self._unsaved: list[dict[str, Any]] = []
+        self._unrepaired: list[Path] = []
         for line in self._lines():
             self._take(line)
         self._find_new()
         self._miss_old()
+
+    def repair(self) -> None:
+        """Repair what could not be for want of room, where some has been made since.
+
+        What there is no room for stays as it is, until the next time.
+
+        Raises:
+            OSError: The disk is full: nothing could be recorded, either.
+        """
+        for path in self._unrepaired:
+            try:
+                self._list(path)
+            except OSError as error:
+                if is_full(self.folder):
+                    raise
+                _log.warning("%s is not repaired yet: %s", path, error)
 
     def save(self) -> None:
         """Write the table anew, if that is needed; to be called before anything else is added.
@@ -132,14 +149,16 @@ class Contents:
         for path in sorted(self.folder.glob("*.mcap")):
             if is_ours(path.name) and path.name not in self.entries:
                 try:
-                    if discard_empty(path):
-                        continue
-                    entry = survey(path)
-                except OSError as error:
-                    _log.warning("%s is not repaired yet: %s", path, error)
-                else:
-                    self._saved = False
-                    self.add(entry)
+                    self._list(path)
+                except OSError:
+                    self._unrepaired.append(path)
+
+    def _list(self, path: Path) -> None:
+        """Repair a file and add it, or remove it where it holds nothing."""
+        if not discard_empty(path):
+            entry = survey(path)
+            self._saved = False
+            self.add(entry)
 
     def _miss_old(self) -> None:
         for entry in list(self.entries.values()):

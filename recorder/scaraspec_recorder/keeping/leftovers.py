@@ -16,7 +16,7 @@ from scaraspec_recorder.deriving.sinks import Folder, Sink, SinkFactory
 from scaraspec_recorder.keeping.capture import draw_capture
 from scaraspec_recorder.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.mcap.mcap_reading import read_mcap
-from scaraspec_recorder.mcap.recover import discard_empty, recover, sweep
+from scaraspec_recorder.mcap.recover import discard_empty, is_full, recover, sweep
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.spooling.claims import claim, spool_folder
 from scaraspec_recorder.spooling.spool import unread_bytes
@@ -31,6 +31,9 @@ def repairing_sink(folder: Folder, *, make: SinkFactory) -> Sink:
     """Repair what an earlier recorder left in the folder, then make another sink (a `SinkFactory`).
 
     It is called with the folder held, and by whoever is to write there.
+
+    Raises:
+        OSError: The disk is full: nothing can be repaired, nor recorded.
     """
     sweep(folder.path)
     for path in sorted(folder.path.glob("*.mcap")):
@@ -41,6 +44,8 @@ def repairing_sink(folder: Folder, *, make: SinkFactory) -> Sink:
                 continue
             report = recover(path)
         except (CaptureError, OSError) as error:
+            if isinstance(error, OSError) and is_full(folder.path):
+                raise
             _log.warning("not repaired: %s", error)
         else:
             _log.warning("repaired %s: %s", path, "; ".join(report.notes))

@@ -6,6 +6,7 @@ in the file (metadata ``recovered``).
 """
 
 import os
+import shutil
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from scaraspec_recorder.mcap.mcap_reading import RawLayer, Summary, records
 RECOVERED: Final = "recovered"
 
 _SUFFIX: Final = ".recovered"
+_LITTLE_BYTES: Final = 1 << 16
 _IN_THE_MAKING: Final = (f".*.mcap{_SUFFIX}", f".*.rrd{OPTIMIZED}", ".*.rrd.new")
 
 
@@ -74,6 +76,11 @@ def sweep(folder: Path) -> None:
     for pattern in _IN_THE_MAKING:
         for path in folder.glob(pattern):
             path.unlink(missing_ok=True)
+
+
+def is_full(folder: Path) -> bool:
+    """Whether the disk of a folder has no room for anything."""
+    return shutil.disk_usage(folder).free < _LITTLE_BYTES
 
 
 def discard_empty(path: Path) -> bool:

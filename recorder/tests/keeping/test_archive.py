@@ -1,12 +1,15 @@
 """A recorder that is left running for weeks: rotation, incidents and room on the disk together."""
 
+import errno
 import gc
 import json
+import os
 import pickle
 from collections import Counter
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,6 +18,7 @@ from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C
 from scaraspec_recorder.deriving.sinks import Folder, Sink, SinkFailed
 from scaraspec_recorder.drawing.rerun_view import RerunSink
+from scaraspec_recorder.keeping import contents
 from scaraspec_recorder.keeping.archive import Archive, archive_sink
 from scaraspec_recorder.keeping.retention import PERIOD_NS, parse_keep
 from scaraspec_recorder.keeping.rotation import parse_rotate
@@ -131,6 +135,33 @@ def test_a_killed_recorder_goes_on(tmp_path: Path, shift: list[WireEvent]) -> No
     (line,) = again.listed
     assert line["notes"]
     assert payload([tmp_path / name]) == b"".join(event.data for event in shift)
+    again.sink.close()
+
+
+def test_room_is_made_before_a_file_is_repaired(
+    tmp_path: Path, shift: list[WireEvent], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a full disk the oldest recording goes first, or the recorder would wait for ever."""
+    for _ in range(2):
+        recorder = Recorder(tmp_path, Archive("cell 2", draw=False), shift[0].time_ns)
+        recorder.feed(shift)
+        recorder.sink.close()
+    old, torn = sorted(tmp_path.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+    torn.write_bytes(torn.read_bytes()[:-9])
+    lines = (tmp_path / "contents.jsonl").read_text().splitlines(keepends=True)
+    (tmp_path / "contents.jsonl").write_text(lines[0])
+    repair = contents.recover
+
+    def repair_where_there_is_room(path: Path) -> Any:
+        if old.exists():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return repair(path)
+
+    monkeypatch.setattr(contents, "recover", repair_where_there_is_room)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
+    wanted = Archive("cell 2", draw=False, min_free_bytes=GB + 1)
+    again = Recorder(tmp_path, wanted, shift[-1].time_ns)
+    assert [line.get("removed", line.get("name")) for line in again.listed] == [old.name, torn.name]
     again.sink.close()
 
 

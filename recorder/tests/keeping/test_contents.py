@@ -1,11 +1,14 @@
 """The table of contents says what lies in the folder, whatever became of those who wrote it."""
 
+import errno
 import json
+import os
 import shutil
 from collections.abc import Iterable
 from concurrent.futures import Future
 from hashlib import sha256
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -48,6 +51,10 @@ def record(folder: Path, events: Iterable[WireEvent], *, draw: bool = False) -> 
 
 def lines(folder: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in (folder / FILE_NAME).read_text().splitlines()]
+
+
+def refuse(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 @pytest.fixture(scope="module")
@@ -131,6 +138,36 @@ def test_a_killed_recorder_has_its_file_repaired_and_listed(recorded: Path, tmp_
     assert entry["notes"][0] == "the file was not closed: what came after its last flush is missing"
     assert entry["size_bytes"] == sum((tmp_path / name).stat().st_size for name in entry["files"])
     assert {**entry, "notes": [], "size_bytes": 0} == {**before, "size_bytes": 0}
+
+
+@pytest.mark.parametrize("free_bytes", [0, 10**6])
+def test_a_file_is_repaired_as_soon_as_there_is_room(
+    recorded: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    free_bytes: int,
+) -> None:
+    """A disk that is full holds up everything; one that has too little for this alone does not."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    capture = tmp_path / NAME
+    torn = capture.read_bytes()[:-9]
+    capture.write_bytes(torn)
+    (tmp_path / FILE_NAME).unlink()
+    with monkeypatch.context() as full:
+        full.setattr(Path, "replace", refuse)
+        full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=free_bytes))
+        contents = Contents(tmp_path)
+        if free_bytes:
+            contents.repair()
+            assert f"{capture} is not repaired yet: [Errno 28] No space left" in caplog.text
+        else:
+            with pytest.raises(OSError, match="No space left"):
+                contents.repair()
+    assert capture.read_bytes() == torn
+    contents.repair()
+    assert not caplog.records[free_bytes > 0 :]
+    assert contents.entries[NAME].notes
 
 
 def test_what_cannot_be_read_is_listed_too(tmp_path: Path) -> None:
