@@ -1,9 +1,44 @@
 """Work on several processes."""
 
 import os
+import select
+import subprocess
+import sys
+import tempfile
+import time
 from collections import Counter
+from contextlib import closing
+from pathlib import Path
+
+import pytest
 
 from scaraspec.cli.prove.apart import apart
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux watches a process")
+
+LEFT = """
+import sys
+from test_apart import work_for_long
+from scaraspec.cli.prove.apart import apart
+for told in apart(work_for_long, [sys.argv[1]] * 3, jobs=1, runs=3):
+    print(told, flush=True)
+"""
+
+
+def work_for_long(told: str) -> str:
+    """Leave something in a temporary folder, tell where and by which process; the second time."""
+    here = Path(told, "told")
+    if not here.exists():
+        here.write_text(f"{os.getpid()} {tempfile.mkdtemp()}")
+        return here.read_text()
+    time.sleep(3600)
+    return ""
+
+
+def gone(watch: int) -> bool:
+    """Whether a process has ended, soon."""
+    with open(watch) as _:
+        return bool(select.select([watch], [], [], 30)[0])
 
 
 def test_all_is_done_in_order_and_no_process_grows_old() -> None:
@@ -11,3 +46,29 @@ def test_all_is_done_in_order_and_no_process_grows_old() -> None:
     assert list(apart(abs, range(-9, 0), jobs=1, runs=2)) == list(range(9, 0, -1))
     workers = Counter(apart(os.readlink, ["/proc/self"] * 5, jobs=1, runs=2))
     assert sorted(workers.values()) == [1, 2, 2]
+
+
+def test_whoever_leaves_waits_for_no_work(tmp_path: Path) -> None:
+    """Though the processes are in the midst of it; nothing of theirs is left."""
+    with closing(apart(work_for_long, [str(tmp_path)] * 3, jobs=1, runs=3)) as results:
+        number, folder = next(results).split()
+        watch = os.pidfd_open(int(number))
+    assert gone(watch)
+    assert not Path(folder).parent.exists()
+
+
+def test_processes_end_with_whoever_is_killed(tmp_path: Path) -> None:
+    """They would work on, and wait for ever for more."""
+    with subprocess.Popen(
+        [sys.executable, "-c", LEFT, str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        cwd=Path(__file__).parent,
+    ) as whoever:
+        assert whoever.stdout
+        number, folder = whoever.stdout.readline().split()
+        watch = os.pidfd_open(int(number))
+        whoever.kill()
+    assert gone(watch)
+    assert not Path(folder).parent.exists()

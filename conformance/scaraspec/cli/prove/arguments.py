@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -108,7 +109,10 @@ def command(  # noqa: PLR0913 - one for each option
             click.echo(_told(fault))
         return
     sound = _without_fault(party, options)
-    proofs = list(_shown(_proofs(party, chosen, options, jobs, quick=quick), len(chosen)))
+    work = partial(proof_of, role=party, options=options, quick=quick)
+    tried = [fault.name for fault in chosen]
+    with closing(apart(work, tried, jobs=jobs, runs=_RUNS)) as found:
+        proofs = list(_shown(found, len(chosen)))
     cases = [case.id for case in collect(options, party)]
     idle = _idle(cases, proofs) if not names and every == 1 else []
     counts = _counts(proofs)
@@ -184,15 +188,6 @@ def _told(fault: Fault[Any]) -> str:
     return f"{fault.name}: {fault.sentence} ({violated}{under}{'; subtle' if fault.subtle else ''})"
 
 
-def _proofs(
-    role: Role, chosen: Iterable[Fault[Any]], options: Options, jobs: int, *, quick: bool
-) -> Iterator[Proof]:
-    """What the suite finds of each fault, in order."""
-    names = [fault.name for fault in chosen]
-    work = partial(proof_of, role=role, options=options, quick=quick)
-    return apart(work, names, jobs=jobs, runs=_RUNS)
-
-
 def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
     """Show that no conforming implementation is failed, whatever readings it follows."""
     if not collect(options, role):
@@ -200,12 +195,12 @@ def _prove_dialects(role: Role, options: Options, jobs: int) -> None:
     spoken = list(dialects())
     wrong = 0
     work = partial(alarm_of, role=role, options=options)
-    alarms = apart(work, spoken, jobs=jobs, runs=_RUNS)
-    for number, alarm in enumerate(alarms, 1):
-        wrong += alarm.false
-        click.echo(f"{number}/{len(spoken)} {alarm.verdict} {' '.join(alarm.readings)}")
-        for case, message in alarm.cases.items():
-            click.echo(f"    {case}: {message}")
+    with closing(apart(work, spoken, jobs=jobs, runs=_RUNS)) as alarms:
+        for number, alarm in enumerate(alarms, 1):
+            wrong += alarm.false
+            click.echo(f"{number}/{len(spoken)} {alarm.verdict} {' '.join(alarm.readings)}")
+            for case, message in alarm.cases.items():
+                click.echo(f"    {case}: {message}")
     click.echo(f"{len(spoken) - wrong} of {len(spoken)} dialects conformant")
     if wrong:
         raise SystemExit(ExitStatus.NONCONFORMANT)
