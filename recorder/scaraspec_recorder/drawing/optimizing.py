@@ -4,6 +4,7 @@ Law: a convenience, done by the tool that the rerun package brings. What cannot 
 not in time, stays as it is.
 """
 
+import os
 import shutil
 import subprocess
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -19,6 +20,8 @@ SUFFIX: Final = ".optimized"
 """What the name of a file in the making ends with."""
 
 _TIMEOUT_S: Final = 600
+_END: Final = b"RRF2FOOT"
+_END_BYTES: Final = 12
 
 _worker = ThreadPoolExecutor(1, thread_name_prefix="optimizing")  # a process waits for it to end
 _room = BoundedSemaphore(MOST_WAITING)
@@ -43,11 +46,24 @@ def optimize(path: Path) -> bool:
             capture_output=True,
             timeout=_TIMEOUT_S,
         )
-        compact.replace(path)
+        if whole := is_whole(compact):  # of a disk that is full the tool says nothing
+            compact.replace(path)
     except (OSError, subprocess.SubprocessError):
+        whole = False
+    if not whole:
         compact.unlink(missing_ok=True)
-        return False
-    return True
+    return whole
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a .rrd file has its footer, which comes last.
+
+    Raises:
+        OSError: It cannot be read.
+    """
+    with path.open("rb") as file:
+        file.seek(-min(_END_BYTES, path.stat().st_size), os.SEEK_END)
+        return _END in file.read()
 
 
 def optimize_later(path: Path) -> Future[bool]:

@@ -7,12 +7,12 @@ Law: what a recorder is writing is not touched, see `hold`. How a file is repair
 import logging
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
 
 from scaraspec_recorder.deriving.sinks import Folder, Sink, SinkFactory
+from scaraspec_recorder.drawing.optimizing import is_whole
 from scaraspec_recorder.keeping.capture import draw_capture
 from scaraspec_recorder.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.mcap.mcap_reading import read_mcap
@@ -20,9 +20,6 @@ from scaraspec_recorder.mcap.recover import discard_empty, is_full, recover, swe
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.spooling.claims import claim, spool_folder
 from scaraspec_recorder.spooling.spool import unread_bytes
-
-_RRD_END: Final = b"RRF2FOOT"
-_RRD_END_BYTES: Final = 12
 
 _log = logging.getLogger(__name__)
 
@@ -37,7 +34,7 @@ def repairing_sink(folder: Folder, *, make: SinkFactory) -> Sink:
     """
     sweep(folder.path)
     for path in sorted(folder.path.glob("*.mcap")):
-        if _ends_with(path, MAGIC, len(MAGIC)):
+        if _unless_unreadable(_is_ended, path):
             continue
         try:
             if discard_empty(path):
@@ -78,7 +75,7 @@ def hold(folder: Path) -> Iterator[int]:
 
 def is_drawn(path: Path) -> bool:
     """Whether there is a whole .rrd file."""
-    return path.exists() and _ends_with(path, _RRD_END, _RRD_END_BYTES)
+    return path.exists() and _unless_unreadable(is_whole, path)
 
 
 def redraw(path: Path) -> Path:
@@ -100,12 +97,17 @@ def redraw(path: Path) -> Path:
     return drawn
 
 
-def _ends_with(path: Path, mark: bytes, size_bytes: int) -> bool:
-    """Whether a mark is within the last bytes of a file."""
+def _is_ended(path: Path) -> bool:
+    """Whether a recording was ended in order."""
+    with path.open("rb") as file:
+        file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
+        return file.read() == MAGIC
+
+
+def _unless_unreadable(ask: Callable[[Path], bool], path: Path) -> bool:
+    """Ask it of a file; one that cannot be read is told, and left alone as if it were so."""
     try:
-        with path.open("rb") as file:
-            file.seek(-min(size_bytes, path.stat().st_size), os.SEEK_END)
-            return mark in file.read()
+        return ask(path)
     except OSError as error:
         _log.warning("%s cannot be read: %s", path, error.strerror)
         return True

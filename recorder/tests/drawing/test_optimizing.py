@@ -1,13 +1,17 @@
 """Recordings are made small where that works, and nobody waits for it."""
 
+import os
+import subprocess
 import threading
 from concurrent.futures import wait
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from scaraspec_recorder.drawing import optimizing
 from scaraspec_recorder.drawing.optimizing import MOST_WAITING, optimize, optimize_later
+from scaraspec_recorder.keeping.capture import draw_capture
 
 TIMEOUT_S = 30
 
@@ -18,6 +22,24 @@ def test_a_file_that_cannot_be_optimized_stays_as_it_is(tmp_path: Path) -> None:
     path.write_bytes(b"no recording")
     assert not optimize(path)
     assert path.read_bytes() == b"no recording"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_disk_that_is_full_costs_no_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The tool writes what it can and ends as if all were well: what it made is not taken."""
+    path = tmp_path / "capture.rrd"
+    draw_capture([], path)
+    before, run = path.read_bytes(), subprocess.run
+
+    def run_on_a_full_disk(command: list[str], **options: Any) -> None:
+        run(command, **options)
+        os.truncate(command[-1], 4096)
+
+    monkeypatch.setattr(subprocess, "run", run_on_a_full_disk)
+    assert not optimize(path)
+    assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 
 
