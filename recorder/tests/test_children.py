@@ -1,13 +1,12 @@
 """Children: they obey their line alone, and the one that says why it ends ends at once."""
 
 import asyncio
-import socket
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
-from scaraspec_recorder.children import SAID, Child
+from failing import fail_once
+from scaraspec_recorder.children import Child
 
 FIRST = """
 import multiprocessing, signal
@@ -27,14 +26,6 @@ def test_the_first_child_is_held_back_too() -> None:
         [sys.executable, "-c", FIRST], capture_output=True, text=True, timeout=60, check=False
     )
     assert done.stdout == "True 0\n", done.stderr
-
-
-def fail_once(lives: Path, _line: socket.socket) -> None:
-    """Be a child that fails, and has a thread that never ends."""
-    if not lives.exists():
-        lives.touch()
-        threading.Thread(target=threading.Event().wait).start()
-        sys.exit(SAID)
 
 
 def test_a_child_that_said_why_it_fails_waits_for_none_of_its_threads(tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ import os
 import select
 import subprocess
 import sys
-import tempfile
-import time
 from collections import Counter
 from contextlib import closing
 from pathlib import Path
@@ -16,23 +14,13 @@ from scaraspec.cli.prove.apart import apart
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux watches a process")
 
-LEFT = """
-import sys
-from test_apart import work_for_long
+HERE = "__import__('os').getpid(), __import__('tempfile').mkdtemp()"
+FOR_LONG = "__import__('time').sleep(3600)"
+LEFT = f"""
 from scaraspec.cli.prove.apart import apart
-for told in apart(work_for_long, [sys.argv[1]] * 3, jobs=1, runs=3):
-    print(told, flush=True)
+for told in apart(eval, ["{HERE}", "{FOR_LONG}", "{FOR_LONG}"], jobs=1, runs=3):
+    print(*told, flush=True)
 """
-
-
-def work_for_long(told: str) -> str:
-    """Leave something in a temporary folder, tell where and by which process; the second time."""
-    here = Path(told, "told")
-    if not here.exists():
-        here.write_text(f"{os.getpid()} {tempfile.mkdtemp()}")
-        return here.read_text()
-    time.sleep(3600)
-    return ""
 
 
 def gone(watch: int) -> bool:
@@ -48,23 +36,19 @@ def test_all_is_done_in_order_and_no_process_grows_old() -> None:
     assert sorted(workers.values()) == [1, 2, 2]
 
 
-def test_whoever_leaves_waits_for_no_work(tmp_path: Path) -> None:
+def test_whoever_leaves_waits_for_no_work() -> None:
     """Though the processes are in the midst of it; nothing of theirs is left."""
-    with closing(apart(work_for_long, [str(tmp_path)] * 3, jobs=1, runs=3)) as results:
-        number, folder = next(results).split()
-        watch = os.pidfd_open(int(number))
+    with closing(apart(eval, [HERE, FOR_LONG, FOR_LONG], jobs=1, runs=3)) as results:
+        number, folder = next(results)
+        watch = os.pidfd_open(number)
     assert gone(watch)
     assert not Path(folder).parent.exists()
 
 
-def test_processes_end_with_whoever_is_killed(tmp_path: Path) -> None:
+def test_processes_end_with_whoever_is_killed() -> None:
     """They would work on, and wait for ever for more."""
     with subprocess.Popen(
-        [sys.executable, "-c", LEFT, str(tmp_path)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        cwd=Path(__file__).parent,
+        [sys.executable, "-c", LEFT], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as whoever:
         assert whoever.stdout
         number, folder = whoever.stdout.readline().split()
