@@ -154,7 +154,7 @@ def _be(name: str, run: Callable[..., None], *arguments: Any) -> None:
     try:
         run(*arguments)
     except SystemExit as ended:
-        if ended.code == SAID:  # at once: the next one waits, and it for nobody's threads
+        if ended.code == SAID:  # at once: a library's thread may wait for ever
             os._exit(SAID)
         raise
 

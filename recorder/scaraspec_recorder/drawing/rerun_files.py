@@ -18,7 +18,7 @@ import rerun as rr
 import rerun_bindings
 
 _PIPES: Final = Path("/dev/fd")  # where a pipe has a name: not on every system
-_READ_BYTES: Final = 1 << 18
+_READ_BYTES: Final = 1 << 16
 
 
 class _Layout:
@@ -96,15 +96,18 @@ class _Pipe:
         name: By which whoever writes opens the pipe.
 
     Raises:
-        OSError: The file cannot be made.
+        OSError: The file, or the pipe, cannot be made.
     """
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb", buffering=0)
         self._far, self._near = os.pipe()
         os.set_blocking(self._far, False)
+        self._selector = DefaultSelector()
+        self._selector.register(self._far, EVENT_READ)
         self.name = f"{_PIPES}/{self._near}"
         self._failure: OSError | None = None
+        self._ended = False
         self._lock = threading.Lock()
         # Not waited for at the end of the process: the SDK closes its end only behind that.
         self._carrier = threading.Thread(target=self._carry, daemon=True)
@@ -136,28 +139,30 @@ class _Pipe:
 
     def _carry(self) -> None:
         """Be the thread that reads: whoever writes never waits for long."""
-        with DefaultSelector() as selector:
-            selector.register(self._far, EVENT_READ)
-            while self._take():
-                selector.select()
+        while self._take():
+            self._selector.select()
+        self._selector.close()
         os.close(self._far)
-        self._file.close()
+        try:
+            self._file.close()
+        except OSError as error:
+            self._failure = self._failure or error
 
     def _take(self) -> bool:
         """Carry what is there; return whether more may come."""
         with self._lock:
-            while True:
+            while not self._ended:
                 try:
                     data = memoryview(os.read(self._far, _READ_BYTES))
                 except BlockingIOError:
                     return True
-                if not data:
-                    return False
+                self._ended = not data
                 try:
                     while data and not self._failure:
                         data = data[self._file.write(data) :]
                 except OSError as error:
                     self._failure = error
+        return False
 
 
 def connect(application: str, url: str, layout: Any) -> rr.RecordingStream:

@@ -57,7 +57,7 @@ def _obey(line: Connection, scratch: str) -> None:
 
 def _end_with(line: Connection, scratch: str) -> None:
     """Be the thread that ends this process when whoever it works for has ended."""
-    with suppress(EOFError):
+    with suppress(EOFError, OSError):
         line.recv_bytes()
     shutil.rmtree(scratch, ignore_errors=True)
     os._exit(1)
