@@ -35,6 +35,23 @@ def endings() -> tuple[signal.Signals, ...]:
     return tuple(numbers)
 
 
+@contextmanager
+def ending_alike() -> Iterator[None]:
+    """Let each of these signals end a command as Ctrl-C does, so that it ends what it has begun.
+
+    A command that ends in another way sets up its own.
+    """
+    before = {number: signal.getsignal(number) for number in endings()}
+    for number, handler in before.items():
+        if handler is signal.SIG_DFL:
+            signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def insists(number: int) -> bool:
     """Whether it is a user's who wants a command to end at once; a lost terminal tells it twice."""
     return number in (signal.SIGINT, signal.SIGTERM)

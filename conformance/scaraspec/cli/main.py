@@ -9,7 +9,7 @@ import sys
 
 import click
 
-from scaraspec.cli.leaving import outliving_readers
+from scaraspec.cli.leaving import ending_alike, outliving_readers
 from scaraspec.cli.problems import Problem
 from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.report.visible import visible
@@ -71,7 +71,7 @@ def group() -> None:
 
 def main() -> None:
     """Run the command line; exit statuses are those of the README."""
-    with outliving_readers():
+    with outliving_readers(), ending_alike():
         try:
             group(prog_name="scaraspec")
         except Problem as problem:

@@ -12,7 +12,7 @@ import pytest
 
 from scaraspec.cli import requirements
 from scaraspec.cli.main import main
-from scaraspec.client import Client
+from scaraspec.client import Client, ClientError
 from scaraspec.report.model import Results
 
 SCARASPEC = [sys.executable, "-m", "scaraspec"]
@@ -114,6 +114,22 @@ def test_a_recording_whose_terminal_is_lost(processes: Any, tmp_path: Path) -> N
     told, _ = recorder.communicate(timeout=LIMIT_S)
     assert recorder.returncode == 0, told
     assert (tmp_path / "capture.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_what_a_command_has_started_ends_with_it(
+    processes: Any, tmp_path: Path, number: signal.Signals
+) -> None:
+    """Whichever way it is asked to end: the demo's controller would listen for ever."""
+    demo = processes.start("demo", "--out", str(tmp_path / "out"))
+    told = demo.stdout.readline()
+    url = told.split()[-1]
+    demo.send_signal(number)
+    told, _ = demo.communicate(timeout=LIMIT_S)
+    assert demo.returncode == 3
+    assert told.endswith("scaraspec: ended before its end\n")
+    with pytest.raises(ClientError, match="Connection refused"):
+        Client(url, password="password").connect()
 
 
 def test_whoever_has_a_lost_terminal_ignored_is_obeyed() -> None:
