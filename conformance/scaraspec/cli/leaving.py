@@ -85,7 +85,7 @@ def _replace(name: str) -> "_Lenient | None":
     told = io.TextIOWrapper(
         cast("BinaryIO", file) if stream.write_through else io.BufferedWriter(file),
         stream.encoding,
-        stream.errors,
+        "backslashreplace",  # not every terminal, nor every file on Windows, has every character
         line_buffering=stream.line_buffering,
         write_through=stream.write_through,
     )

@@ -44,6 +44,18 @@ def _unread(*words: str) -> int:
         return run.wait(LIMIT_S)
 
 
+def test_a_terminal_without_every_character(
+    processes: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a file on Windows is: what it has not is told by its number, and the status stays."""
+    host, port = processes.controller("--fault", "status-of-one-digit")
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    done = processes.run("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
+    assert done.returncode == 1
+    assert "fail \\xb7 4.8/" in done.stdout
+    assert "Traceback" not in done.stderr
+
+
 @pytest.mark.parametrize(("words", "status"), [("requirements", 3), ("frame zz", 2)])
 def test_a_disk_that_is_full(words: str, status: int) -> None:
     """What is to be kept and cannot be is no success, and any other status stays."""
