@@ -6,6 +6,7 @@ one that needs an absent extra hinders no other.
 
 import importlib
 import sys
+import traceback
 
 import click
 
@@ -75,5 +76,15 @@ def main() -> None:
         try:
             group(prog_name="scaraspec")
         except Problem as problem:
-            click.echo(f"scaraspec: {visible(str(problem))}", err=True)
+            _tell(f"{problem}")
             sys.exit(problem.exit_status)
+        except OSError as error:
+            _tell(f"{error}")
+        except Exception:  # noqa: BLE001 - whatever it is, Python would end with 1: nonconformant
+            traceback.print_exc()
+            _tell("that is a defect of scaraspec, and no result")
+        sys.exit(ExitStatus.INCONCLUSIVE)
+
+
+def _tell(why: str) -> None:
+    click.echo(f"scaraspec: {visible(why)}", err=True)

@@ -73,20 +73,33 @@ def test_a_disk_that_is_full(words: str, status: int) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_a_command_that_is_ended_has_no_verdict(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("why", "told"),
+    [
+        (KeyboardInterrupt(), "scaraspec: ended before its end\n"),
+        (OSError(30, "Read-only file system"), "scaraspec: [Errno 30] Read-only file system\n"),
+        (KeyError("x"), "KeyError: 'x'\nscaraspec: that is a defect of scaraspec, and no result\n"),
+    ],
+)
+def test_a_command_that_comes_to_no_end_has_no_verdict(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    why: BaseException,
+    told: str,
 ) -> None:
-    """A status of 1 would say nonconformant."""
+    """A status of 1 would say nonconformant. A traceback is for defects alone."""
 
-    def end(**_: object) -> None:
-        raise KeyboardInterrupt
+    def fail(**_: object) -> None:
+        raise why
 
-    monkeypatch.setattr(requirements.command, "callback", end)
+    monkeypatch.setattr(requirements.command, "callback", fail)
     monkeypatch.setattr(sys, "argv", ["scaraspec", "requirements"])
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 3
-    assert capsys.readouterr().err == "scaraspec: ended before its end\n"
+    said = capsys.readouterr().err
+    assert said.endswith(told)
+    assert said == told or isinstance(why, KeyError)
 
 
 def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:

@@ -43,7 +43,9 @@ def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES) -> Path:
 
 
 def _has_room(size_bytes: int) -> bool:
-    return _MEMORY.is_dir() and shutil.disk_usage(_MEMORY).free > size_bytes
+    if not os.access(_MEMORY, os.W_OK):
+        return False
+    return shutil.disk_usage(_MEMORY).free > size_bytes
 
 
 def claim(spool: Path) -> int:

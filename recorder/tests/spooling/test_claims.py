@@ -56,6 +56,16 @@ def test_the_spool_lies_in_memory_and_is_private(tmp_path: Path, memory: Path) -
         spool_folder(tmp_path / "a", 1)
 
 
+def test_memory_that_cannot_be_written_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a container whose files are read-only: the spool lies beside the recordings."""
+    monkeypatch.setattr(claims, "_MEMORY", tmp_path)
+    assert spool_folder(tmp_path / "a", 1).parent == tmp_path
+    monkeypatch.setattr(os, "access", lambda path, _mode: path != tmp_path)
+    assert spool_folder(tmp_path / "b", 1) == tmp_path / "b" / ".spool"
+
+
 def test_the_spool_of_the_dead_is_cleared_away_at_a_start(tmp_path: Path, memory: Path) -> None:
     """It lies in memory, and its folder may never see a recorder again."""
     spool = killed(tmp_path / "a", read=True)
