@@ -48,7 +48,7 @@ class ExitStatus(IntEnum):
     USAGE = 2
     """The arguments or the configuration were wrong."""
     INCONCLUSIVE = 3
-    """The evidence does not suffice, or the suite broke down."""
+    """The evidence does not suffice, or the command was ended or broke down."""
     NOTHING_TESTED = 4
 
 
