@@ -10,6 +10,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from types import FrameType
 from typing import TYPE_CHECKING, BinaryIO, Final, cast
 
 import click
@@ -44,12 +45,18 @@ def ending_alike() -> Iterator[None]:
     before = {number: signal.getsignal(number) for number in endings()}
     for number, handler in before.items():
         if handler is signal.SIG_DFL:
-            signal.signal(number, signal.default_int_handler)
+            signal.signal(number, _as_ctrl_c)
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _as_ctrl_c(number: int, frame: FrameType | None) -> None:
+    """Do what is done about Ctrl-C just now: an event loop ends its tasks in order."""
+    handler = signal.getsignal(signal.SIGINT)
+    (handler if callable(handler) else signal.default_int_handler)(number, frame)
 
 
 def insists(number: int) -> bool:
