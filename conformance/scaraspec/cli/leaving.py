@@ -42,15 +42,14 @@ def ending_alike() -> Iterator[None]:
 
     A command that ends in another way sets up its own.
     """
-    before = {number: signal.getsignal(number) for number in endings()}
-    for number, handler in before.items():
-        if handler is signal.SIG_DFL:
-            signal.signal(number, _as_ctrl_c)
+    taken = [number for number in endings() if signal.getsignal(number) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, _as_ctrl_c)
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _as_ctrl_c(number: int, frame: FrameType | None) -> None:
