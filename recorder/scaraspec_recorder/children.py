@@ -29,6 +29,7 @@ LAST_DELAY_S: Final = 5.0
 SAID: Final = 75
 """Exit status of a child that has said itself why it must be started again."""
 
+_SAFE_PATH: Final = "PYTHONSAFEPATH"
 _SHOWN: Final = Path("/proc/self/comm")  # what ps and top call a process
 
 _log = logging.getLogger(__name__)
@@ -52,9 +53,25 @@ def spawn(name: str, run: Callable[..., None], *arguments: Any) -> "BaseProcess"
         OSError: The system has no room for another process.
     """
     process = _processes.Process(target=_be, args=(name, run, *arguments))
-    with _held_back():
+    with away_from_here(), _held_back():
         process.start()
     return process
+
+
+@contextmanager
+def away_from_here() -> Iterator[None]:
+    """What Python is started herein imports nothing that lies in the folder where somebody works.
+
+    Else a file there that is called like a module of Python would be run in its place.
+    """
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[_SAFE_PATH]
+        if before is not None:
+            os.environ[_SAFE_PATH] = before
 
 
 class Child:

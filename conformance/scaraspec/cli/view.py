@@ -106,7 +106,7 @@ def _show(drawn: Path, at_ns: int | None) -> None:
     port = _free_port()
     arguments = ("--bind", "127.0.0.1", "--port", f"{port}", str(drawn))
     viewer = subprocess.Popen(  # noqa: S603 - our own interpreter and arguments
-        [sys.executable, "-m", "rerun", *arguments],
+        [sys.executable, "-P", "-m", "rerun", *arguments],  # not a rerun.py that lies here
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )

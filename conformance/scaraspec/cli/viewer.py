@@ -34,7 +34,7 @@ def open_viewer() -> str:
         port = free.getsockname()[1]
     arguments = ("--bind", _HOST, "--port", str(port), *_OPTIONS)
     viewer = subprocess.Popen(  # noqa: S603 - our own interpreter and arguments
-        [sys.executable, "-m", "rerun", *arguments],
+        [sys.executable, "-P", "-m", "rerun", *arguments],  # not a rerun.py that lies here
         stdout=subprocess.DEVNULL,  # whoever reads what the recorder says gets to its end
         stderr=subprocess.DEVNULL,
         start_new_session=True,  # Ctrl-C ends the recording, and the viewer shows it still

@@ -103,7 +103,7 @@ async def _controller() -> AsyncIterator[tuple[str, int]]:
         ready = Path(folder) / "ready"
         arguments = ("controller", "--listen", "127.0.0.1:0", "--ready-file", str(ready))
         process = await asyncio.create_subprocess_exec(
-            sys.executable, "-m", "scaraspec", *arguments, stdout=subprocess.DEVNULL
+            *(sys.executable, "-P", "-m", "scaraspec", *arguments), stdout=subprocess.DEVNULL
         )
         try:
             async with asyncio.timeout(_READY_S):

@@ -12,10 +12,12 @@ import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
-from multiprocessing import Pipe, get_context
+from multiprocessing import Pipe, forkserver, get_context, resource_tracker
 from multiprocessing.connection import Connection
 from tempfile import TemporaryDirectory
 from typing import TypeVar
+
+from scaraspec_recorder.children import away_from_here
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -33,6 +35,9 @@ def apart(work: Callable[[T], R], about: Sequence[T], *, jobs: int, runs: int) -
         jobs: How many processes.
         runs: How often each of them may work.
     """
+    with away_from_here():
+        resource_tracker.ensure_running()
+        forkserver.ensure_running()
     line, far = Pipe(duplex=False)
     with line, far, TemporaryDirectory(prefix="scaraspec-") as scratch:
         for first in range(0, len(about), jobs * runs):
