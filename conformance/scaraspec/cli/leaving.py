@@ -1,7 +1,8 @@
-"""Leaving: whoever reads what a command tells may leave, and his terminal with him.
+"""Leaving: whoever reads what a command tells may leave, his terminal with him, or want it ended.
 
-What the command does, and what its exit status says, are the same whether anybody hears of it; only
-where what it tells should be kept, and cannot be, it does not end as if all were well.
+What the command does, and what its exit status says, are the same whether anybody hears of it, and
+can read it; only where what it tells should be kept, and cannot be, it does not end as if all were
+well. Whichever way it is asked to end, it ends in order.
 """
 
 import errno

@@ -1,4 +1,6 @@
-"""The entry point: names the commands, and turns what a user got wrong into one sentence.
+"""The entry point: names the commands, tells what went wrong, and gives that no verdict.
+
+What a user, or his machine, got wrong is one sentence.
 
 Each command lives in a module of its own here and is imported only when it is called, so that
 one that needs an absent extra hinders no other.

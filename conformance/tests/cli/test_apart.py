@@ -15,7 +15,7 @@ from scaraspec.cli.prove.apart import apart
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux watches a process")
 
 HERE = "__import__('os').getpid(), __import__('tempfile').mkdtemp()"
-FOR_LONG = "__import__('time').sleep(3600)"
+FOR_LONG = "__import__('time').sleep(60)"
 LEFT = f"""
 from scaraspec.cli.prove.apart import apart
 for told in apart(eval, ["{HERE}", "{FOR_LONG}", "{FOR_LONG}"], jobs=1, runs=3):
@@ -36,12 +36,15 @@ def test_all_is_done_in_order_and_no_process_grows_old() -> None:
     assert sorted(workers.values()) == [1, 2, 2]
 
 
-def test_whoever_leaves_waits_for_no_work() -> None:
+def test_whoever_leaves_waits_for_no_work(tmp_path: Path) -> None:
     """Though the processes are in the midst of it; nothing of theirs is left."""
-    with closing(apart(eval, [HERE, FOR_LONG, FOR_LONG], jobs=1, runs=3)) as results:
+    done = tmp_path / "done"
+    work = f"{FOR_LONG}, __import__('pathlib').Path({str(done)!r}).touch()"
+    with closing(apart(eval, [HERE, work], jobs=1, runs=2)) as results:
         number, folder = next(results)
         watch = os.pidfd_open(number)
     assert gone(watch)
+    assert not done.exists()
     assert not Path(folder).parent.exists()
 
 

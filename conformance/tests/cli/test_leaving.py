@@ -1,4 +1,4 @@
-"""Whoever reads what a command tells leaves, and his terminal with him: nothing else is lost."""
+"""Whoever reads what a command tells leaves, or wants it ended: nothing else is lost."""
 
 import os
 import pty
