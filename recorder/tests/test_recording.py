@@ -345,9 +345,10 @@ import journal
 from scaraspec_recorder import recording
 from scaraspec_recorder.forwarding.routes import Upstream
 from scaraspec_recorder.deriving.sinks import SinkFactory
+from scaraspec_recorder.spooling import claims
 
 async def main():
-    recording._has_room = lambda _: False
+    claims._has_room = lambda _: False
     route = Upstream("127.0.0.1", int(sys.argv[2]))
     out_dir = pathlib.Path(sys.argv[3])
     async with recording.record(route, ("127.0.0.1", 0), out_dir, [journal.Journal]) as made:

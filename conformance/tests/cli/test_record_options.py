@@ -20,6 +20,7 @@ from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec_recorder.source import open_capture
+from scaraspec_recorder.spooling.claims import spool_folder
 from scaraspec_recorder.spooling.passages import Passage
 
 LOCAL = ("--listen", "127.0.0.1:0")
@@ -224,8 +225,8 @@ def test_a_second_signal_ends_the_waiting(
     """What hangs does not hold the user; what is left is told, and written next time."""
     arguments = ("record", controller, *LOCAL, "--out", str(tmp_path))
     recorder = processes.start(*arguments)
-    url = url_in(recorder.stdout.readline())
-    ask(url)
+    ask(url_in(recorder.stdout.readline()))
+    wait_for_spooled(tmp_path, b"\xcc\x09\x0200\xaa")  # the tap may keep it 20 ms to itself
     for name in hang:
         os.kill(child_of(recorder.pid, name), signal.SIGSTOP)
     recorder.send_signal(signal.SIGINT)
@@ -254,6 +255,13 @@ def test_a_lost_terminal_is_told_twice(processes: Any, controller: str, tmp_path
     os.kill(scribe, signal.SIGCONT)
     told, _ = recorder.communicate(timeout=DEADLINE_S)
     assert recorder.returncode == 0, told
+
+
+def wait_for_spooled(out_dir: Path, data: bytes) -> None:
+    """Until bytes that passed lie where no end of the tap can take them."""
+    until_s = time.monotonic() + DEADLINE_S
+    while not any(data in part.read_bytes() for part in spool_folder(out_dir).glob("*.spool")):
+        assert time.monotonic() < until_s, "nothing of it was spooled"
 
 
 def child_of(pid: int, name: str) -> int:
