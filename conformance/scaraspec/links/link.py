@@ -4,6 +4,7 @@ No carrier is met here, and no frame. Times are stamped by the link, so that who
 no clock of its own.
 """
 
+from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple, Protocol
 
@@ -31,7 +32,12 @@ class Link(Protocol):
 
     One thread may send while another one receives; whatever ends the link waits for both. Where
     time passes only in whoever waits (`memory`), all is for one thread.
+
+    Attributes:
+        step_s: For how long somebody who may be interrupted should wait at once.
     """
+
+    step_s: float
 
     @property
     def now_s(self) -> float:
@@ -47,10 +53,15 @@ class Link(Protocol):
             LinkError: The peer has ended the link or takes no more, or it was closed here.
         """
 
-    def receive(self, deadline_s: float) -> Arrival | None:
+    def receive(self, deadline_s: float, others: Sequence["Link"] = (), /) -> Arrival | None:
         """Wait for the next bytes or the end; None if nothing came by `deadline_s`.
 
         A deadline that has passed takes what is there already. The end is told again and again.
+
+        Args:
+            deadline_s: Until when to wait.
+            others: Open links of the same carrier: the waiting ends when anything is there to be
+                received on one of them, too.
 
         Raises:
             LinkError: The link was closed here.

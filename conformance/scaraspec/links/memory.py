@@ -5,9 +5,10 @@ nothing and every run is the same. What the machine is, is not known here: anyth
 methods of `Machine`, such as the virtual controller's brain.
 """
 
+import math
 from collections import deque
 from collections.abc import Sequence
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from scaraspec.links.link import Arrival, Ending, LinkError
 
@@ -130,6 +131,8 @@ class MemoryNetwork:
 class MemoryLink:
     """A client's end; made by `MemoryNetwork.connect`."""
 
+    step_s = math.inf  # however much time passes, it takes none
+
     def __init__(self, network: MemoryNetwork, connection: int) -> None:
         self._network = network
         self._connection = connection
@@ -158,11 +161,18 @@ class MemoryLink:
         self._network.deliver(self._connection, data)
         return time_ns
 
-    def receive(self, deadline_s: float) -> Arrival | None:
+    @property
+    def arrived(self) -> bool:
+        """Whether anything is there to be received."""
+        return bool(self._arrivals)
+
+    def receive(self, deadline_s: float, others: Sequence[Any] = (), /) -> Arrival | None:
         """Let time pass until bytes or the end arrive; see `Link.receive`."""
         if not self._receives:
             raise LinkError("this link has been closed")
-        while not self._arrivals and self.now_s < deadline_s:
+        while not (self._arrivals or any(other.arrived for other in others)):
+            if self.now_s >= deadline_s:
+                break
             self._network.step(deadline_s)
         if not self._arrivals:
             return None

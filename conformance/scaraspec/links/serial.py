@@ -2,6 +2,7 @@
 
 import importlib
 import time
+from collections.abc import Sequence
 
 from scaraspec.links.clock import now_ns
 from scaraspec.links.link import Arrival, Ending, LinkError
@@ -15,6 +16,8 @@ class SerialLink:
     Raises:
         LinkError: pyserial is not installed, or the device cannot be opened.
     """
+
+    step_s = 1.0
 
     def __init__(self, address: Serial) -> None:
         try:
@@ -44,8 +47,11 @@ class SerialLink:
             raise LinkError(f"the serial line takes no bytes: {error}") from None
         return time_ns
 
-    def receive(self, deadline_s: float) -> Arrival | None:
-        """Wait for bytes, or for the device to vanish; see `Link.receive`."""
+    def receive(self, deadline_s: float, _others: Sequence[object] = (), /) -> Arrival | None:
+        """Wait for bytes, or for the device to vanish; see `Link.receive`.
+
+        There are no others: a line carries one link.
+        """
         self._check_open()
         if self._ending is None:
             try:

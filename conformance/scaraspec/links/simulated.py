@@ -8,6 +8,7 @@ that 30 s cost nothing and every run is the same.
 import asyncio
 import selectors
 from collections import deque
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from scaraspec.links.link import Arrival, Ending, LinkError
@@ -119,6 +120,8 @@ class _Transport(asyncio.Transport):
 class SimulatedLink:
     """The tester's end of a connection; see `links.link.Link`."""
 
+    step_s = 1.0
+
     def __init__(self, loop: SimulatedLoop, protocol: asyncio.Protocol, port: int) -> None:
         self.transport = _Transport(self)
         self.over = False
@@ -155,8 +158,11 @@ class SimulatedLink:
         self._loop.call_soon(self._deliver, data)
         return self._loop.time_ns
 
-    def receive(self, deadline_s: float) -> Arrival | None:
-        """Let time pass until something arrives, or the loop is woken; see `Link.receive`."""
+    def receive(self, deadline_s: float, _others: Sequence[object] = (), /) -> Arrival | None:
+        """Let time pass until something arrives, or the loop is woken; see `Link.receive`.
+
+        Whatever arrives elsewhere wakes it.
+        """
         if self._closed:
             raise LinkError("this link has been closed")
         if not self._arrivals:

@@ -7,6 +7,8 @@ import selectors
 import socket
 import struct
 import time
+from collections.abc import Sequence
+from typing import Any
 
 from scaraspec.links.clock import now_ns
 from scaraspec.links.link import Arrival, Ending, LinkError
@@ -16,8 +18,21 @@ SEND_TIMEOUT_S = 10.0
 """For how long a peer may take no bytes before sending to it fails."""
 
 _READ_BYTES = 65536
+_Selector: type[selectors.BaseSelector] = getattr(
+    selectors, "PollSelector", selectors.SelectSelector
+)
+"""One that takes files, too: an operator's lines may come from one, which epoll refuses."""
 _LINGER_0 = struct.pack("ii", 1, 0)
 _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)  # Linux has it
+
+
+def ready_of(deadline_s: float, *sources: Any) -> list[Any]:
+    """Wait until one of these can be read, or until then; those that can."""
+    with _Selector() as selector:
+        for source in sources:
+            selector.register(source, selectors.EVENT_READ)
+        left_s = max(0.0, deadline_s - time.monotonic())
+        return [key.fileobj for key, _ in selector.select(left_s)]
 
 
 class SocketLink:
@@ -25,6 +40,8 @@ class SocketLink:
 
     The socket never blocks: its time-out would be shared by whoever sends and whoever receives.
     """
+
+    step_s = 1.0
 
     def __init__(self, connected: socket.socket) -> None:
         connected.settimeout(0.0)
@@ -56,7 +73,11 @@ class SocketLink:
                 raise LinkError(f"the peer has ended the connection: {error.strerror}") from None
         return time_ns
 
-    def receive(self, deadline_s: float) -> Arrival | None:
+    def fileno(self) -> int:
+        """The number of its socket, for whoever waits for several."""
+        return self._socket.fileno()
+
+    def receive(self, deadline_s: float, others: Sequence[Any] = (), /) -> Arrival | None:
         """Wait for bytes or the end; see `Link.receive`."""
         self._check_open()
         while self._ending is None:
@@ -64,7 +85,7 @@ class SocketLink:
                 data = self._socket.recv(_READ_BYTES)
             except BlockingIOError:
                 left_s = deadline_s - self.now_s
-                if left_s <= 0 or not self._readable(left_s):
+                if left_s <= 0 or not self._readable(left_s, others):
                     return None
             except OSError:
                 self._ending = Ending.RESET
@@ -95,8 +116,10 @@ class SocketLink:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER_0)
         self.close()
 
-    def _readable(self, timeout_s: float) -> bool:
-        """Wait until something has come; False when the time is up."""
+    def _readable(self, timeout_s: float, others: Sequence[Any]) -> bool:
+        """Wait until something has come; False when the time is up, or it came elsewhere."""
+        if others:
+            return self in ready_of(self.now_s + timeout_s, self, *others)
         return bool(self._selector.select(timeout_s))
 
     def _writable(self, timeout_s: float) -> bool:
@@ -121,9 +144,9 @@ class TcpLink(SocketLink):
         super().__init__(connected)
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
-    def receive(self, deadline_s: float) -> Arrival | None:
+    def receive(self, deadline_s: float, others: Sequence[Any] = (), /) -> Arrival | None:
         """Wait for bytes or the end; see `Link.receive`."""
-        arrival = super().receive(deadline_s)
+        arrival = super().receive(deadline_s, others)
         if _QUICKACK is not None and arrival is not None:
             with contextlib.suppress(OSError):  # the peer may have cut it
                 self._socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)  # it does not last

@@ -5,7 +5,7 @@ so that nothing that a subject sends goes unseen; all of it is observed. What a 
 which is due, is not known here.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -20,8 +20,6 @@ from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.observer import Observer
 
-_SLICE_S: Final = 0.02  # how long one wire is listened to while others may have something to say
-_STEP_S: Final = 1.0  # how long whoever ends the run may have to wait for it
 _NS: Final = 1_000_000_000
 _FLOOD_BYTES: Final = 2**16
 _FLOOD_RATIO: Final = 64
@@ -37,8 +35,8 @@ class Holder(Protocol):
     def now_ns(self) -> int:
         """The present instant in nanoseconds since the Unix epoch."""
 
-    def pump_others(self, wire: "Wire", /) -> bool:
-        """Take what came elsewhere; whether nothing can."""
+    def pump_others(self, wire: "Wire", /) -> Sequence[Link]:
+        """Take what came elsewhere; give the links on which more may come."""
 
 
 class Answer(NamedTuple):
@@ -110,7 +108,7 @@ class Wire:
         self.ending: Ending | None = None
         self.closed, self.closed_ns = False, 0
         self._due_bytes = _FLOOD_BYTES
-        self._link, self._holder, self._judged = link, holder, judged
+        self.link, self._holder, self._judged = link, holder, judged
         self._ours, self._theirs = ours, ours.opposite
         self._streams = {direction: Stream(name, direction) for direction in Direction}
         self._offsets_bytes = dict.fromkeys(Direction, 0)
@@ -129,7 +127,7 @@ class Wire:
         self.pump()  # what has come so far came before this
         try:
             with self._holder.observer.interruption:
-                time_ns = self._link.send(data)
+                time_ns = self.link.send(data)
                 self._due_bytes = _FLOOD_BYTES + _FLOOD_RATIO * len(data)
                 self._event(self._ours, Kind.BYTES, time_ns, data)
         except LinkError as error:
@@ -142,8 +140,8 @@ class Wire:
 
     def wait(self, for_s: float) -> None:
         """Let time pass, listening; it ends early only with the connection."""
-        deadline_s = self._link.now_s + for_s
-        while self._more(deadline_s) and self._link.now_s <= deadline_s:
+        deadline_s = self.link.now_s + for_s
+        while self._more(deadline_s) and self.link.now_s <= deadline_s:
             pass
 
     def ends(self, *, within_s: float) -> Ending | None:
@@ -157,13 +155,13 @@ class Wire:
         Raises:
             NoAnswer: None came; the message says what was due.
         """
-        deadline_s = self._link.now_s + within_s
+        deadline_s = self.link.now_s + within_s
         while True:
             for seen in self.heard:
                 if wanted(seen):
                     self.heard.remove(seen)
                     return Answer(seen, seen.value)
-            if self._link.now_s > deadline_s or not self._more(deadline_s):
+            if self.link.now_s > deadline_s or not self._more(deadline_s):
                 when = "" if self.ending else f" in {within_s:g} s"
                 raise self.no_answer(f"{message}{when}")
 
@@ -179,7 +177,7 @@ class Wire:
 
     def pump(self) -> None:
         """Take what is there already, without waiting."""
-        while self._receive(self._link.now_s):
+        while self._receive(self.link.now_s):
             pass
 
     def flush(self) -> None:
@@ -195,11 +193,10 @@ class Wire:
         while True:
             if self.over:
                 return False
-            alone = self._holder.pump_others(self)
-            slice_s = _STEP_S if alone else _SLICE_S
-            if self._receive(min(deadline_s, self._link.now_s + slice_s)):
+            others = self._holder.pump_others(self)
+            if self._receive(min(deadline_s, self.link.now_s + self.link.step_s), others):
                 return True
-            if self._link.now_s >= deadline_s:
+            if self.link.now_s >= deadline_s:
                 return self._receive(deadline_s)  # it may have come while this machine stood still
 
     @property
@@ -217,13 +214,13 @@ class Wire:
         """Whether it has been ended, by whomever."""
         return self.closed or self.ending is not None
 
-    def _receive(self, deadline_s: float) -> bool:
-        """Take one arrival; whether there was one."""
+    def _receive(self, deadline_s: float, others: Sequence[Link] = ()) -> bool:
+        """Take one arrival; whether there was one before anything came elsewhere."""
         if self.over:
             return False
         with self._holder.observer.interruption:
             try:
-                arrival = self._link.receive(deadline_s)
+                arrival = self.link.receive(deadline_s, others)
             except LinkError:
                 arrival = Arrival(self._holder.now_ns, Ending.RESET)
             if arrival is None:
@@ -241,7 +238,7 @@ class Wire:
     def _check_flood(self, size_bytes: int) -> None:
         self._due_bytes -= size_bytes
         if self._due_bytes < 0:
-            self._over(self._link.reset, Kind.RESET)
+            self._over(self.link.reset, Kind.RESET)
             message = "the subject goes on sending what nobody has asked for"
             raise Unmet(message, expected="silence", observed="a flood", requirement="3/32")
 
@@ -278,18 +275,18 @@ class Wire:
             Undecided: This carrier cannot.
         """
         try:
-            self._link.half_close()
+            self.link.half_close()
         except LinkError as error:
             raise Undecided(f"this link cannot do that: {error}") from None
         self._event(self._ours, Kind.HALF_CLOSED, self._holder.now_ns)
 
     def close(self) -> None:
         """End the connection in order."""
-        self._end(self._link.close, Kind.CLOSED)
+        self._end(self.link.close, Kind.CLOSED)
 
     def reset(self) -> None:
         """Cut the connection off."""
-        self._end(self._link.reset, Kind.RESET)
+        self._end(self.link.reset, Kind.RESET)
 
     def _end(self, end: Callable[[], None], kind: Kind) -> None:
         with suppress(Unmet):  # a flood ends it by itself
@@ -302,3 +299,14 @@ class Wire:
         end()
         if self.ending is None:
             self._event(self._ours, kind, self._holder.now_ns)
+
+
+def pump(wires: Iterable[Wire], besides: Wire) -> list[Link]:
+    """Take what is there on all wires but one; give the links of those that are still open."""
+    links = []
+    for wire in wires:
+        if wire is not besides and not wire.over:
+            wire.pump()
+            if not wire.over:
+                links.append(wire.link)
+    return links

@@ -66,6 +66,18 @@ def test_the_end_is_told_after_what_came_before_it() -> None:
         link.send(b"x")
 
 
+def test_what_comes_elsewhere_ends_the_waiting() -> None:
+    """At its instant; it stays there for whoever receives there."""
+    network = MemoryNetwork(_Echo())
+    link, other = network.connect(), network.connect()
+    other.send(b"a")
+    assert link.receive(5.0, [other]) is None
+    assert link.now_s == 1.0
+    assert other.receive(0.0) == (10**9, b"a")
+    assert link.receive(5.0, [other]) is None
+    assert link.now_s == 5.0
+
+
 def test_a_link_may_be_refused() -> None:
     """The end is there at once."""
     arrival = MemoryNetwork(_Echo()).connect("serial").receive(0.0)

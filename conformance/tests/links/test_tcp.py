@@ -91,6 +91,22 @@ def test_silence_is_none_at_the_deadline(
     link.receive(link.now_s + _SOON_S)
 
 
+def test_what_comes_elsewhere_ends_the_waiting(
+    pair: tuple[SocketLink, socket.socket], listener: socket.socket
+) -> None:
+    """It stays there for whoever receives there; what comes here is received all the same."""
+    link, peer = pair
+    other = connect_tcp(Tcp(*listener.getsockname()), _SOON_S)
+    with listener.accept()[0] as elsewhere:
+        elsewhere.sendall(b"a")
+        never_s = link.now_s + 1000
+        assert link.receive(never_s, [other]) is None
+        peer.sendall(b"b")
+        arrivals = [each.receive(never_s, [other]) for each in (link, other)]
+    assert [arrival and arrival.what for arrival in arrivals] == [b"b", b"a"]
+    other.close()
+
+
 def test_the_end_is_told_after_what_came_before_it(pair: tuple[SocketLink, socket.socket]) -> None:
     """A peer that closes has its last bytes received, then its end, again and again."""
     link, peer = pair

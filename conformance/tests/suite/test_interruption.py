@@ -1,7 +1,7 @@
 """A run may be ended at any moment, and fails nobody for it."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import pytest
@@ -36,8 +36,8 @@ class EndingAccess(MemoryAccess):
             self._signal()
             return time_ns
 
-        def received(deadline_s: float) -> Arrival | None:
-            arrival = receive(deadline_s)
+        def received(deadline_s: float, others: Sequence[Link] = ()) -> Arrival | None:
+            arrival = receive(deadline_s, others)
             if arrival is not None:
                 self._signal()
             return arrival

@@ -2,7 +2,7 @@
 
 import itertools
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, repeat
 from pathlib import Path
@@ -102,11 +102,11 @@ class SleepingAccess(MemoryAccess):
         link = super().connect()
         receive = link.receive
 
-        def sleep(deadline_s: float) -> Arrival | None:
+        def sleep(deadline_s: float, others: Sequence[Link] = ()) -> Arrival | None:
             if deadline_s > link.now_s and next(self.waits) % 7 == 6:
                 self.pause(31)
                 return None
-            return receive(deadline_s)
+            return receive(deadline_s, others)
 
         link.receive = sleep  # type: ignore[method-assign]  # of this one link
         return link

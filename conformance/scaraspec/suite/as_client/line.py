@@ -237,7 +237,7 @@ class Line(Wire):
         before = list(self.heard)
         self.heard.clear()
         opcode = BY_NAME["get_status"].opcode
-        deadline_s = self._link.now_s + self._subject.reply_s
+        deadline_s = self.link.now_s + self._subject.reply_s
         while True:
             while self.heard:
                 seen = self.heard.pop(0)

@@ -8,7 +8,7 @@ import itertools
 from contextlib import suppress
 from typing import Any, Final
 
-from scaraspec.links.link import LinkError
+from scaraspec.links.link import Link, LinkError
 from scaraspec.protocol.commands import BY_OPCODE, RunningProgram
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.access import Access
@@ -18,7 +18,7 @@ from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, Unreadabl
 from scaraspec.suite.hooks import HookError
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.statement import Statement
-from scaraspec.suite.wire import Answer, Wire
+from scaraspec.suite.wire import Answer, Wire, pump
 
 SILENCE_S: Final = 0.3
 """For how long silence is listened to where no fence can show it."""
@@ -241,14 +241,9 @@ class Subject:
         opcodes = self.known.setdefault(_GREETING, {seen.frame.opcode for seen in line.heard})
         line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode not in opcodes]
 
-    def pump_others(self, line: Wire) -> bool:
-        """Take what came on the other connections; whether there are none."""
-        alone = True
-        for other in self._lines:
-            if other is not line and not other.closed and other.ending is None:
-                alone = False
-                other.pump()
-        return alone
+    def pump_others(self, line: Wire, /) -> list[Link]:
+        """Take what came on the other connections; give the links on which more may come."""
+        return pump(self._lines, line)
 
     def close_lines(self) -> None:
         """End every connection."""

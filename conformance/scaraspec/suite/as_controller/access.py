@@ -14,10 +14,11 @@ from typing import Any, Final, Protocol
 
 from scaraspec.links.clock import now_ns
 from scaraspec.links.link import Link
+from scaraspec.links.tcp import ready_of
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.driver import Driver
-from scaraspec.suite.as_controller.waiting import WatchedLink, ready_of
+from scaraspec.suite.as_controller.waiting import WatchedLink
 
 LOOPBACK: Final = "127.0.0.1"
 

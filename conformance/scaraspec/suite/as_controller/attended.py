@@ -14,8 +14,9 @@ from typing import Any, Final
 
 from scaraspec.links.clock import now_ns
 from scaraspec.links.link import Link
+from scaraspec.links.tcp import ready_of
 from scaraspec.suite.as_controller.call import Call
-from scaraspec.suite.as_controller.waiting import WatchedLink, ready_of
+from scaraspec.suite.as_controller.waiting import WatchedLink
 from scaraspec.suite.expect import NotRun
 
 _READ_BYTES: Final = 4096

@@ -4,6 +4,7 @@ Replies are made from the command table, or are whatever bytes a case wants. Whi
 not known here. What the client asks of its own accord is answered while a case waits for something.
 """
 
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
@@ -96,10 +97,10 @@ class Line(Wire):
         self._subject.came(name, call)
         return request
 
-    def _receive(self, deadline_s: float) -> bool:
+    def _receive(self, deadline_s: float, others: Sequence[Link] = ()) -> bool:
         """Take one arrival, as `Wire` does, and answer polls before and behind it."""
         self._answer_polls()
-        received = super()._receive(deadline_s)
+        received = super()._receive(deadline_s, others)
         self._answer_polls()
         return received
 

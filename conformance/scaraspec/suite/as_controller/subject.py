@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.links.link import Link
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.suite.as_controller.access import Access
 from scaraspec.suite.as_controller.call import Call
@@ -21,7 +22,7 @@ from scaraspec.suite.as_controller.saying import same, shown
 from scaraspec.suite.expect import Declined, NoAnswer, NotRun, Undecided, Unmet, expect
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.statement import Statement
-from scaraspec.suite.wire import Wire
+from scaraspec.suite.wire import Wire, pump
 
 if TYPE_CHECKING:
     from scaraspec.protocol.frames import Frame
@@ -176,15 +177,10 @@ class Subject:
     def _open_line(self) -> Line | None:
         return next((line for line in self._lines if not line.over), None)
 
-    def pump_others(self, line: Wire, /) -> bool:
-        """Take what came elsewhere; whether nothing can."""
+    def pump_others(self, line: Wire, /) -> list[Link]:
+        """Take what came elsewhere; give the links on which more may come."""
         self._pump()
-        alone = True
-        for other in self._lines:
-            if other is not line and not other.over:
-                alone = False
-                other.pump()
-        return alone
+        return pump(self._lines, line)
 
     def close_lines(self) -> None:
         """End every connection."""

@@ -1,25 +1,10 @@
 """Waiting for several things at once: a connection, and whoever works the client behind it."""
 
-import selectors
 import socket
-import time
+from collections.abc import Sequence
 from typing import Any
 
-from scaraspec.links.tcp import TcpLink
-
-_Selector: type[selectors.BaseSelector] = getattr(
-    selectors, "PollSelector", selectors.SelectSelector
-)
-"""One that takes files, too: an operator's lines may come from one, which epoll refuses."""
-
-
-def ready_of(deadline_s: float, *sources: Any) -> list[Any]:
-    """Wait until one of these can be read, or until then; those that can."""
-    with _Selector() as selector:
-        for source in sources:
-            selector.register(source, selectors.EVENT_READ)
-        left_s = max(0.0, deadline_s - time.monotonic())
-        return [key.fileobj for key, _ in selector.select(left_s)]
+from scaraspec.links.tcp import TcpLink, ready_of
 
 
 class WatchedLink(TcpLink):
@@ -27,8 +12,7 @@ class WatchedLink(TcpLink):
 
     def __init__(self, connected: socket.socket, other: Any) -> None:
         super().__init__(connected)
-        self._connected, self._other = connected, other
+        self._other = other
 
-    def _readable(self, timeout_s: float) -> bool:
-        ready = ready_of(time.monotonic() + timeout_s, self._other, self._connected)
-        return self._connected in ready
+    def _readable(self, timeout_s: float, others: Sequence[Any]) -> bool:
+        return self in ready_of(self.now_s + timeout_s, self._other, self, *others)
