@@ -119,3 +119,19 @@ class OtherTwoStage(ClientCore):
         if not BY_NAME[name].two_stage:
             return super().command(name, value)
         return self.shape(BY_NAME[name], value, self.dialect)
+
+
+class TakesLossForSuccess(ClientCore, ABC):
+    """A link that is lost before a command was answered is taken for its success."""
+
+    name: ClassVar[str]
+    """The command in question."""
+
+    def lose(self, reason: str, now_s: float) -> list[Event]:
+        """Take it for that."""
+        events: list[Event] = []
+        for exchange in tuple(self._open):
+            if exchange.command.name == self.name:
+                exchange.settle(None)
+                events += self._follow(exchange, now_s)
+        return events + super().lose(reason, now_s)

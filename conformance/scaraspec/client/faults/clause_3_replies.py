@@ -1,7 +1,7 @@
 """Faults of clause 3: what is made of frames, and of bytes that are none."""
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from typing import ClassVar
 
 from scaraspec.client.aio import AsyncClient
@@ -10,7 +10,7 @@ from scaraspec.client.exchange import Exchange, Stage, TwoStage
 from scaraspec.client.faults import fault
 from scaraspec.client.faults.process import memory
 from scaraspec.client.faults.spoiling import GoesDeaf
-from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Found, Frame, Framer, Skipped, Why
 from scaraspec.protocol.payloads import FLAG
@@ -184,6 +184,20 @@ class TakesAnyYes(ClientCore):
 
 
 @fault("3/33", subtle=True)
+class TakesOnePoseForAnother(ClientCore):
+    """Where the tool is, is taken for where it begins, if that is asked."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        begins, is_there = (
+            BY_NAME[name].opcode for name in ("get_initial_tool_position", "get_tool_coordinates")
+        )
+        asked = [each.command.opcode for each in self._open]
+        if frame.opcode == is_there and begins in asked and is_there not in asked:
+            frame = frame._replace(opcode=begins)
+        return super()._dispatch(frame, now_s)
+
+
+@fault("3/33", subtle=True)
 class OverlooksTagsOfQueries(ClientCore):
     """A tag on the reply to a query is overlooked."""
 
@@ -197,12 +211,24 @@ class OverlooksTagsOfQueries(ClientCore):
 class TakesResultsForReplies(ClientCore):
     """A final result that comes ahead of the first reply is taken for both."""
 
+    commands: ClassVar[Container[str]] = BY_NAME
+
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         if frame.tagged and any(
-            each.command.opcode == frame.opcode and each.stage is Stage.ASKED for each in self._open
+            each.command.opcode == frame.opcode
+            and each.command.name in self.commands
+            and each.stage is Stage.ASKED
+            for each in self._open
         ):
             super()._dispatch(Frame(C2A, frame.opcode, b"1"), now_s)
         return super()._dispatch(frame, now_s)
+
+
+@fault("3/33", subtle=True)
+class TakesResultsOfStopsForReplies(TakesResultsForReplies):
+    """A final result of a stop that comes ahead of its first reply is taken for both."""
+
+    commands = ("emergency_stop",)
 
 
 # Bytes that are no frame

@@ -2,7 +2,12 @@
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.faults import fault
-from scaraspec.client.faults.altering import AltersFields, AltersReplies, AltersRequests
+from scaraspec.client.faults.altering import (
+    AltersFields,
+    AltersReplies,
+    AltersRequests,
+    TakesLossForSuccess,
+)
 from scaraspec.client.problems import LinkLost
 
 # 4.3
@@ -133,3 +138,10 @@ class LossIsFailure(AsyncClient):
     def _lose(self, reason: str) -> None:
         self.gone = True
         super()._lose(reason)
+
+
+@fault("T/9", subtle=True)
+class TakesLossForANewNetwork(TakesLossForSuccess):
+    """A link that is lost before a new network was answered is taken for the new network."""
+
+    name = "set_network"

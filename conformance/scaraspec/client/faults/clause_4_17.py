@@ -142,3 +142,21 @@ class ExecutionHoldsTheStop(_HoldsTheStop):
     def hinders(self, exchange: Exchange) -> bool:
         """Wait for final results."""
         return isinstance(exchange, TwoStage) and exchange.stage is Stage.EXECUTING
+
+
+@fault("4.17/9", subtle=True)
+class RemembersTheStop(ClientCore):
+    """Behind a stop whatever takes more than a quarter of a second is told as stopped."""
+
+    _stopped = False
+    _accepted_s = 0.0
+    _patience_s = 0.25
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        if not frame.tagged:
+            self._accepted_s = now_s
+        elif frame.opcode == _OPCODE:
+            self._stopped = True
+        elif self._stopped and now_s - self._accepted_s > self._patience_s:
+            frame = frame._replace(data=b"00|00")
+        return super()._dispatch(frame, now_s)

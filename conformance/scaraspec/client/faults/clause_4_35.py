@@ -5,7 +5,7 @@ from typing import Any, Final
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.exchange import Exchange, TwoStage
 from scaraspec.client.faults import fault
-from scaraspec.client.faults.altering import AltersRequests
+from scaraspec.client.faults.altering import AltersRequests, TakesLossForSuccess
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 
@@ -96,14 +96,7 @@ class LostLinkEndsAllWell(ClientCore):
 
 
 @fault("T/9", subtle=True)
-class TakesLossForShutdown(ClientCore):
+class TakesLossForShutdown(TakesLossForSuccess):
     """A link that is lost before the shutdown was answered is taken for the shutdown itself."""
 
-    def lose(self, reason: str, now_s: float) -> list[Event]:
-        """Take it for that."""
-        events: list[Event] = []
-        for exchange in tuple(self._open):
-            if exchange.command.name == _OFF:
-                exchange.settle(None)
-                events += self._follow(exchange, now_s)
-        return events + super().lose(reason, now_s)
+    name = _OFF

@@ -327,6 +327,18 @@ class TrimsNames(AltersRequests):
 
 
 @fault("T/10", subtle=True)
+class TrimsNamesOfRuns(ClientCore):
+    """Blanks at either end of a name are not sent: another program is run than was named."""
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        runs = (BY_NAME["run_program"].opcode, BY_NAME["simulate_program"].opcode)
+        super()._send(
+            frame._replace(data=frame.data.strip()) if frame.opcode in runs else frame
+            for frame in frames
+        )
+
+
+@fault("T/10", subtle=True)
 class ReusesItsBuffer(ClientCore):
     """A name that is shorter than the one before has the end of that one behind it."""
 

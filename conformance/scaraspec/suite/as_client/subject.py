@@ -209,11 +209,12 @@ class Subject:
         return self.dialect["max_clients"] == "one" or "max_clients" not in known
 
     def _open(self, *, judged: bool) -> Line:
-        for attempt in range(_RECONNECTS):
+        attempts = 1 if self.off else _RECONNECTS  # who waits for it tries again by himself
+        for attempt in range(attempts):
             try:
                 link = self.access.connect()
             except LinkError as error:
-                if attempt == _RECONNECTS - 1:
+                if attempt == attempts - 1:
                     raise NoAnswer(f"the subject takes no connection: {error}") from None
                 self.access.pause(_RECONNECT_S)
                 continue

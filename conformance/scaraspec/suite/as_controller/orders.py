@@ -311,6 +311,17 @@ def tells(  # noqa: PLR0913 - an answer, and what is thought of it
         message = f"{name}: {show(data)} is told as an error"
         subject.tolerate(requirement or "T/9", *odd, message)
         return
+    expect_told(subject, call, name, data, requirement=requirement)
+
+
+def expect_told(
+    subject: "Subject", call: Call, name: str, data: bytes, *, requirement: str = ""
+) -> None:
+    """A query that was answered with these data has to be told with what they say.
+
+    Raises:
+        Unmet: The client says something else, or nothing.
+    """
     value = BY_NAME[name].reply.decode(data).value
     if isinstance(value, Pose):
         gives_pose(subject, call, value, requirement=requirement)

@@ -12,7 +12,10 @@ from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
     accomplished,
+    answer,
+    ask,
     awaited,
+    expect_told,
     of_each,
     order,
     sent_or_settled,
@@ -274,6 +277,44 @@ def test_reply_of_another(subject: Subject, line: Line) -> None:
         subject.gives(call, "00")
 
 
+_OTHERWISE: Final = {
+    "get_network": b"10.0.0.2|255.0.0.0|10.0.0.1",
+    "get_time": b"20200101000000",
+    "get_version": b"9.8.7",
+    "get_running_program": b"1|other.txt|00000001",
+    "list_programs": b"0|other.rob",
+    "get_default_program": b"other.txt",
+    "get_motor_temperatures": b"1|2|3|4",
+    "get_gripper_center": b"1|2|3",
+    "get_initial_tool_position": b"1|2|3|4|0|0",
+    "get_tool_coordinates": b"1|2|3|4|0|0",
+    "get_joint_angles": b"1|2|3|4",
+    "get_digital_inputs": b"1|01010101",
+    "get_analog_input": b"1|7",
+    "get_digital_outputs": b"1|0101010101010101",
+}
+"""What would be a reply to these, if it had their opcode, and says something else."""
+
+
+@client_case("3/33", name="query")
+def test_reply_of_another_query(subject: Subject, line: Line) -> None:
+    """What would be its reply comes ahead of it under the opcode of every other query."""
+
+    def each(name: str) -> None:
+        nonlocal line
+        call, request = ask(subject, line, name)
+        others = [BY_NAME[other].opcode for other in _OTHERWISE if other != name]
+        frames = [Frame(C2A, opcode, _OTHERWISE[name]) for opcode in others]
+        why = f"the client took the reply to another query for that to {name}"
+        if not _ignored(subject, line, call, *frames, why=why):
+            line = _given_up(subject, line, "3/33")
+            return
+        answer(line, name, request)
+        expect_told(subject, call, name, REPLIES[name])
+
+    of_each(_OTHERWISE, each)
+
+
 _YES_TO_OTHERS: Final = {
     "set_time": (0x03, 0x0C, 0x35),
     "set_default_program": (0x0F,),  # whose own reply may bear the opcode of this one (A-4.14-1)
@@ -310,11 +351,15 @@ def test_flag_of_another(subject: Subject, line: Line) -> None:
 @client_case("3/33", name="result-first")
 def test_result_ahead_of_its_reply(subject: Subject, line: Line) -> None:
     """A tagged frame of its own opcode comes ahead of the first reply, which is a refusal."""
-    call = order(subject, "run_program")
-    awaited(line, "run_program", call)
-    why = "the client took a tagged frame for the first reply"
-    if not _ignored(subject, line, call, line.result_frame("run_program"), why=why):
-        _given_up(subject, line, "3/33")
-        return
-    line.reply("run_program", data=b"0|20")
-    subject.fails(call)
+
+    def each(name: str) -> None:
+        nonlocal line
+        call, request = ask(subject, line, name)
+        why = "the client took a tagged frame for the first reply"
+        if not _ignored(subject, line, call, line.result_frame(name), why=why):
+            line = _given_up(subject, line, "3/33")
+            return
+        answer(line, name, request)
+        subject.fails(call)
+
+    of_each(_TWO_STAGE, each)

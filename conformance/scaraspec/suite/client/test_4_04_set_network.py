@@ -2,6 +2,7 @@
 
 from typing import Final
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -63,3 +64,12 @@ def _lose(subject: Subject, line: Line, *, cut: bool) -> None:
         line.close()
     subject.done(call)
     subject.settled(subject.begin("disconnect"))
+
+
+@pytest.mark.parametrize("cut", [False, True], ids=["closed", "cut-off"])
+@client_case("T/9", name="network-unanswered")
+def test_link_is_lost_before_the_answer(subject: Subject, line: Line, *, cut: bool) -> None:
+    """The link ends in place of an answer to the new network, which nobody has accepted then."""
+    call, _ = ask(subject, line, "set_network")
+    line.reset() if cut else line.close()
+    subject.fails(call)

@@ -24,6 +24,7 @@ from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.expect import NotRun, expect, expect_equal
 
+_WHILE_S = 1.0
 _FATES = ("first", "after", "together", "none")
 """When the stopped command's own result comes: with the stop's in one segment, or never.
 
@@ -85,6 +86,23 @@ def test_interrupted(subject: Subject, line: Line, order: Order) -> None:
             failed(subject, call, "00", requirement="4.17/9")
         line.heard.clear()
         _still_works(subject, line, LOCK)
+
+
+@client_case("4.17/9", name="of-a-later")
+def test_later_command(subject: Subject, line: Line) -> None:
+    """What is ordered behind a stop takes a while, and is done: the stop was not for that."""
+    beside(subject, line)
+    call = executing(subject, line, RUN)
+    stop = subject.begin(STOP.name)
+    line.request(STOP.name, stop)
+    line.reply(STOP.name, data=b"1")
+    _end(line, RUN, "first")
+    finished(subject, stop)
+    failed(subject, call, "00")
+    call = executing(subject, line, MOVE)
+    line.wait(_WHILE_S)
+    line.result(MOVE.name)
+    finished(subject, call)
 
 
 @client_case("4.17/9", name="failed")

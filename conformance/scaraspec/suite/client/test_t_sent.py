@@ -259,14 +259,18 @@ def test_long_names(subject: Subject, line: Line) -> None:
 @client_case("T/10", name="outer-blanks")
 def test_outer_blanks(subject: Subject, line: Line) -> None:
     """A name with blanks at its ends, or as odd, is sent as it is, or refused by the client."""
-    for name in _TIDIED:
-        call = order(subject, "delete_program", name)
-        if sent_or_settled(subject, line, call) is None:
-            continue  # refused
-        request = line.request("delete_program", call)
-        expect_carries(subject, request, "delete_program", name)
-        answer(line, "delete_program", request)
-        subject.settled(call)
+
+    def each(name: str) -> None:
+        for value in _TIDIED:
+            call = order(subject, name, value)
+            if sent_or_settled(subject, line, call) is None:
+                continue  # refused
+            request = line.request(name, call)
+            expect_carries(subject, request, name, value)
+            answer(line, name, request)
+            subject.settled(call)
+
+    of_each(_NAMED, each)
 
 
 @client_case("T/10", name="sequence")
