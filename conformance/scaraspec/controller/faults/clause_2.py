@@ -352,6 +352,24 @@ class RefusedButIn(Brain):
         return right
 
 
+@fault("2/11", subtle=True)
+class SecondRefusalIsIn(Brain):
+    """Whoever is refused twice on a connection counts as logged in."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._refused: set[int] = set()
+
+    def login(self, request: Request) -> bool:
+        """Count who is refused."""
+        right = super().login(request)
+        connection = request.session.connection
+        if not right:
+            request.session.logged_in |= connection in self._refused
+            self._refused.add(connection)
+        return right
+
+
 class _ForStrangers(Brain):
     """Some commands are obeyed without a login."""
 

@@ -7,7 +7,7 @@ from scaraspec.controller.behaviour.base import ACCEPTED
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import fault
 from scaraspec.controller.session import Request, Session
-from scaraspec.protocol.commands import BY_OPCODE, Command
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, Command
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
@@ -426,6 +426,30 @@ class StartsLater(Brain):
             self._queue.append((session, frame))
             return True
         return super()._must_wait(session, command, frame)
+
+
+@fault("4/6", subtle=True)
+class MovesAfterRefusal(Brain):
+    """A move that a running program has kept from is made behind it, without a word."""
+
+    _words = 0  # that are still said of it, and kept back
+
+    def set_tool_coordinates(self, request: Request) -> Acceptance:
+        """Put it off."""
+        answer = super().set_tool_coordinates(request)
+        task = self.robot.task
+        if task is not None and task.state == "01":
+            self._queue.append((request.session, request.frame))
+            self._words = 3  # the refusal, which is said, and what is not
+        return answer
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Say the first word alone."""
+        if frame.opcode == BY_NAME["set_tool_coordinates"].opcode and self._words:
+            self._words -= 1
+            if self._words < 2:
+                return
+        super().emit(session, frame)
 
 
 @fault("4/6", subtle=True)

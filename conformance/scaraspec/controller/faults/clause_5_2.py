@@ -182,6 +182,17 @@ class BackslashesArePaths(Brain):
         super().handle(session, frame, now_s)
 
 
+@fault("5.2/15", subtle=True)
+class BackslashesOfNewNamesArePaths(Brain):
+    """A backslash in a new name is followed as a path, a slash is not."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Follow it."""
+        if frame.opcode == UPLOAD_NAME:
+            frame = frame._replace(data=frame.data.rpartition(b"\\")[2])
+        super().handle(session, frame, now_s)
+
+
 @fault("5.2/15")
 class ServesTheWholeDisk(Brain):
     """A path that leaves the store fetches files of the operating system."""

@@ -82,3 +82,16 @@ class ValuesOfTheProgramBefore(_Initial):
         for key, value in values.items():
             left.setdefault(key, value)
         return left
+
+
+@misrun("6.4/5", subtle=True)
+class ValuesOfItsSimulation(Run):
+    """A run begins with the values that a simulation has left, whatever the file says."""
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        left: dict[int, int] = self._plant.__dict__.setdefault("simulated", {})
+        if self._simulated:
+            self._plant.__dict__["simulated"] = self._variables
+        else:
+            self._variables |= {key: left[key] for key in self._variables if key in left}

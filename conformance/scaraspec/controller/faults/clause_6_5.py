@@ -57,6 +57,16 @@ class CountsNodesInOneByte(Run):
         super()._step(now_s)
 
 
+@misrun("6.5/26", subtle=True)
+class HoldsFiveHundredNodes(Run):
+    """A program is over after 500 nodes."""
+
+    def _step(self, now_s: float) -> None:
+        if self._index == 500:
+            self._index = len(self._program.nodes)
+        super()._step(now_s)
+
+
 @misrun("6.5/26", "6.5/24")
 class EndsAtAnEndif(Run):
     """A program is over at its first ENDIF."""

@@ -199,6 +199,22 @@ class TakesOtherNodesInCurves(_Straightens):
     forgiven = frozenset({"P-curve-child"})
 
 
+@fault("6.5/28", subtle=True)
+class LooksAtThreePointsOfACurve(TakesOtherNodesInCurves):
+    """Behind its third point a curve may have other nodes than points."""
+
+    def understood(self, data: bytes) -> Program | None:
+        """Look at those only."""
+        program = super().understood(data)
+        if program is not None:
+            nodes = parse(data).nodes
+            for at, node in enumerate(nodes):
+                points = [child.type == NodeType.POINT for child in nodes[at + 1 : at + 4]]
+                if node.type == NodeType.CURVE_MOVE and not all(points):
+                    return None
+        return program
+
+
 @fault("6.5/28")
 class TakesOpenLoops(_Forgives):
     """A loop may lack its end, and an end its loop."""

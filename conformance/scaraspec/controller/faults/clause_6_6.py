@@ -61,6 +61,29 @@ class DividesTheOtherWay(_Alters):
         return b, a or 1
 
 
+@misrun("6.6a/11", subtle=True)
+class SubtractsSizesBelowZero(_Alters):
+    """Where both operands are below zero, their sizes are subtracted."""
+
+    opts = (Opt.SUBTRACT,)
+
+    def altered(self, a: int, b: int) -> tuple[int, int]:
+        """Drop the signs."""
+        return (abs(a), abs(b)) if max(a, b) < 0 else (a, b)
+
+
+@misrun("6.6a/11", subtle=True)
+class ForgetsWhatMeetsItself(Run):
+    """A variable that is reckoned with itself counts as 0."""
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        first = (operation.value_a_type, operation.value_a)
+        itself = (operation.value_b_type, operation.value_b) == first
+        if itself and operation.value_a_type == ValueType.VARIABLE:
+            return 0, 0
+        return super()._operands(operation)
+
+
 @misrun("6.6a/11")
 class AddsBytes(_Alters):
     """Of what is added only the lowest byte counts."""
@@ -125,6 +148,17 @@ class ComparesWithoutSign(_Alters):
     def altered(self, a: int, b: int) -> tuple[int, int]:
         """Take the sign for a bit."""
         return a % 2**32, b % 2**32
+
+
+@misrun("6.6a/12", subtle=True)
+class NotEqualBelowZero(_Alters):
+    """Equal numbers below zero are not as great as each other."""
+
+    opts = (Opt.GREATER_OR_EQUAL,)
+
+    def altered(self, a: int, b: int) -> tuple[int, int]:
+        """Lower the first."""
+        return (a - 1, b) if a == b < 0 else (a, b)
 
 
 @misrun("6.6a/12", subtle=True)

@@ -44,11 +44,11 @@ class _Stranger:
         granted: What was answered with yes.
     """
 
-    def __init__(self, subject: Subject, *, wrong_login: bool = False) -> None:
+    def __init__(self, subject: Subject, *, wrong_logins: int = 0) -> None:
         if not subject.access.needs_login:
             raise NotRun("on this link no login is needed (L83)")
         self.granted: list[FrameSeen] = []
-        self._subject, self._wrong_login = subject, wrong_login
+        self._subject, self._wrong_logins = subject, wrong_logins
 
     def ask(self, *requests: tuple[str, Any]) -> None:
         """Connect, send requests, and listen for a moment."""
@@ -67,9 +67,14 @@ class _Stranger:
 
     def _connect(self) -> Line:
         line = self._subject.open(login=False)
-        if self._wrong_login:
-            self._wrong_login = False  # once is enough (A-4.1-2)
-            said = line.ask("login", rotated(self._subject.password))
+        wrong_logins, self._wrong_logins = self._wrong_logins, 0  # no more than these (A-4.1-2)
+        for _ in range(wrong_logins):
+            try:
+                said = line.ask("login", rotated(self._subject.password))
+            except NoAnswer:
+                if line.ending is None:
+                    raise
+                return self._subject.open(login=False)
             expect(said.accepted is False, "a wrong password opens", requirement="4.1/3")
         return line
 
@@ -170,7 +175,16 @@ def _clock_kept(subject: Subject) -> Iterator[datetime]:
 def test_wrong_login(subject: Subject) -> None:
     """After a wrong password a setting is tried; it does not take effect."""
     with _unchanged(subject, _GRIPPER):
-        stranger = _Stranger(subject, wrong_login=True)
+        stranger = _Stranger(subject, wrong_logins=1)
+        stranger.ask(("set_gripper_center", _CENTRE))
+    stranger.expect_nothing()
+
+
+@case("2/11", "4.1/3", name="wrong-logins", hazards=(Hazard.DESTRUCTIVE,))
+def test_wrong_logins(subject: Subject) -> None:
+    """So it is after three of them on one connection."""
+    with _unchanged(subject, _GRIPPER):
+        stranger = _Stranger(subject, wrong_logins=3)
         stranger.ask(("set_gripper_center", _CENTRE))
     stranger.expect_nothing()
 

@@ -14,12 +14,14 @@ from scaraspec.suite.as_client.asking.motion import (
     IDLE,
     SLOWEST_PERCENT,
     begin_step_somewhere,
+    neighbours,
     pose_of,
     quieten,
     returning,
     same_place,
     status_at_rest,
     stop,
+    target,
 )
 from scaraspec.suite.as_client.asking.queries import (
     QUERIES,
@@ -65,7 +67,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
 )
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of
-from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal, expect_in
+from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect, expect_equal, expect_in
 from scaraspec.suite.wire import Answer
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
@@ -272,6 +274,30 @@ def test_nothing_is_queued(subject: Subject, line: Line) -> None:
         expected="0|01, or silence for ever",
         observed=" ".join(f"{seen.frame}" for seen in late),
     )
+
+
+@case("4/6", name="after-a-run", hazards=_MOTION)
+def test_refused_moves_stay_refused(subject: Subject, line: Line) -> None:
+    """A move that was refused while a program ran is not made once the program has ended."""
+    attentive(subject, line)
+    if subject.dialect["busy_reply"] == "queue":
+        raise NotRun("the subject makes it then (busy_reply)")
+    with returning(subject, line) as pose:
+        elsewhere = next(iter([*neighbours(subject, pose, "y"), *neighbours(subject, pose, "x")]))
+        start_program(subject, line, RUN, seconds=1)
+        answer = offered(line, MOVE, target(elsewhere, subject.statement.motion.speed_percent))
+        done(subject, line, RUN)
+        if answer is not None and answer.accepted:
+            done(subject, line, MOVE)
+            return
+        line.wait(_SOON_S)
+        now = pose_of(line)
+        expect(
+            same_place(now, pose),
+            "a move that was refused while a program ran was made when it had ended",
+            expected=f"the arm stays at {tuple(pose)}",
+            observed=f"{tuple(now)}",
+        )
 
 
 @pytest.mark.parametrize("name", TWO_STAGE)

@@ -16,6 +16,7 @@ from scaraspec.suite.as_client.asking.files import (
     download,
     expect_round_trip,
     expect_stored,
+    left_behind,
     next_chunk,
     nothing_more,
     offer,
@@ -147,6 +148,22 @@ def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
             subject.created.append(name)
         message = f"the name {name.decode()} was accepted"
         expect(not offered.accepted, message, expected="0", observed="1")
+
+
+@case("5.2/15", name="backslash", hazards=_DESTRUCTIVE)
+def test_backslash_in_a_new_name(subject: Subject, line: Line) -> None:
+    """A new name with a backslash is not accepted, or nothing is stored where it would lead."""
+    for path in (b".\\%s", b"a\\..\\%s", b"..\\%s"):
+        plain = subject.new_name()
+        name = path % plain
+        offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        line = offered.line
+        if offered.accepted:
+            subject.created += [name, plain]
+            offer(line, Chunk(1, 0, 1, b"!"))
+            line = again(subject, line)
+            message = f"the name {name.decode()} has stored {plain.decode()}"
+            expect(left_behind(line, plain) is None, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="same-file", hazards=_DESTRUCTIVE)

@@ -8,7 +8,7 @@ from scaraspec.suite.as_client.asking.ports import expect_outputs, outputs, set_
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect, expect_equal
+from scaraspec.suite.expect import NotRun, expect, expect_equal
 from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench
 from scaraspec.suite.programs.model import (
     Assign,
@@ -101,6 +101,23 @@ def _expect_anew(
         shown, wanted = ([b[port - 1] for port in used] for b in (outputs(line), state.outputs))
         expect_equal(shown, wanted, message)
     robot.stop()
+
+
+@case("6.4/5", name="simulated", hazards=PROGRAMS)
+def test_initial_values_behind_a_simulation(subject: Subject, line: Line) -> None:
+    """A run begins with the values of the file, not with those that its simulation left."""
+    block = [*_are({3: 10}), Flip(_GOOD), Assign(3, number(11))]
+    with bench(subject, line) as robot:
+        initial = outputs(line)
+        name = robot.store(robot.file(nodes_of(block, initial), variables_of({3: 10})))
+        if not robot.ask(name, "simulate_program").accepted:
+            raise NotRun("the subject simulates no such program")
+        robot.ended("simulate_program", within_s=subject.longest_s)
+        robot.restart(name)
+        robot.finish()
+        state = State(initial, (), {3: 10})
+        state.execute(block)
+        expect_outputs(line, state.outputs, "a run differs behind a simulation of its program")
 
 
 @case("6.4/5", name="of-another", hazards=PROGRAMS)

@@ -172,5 +172,7 @@ def test_wrong_curves(subject: Subject, line: Line) -> None:
             ("a curve of two points and an output", [move, *points[:2], _harmless(robot)]),
             ("a curve with a wait in it", [move, points[0], *wait(0), points[1]]),
             ("a curve that begins with a wait", [move, *wait(0), *points[:2]]),
+            ("a curve of four that ends with a wait", [*curve(speed, [home] * 4)[:-1], *wait(0)]),
+            ("a curve of six that ends with a wait", [*curve(speed, [home] * 6)[:-1], *wait(0)]),
         ):
             _never_run(subject, robot, robot.file(nodes), told)

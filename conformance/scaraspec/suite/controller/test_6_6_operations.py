@@ -44,6 +44,7 @@ _EACH: Final = (
     (Opt.MULTIPLY, -4097, 4099),  # more than a float holds
     (Opt.DIVIDE, 19, 4),
     (Opt.DIVIDE, -210_000, 70_000),  # nothing is reckoned from it that hides a lost sign
+    (Opt.SUBTRACT, -5, -3),
 )
 
 _CHAIN: Final = (
@@ -62,8 +63,11 @@ _CHAIN: Final = (
 )
 """Calculations, each with the result of the one before."""
 
+_ITSELF: Final = -17
+"""What is added to itself, and its double multiplied with itself."""
+
 _PAIRS: Final = (
-    *((1, 2), (2, 2), (3, 2), (-1, 1), (-2, -3), (70000, 4464), (0, 0)),
+    *((1, 2), (2, 2), (3, 2), (-1, 1), (-2, -3), (70000, 4464), (0, 0), (-3, -3)),
     (2_000_000_000, -2_000_000_000),  # their difference is beyond an int
     (16_777_217, 16_777_216),  # which are one float
 )
@@ -77,6 +81,10 @@ def test_calculations(subject: Subject, line: Line) -> None:
     a, opt, b = _CHAIN[-1]
     due = number(calculated(opt, a, b))
     block.append(If(variable(_X), Opt.EQUAL, due, [Flip(_GOOD)], [Flip(_BAD)]))
+    block.append(Assign(_X, number(_ITSELF)))
+    block += [Calculate(_X, variable(_X), opt, variable(_X)) for opt in (Opt.ADD, Opt.MULTIPLY)]
+    due = number((2 * _ITSELF) ** 2)
+    block.append(If(variable(_X), Opt.EQUAL, due, [], [Flip(_BAD)]))
     with bench(subject, line) as robot:
         robot.performs(block, {_X: _CHAIN[0][0]})
 

@@ -338,6 +338,20 @@ def test_a_download_may_end_with_a_signal(tried: Try) -> None:
     assert not tried(SaysThatItGivesUp, "5.3/6", "5.3/7", "5.3/9", "5.4/6", **_HASTE).alarms
 
 
+class AnswersTheErrorSignal(Brain):
+    """A chunk of length 0 ends an upload, and is answered 0 (A-5-10)."""
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        """Answer it, whatever it ends."""
+        said = super().upload_chunk(request)
+        return False if said is SILENCE else said
+
+
+def test_the_error_signal_may_be_answered(tried: Try) -> None:
+    """Its answer is not taken for that to the first chunk of another file."""
+    assert not tried(AnswersTheErrorSignal, "5.2/14", "5.2/17", "5.4/6", **_HASTE).alarms
+
+
 def test_an_answer_to_no_chunk_may_be_refused(tried: Try) -> None:
     """The 0 is no chunk (A-5-16), neither for the cases nor for the judge."""
     assert not tried(RefusesAnswers, "5.3/10").alarms
