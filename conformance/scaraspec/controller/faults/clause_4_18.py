@@ -1,10 +1,12 @@
 """Faults of clause 4.18: the reset."""
 
+from dataclasses import dataclass, replace
+
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import ACCEPTED, Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import fault
-from scaraspec.controller.robot import DONE
+from scaraspec.controller.robot import DONE, Movement
 from scaraspec.controller.session import Request, Session
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
@@ -105,6 +107,35 @@ class ResetIsAcceptedWithItsState(Brain):
         if frame.opcode == 0x33 and frame.data == b"1":
             frame = frame._replace(data=b"1|03")
         super().emit(session, frame)
+
+
+@dataclass(frozen=True)
+class _UnderWay(Movement):
+    """Ends ahead of the motion."""
+
+    ends_s: float
+
+    @property
+    def next_event_s(self) -> float:
+        """At that time."""
+        return self.ends_s
+
+    def advance(self, now_s: float) -> Outcome | None:
+        """Done then."""
+        return DONE if now_s >= self.ends_s else None
+
+
+@fault("4.18/4", subtle=True)
+class ResetEndsUnderWay(Brain):
+    """A reset is said to have ended when the arm has gone half of the way."""
+
+    def reset(self, request: Request) -> Acceptance:
+        """Cut it."""
+        answer = super().reset(request)
+        if answer.accepted and self.robot.task is not None:
+            half_s = (request.now_s + self.plant.motion_ends_s) / 2
+            self.robot.task = replace(self.robot.task, act=_UnderWay(self.plant, half_s))
+        return answer
 
 
 @fault("4.18/4")

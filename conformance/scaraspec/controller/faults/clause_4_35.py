@@ -20,6 +20,26 @@ class StaysOn(Brain):
         return answer
 
 
+@fault("4.35/2", subtle=True)
+class GoesBehindTheRun(Brain):
+    """A shutdown that is refused because a program runs happens when it has ended."""
+
+    _due = False
+
+    def shutdown(self, request: Request) -> Acceptance:
+        """Put it off."""
+        answer = super().shutdown(request)
+        self._due = not answer.accepted
+        return answer
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        if self._due and self.robot.task is None:
+            self.powered = self._due = False
+            for session in list(self.sessions.values()):
+                self._end(session, now_s)
+
+
 @fault("4.35/2")
 class GoesWithoutReply(Brain):
     """The robot is gone before it has answered."""

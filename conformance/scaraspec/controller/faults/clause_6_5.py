@@ -77,6 +77,18 @@ class EndsAtAnEndif(Run):
         return super()._begin(node, now_s)
 
 
+@misrun("6.5/27", subtle=True)
+class LeavesOutTheEndOfLongCurves(Run):
+    """A curve of more than four points ends at the last but one."""
+
+    def _curve(self, node: Node) -> Motion:
+        if node.counts <= 4:
+            return super()._curve(node)
+        motion = super()._curve(replace(node, counts=node.counts - 1))
+        self._index += 1
+        return motion
+
+
 # ---------------------------------------------------------------------- outputs
 
 

@@ -3,7 +3,15 @@
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.asking.motion import IDLE, quieten, returning, status_at_rest, stop
+from scaraspec.suite.as_client.asking.motion import (
+    IDLE,
+    pose_of,
+    quieten,
+    returning,
+    same_place,
+    status_at_rest,
+    stop,
+)
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.refusals import expect_busy, text_of
@@ -25,6 +33,7 @@ from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
+_REST_S = 0.3
 
 
 @case("4.18/2", hazards=_MOTION)
@@ -84,9 +93,18 @@ def test_idle_robot_is_reset(subject: Subject, line: Line) -> None:
 
 @case("4.18/4", "4/7", hazards=_MOTION)
 def test_end_of_a_reset(subject: Subject, line: Line) -> None:
-    """A reset that has a way to go ends with "11", and the robot is idle and can be used."""
+    """A reset that has a way to go ends with "11": the way is gone, and the robot can be used."""
     with lasting(subject, line, RESET):
         done(subject, line, RESET)
+        reached = pose_of(line)
+        line.wait(_REST_S)
+        now = pose_of(line)
+        expect(
+            same_place(reached, now),
+            "the arm goes on behind the end of its reset",
+            expected=f"{tuple(reached)}",
+            observed=f"{tuple(now)}",
+        )
         status = status_at_rest(line)
         expect(
             status.value == IDLE,

@@ -40,6 +40,12 @@ def test_not_while_a_program_runs(subject: Subject, line: Line) -> None:
             expected="01",
             observed=f"{status}",
         )
+    line.wait(_GOING_S)
+    try:
+        line.ask("get_status")
+    except NoAnswer as gone:
+        message = "behind the program the robot is gone, although it refused to shut down"
+        raise Unmet(message, expected="an answer", observed=gone.observed) from None
     subject.settle()
 
 

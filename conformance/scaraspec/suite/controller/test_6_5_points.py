@@ -53,7 +53,7 @@ def test_point(subject: Subject, line: Line) -> None:
 
 @case("6.5/27", name="curve", hazards=PROGRAMS)
 def test_curve(subject: Subject, line: Line) -> None:
-    """So does one whose last move is a curve."""
+    """So does one whose last move is a curve, of three points and of five."""
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         for share, lift in product((1, -1), repeat=2):  # a limit may be near
             corner = moved.step(moved.home, 0, share)
@@ -61,6 +61,9 @@ def test_curve(subject: Subject, line: Line) -> None:
             points = [corner, moved.step(corner, 2, lift), last]
             if moved.goes(curve(moved.speed_percent, points)):
                 _expect_at(moved, last)
+                points = [points[1], corner, moved.home, corner, points[1]]
+                if moved.goes(curve(moved.speed_percent, points)):
+                    _expect_at(moved, points[-1])
                 return
     raise Undecided("the arm cannot go along a small curve where it stands")
 
