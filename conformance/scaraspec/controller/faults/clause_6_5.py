@@ -58,11 +58,11 @@ class CountsNodesInOneByte(Run):
 
 
 @misrun("6.5/26", subtle=True)
-class HoldsFiveHundredNodes(Run):
-    """A program is over after 500 nodes."""
+class HoldsThreeHundredNodes(Run):
+    """A program is over after 300 nodes."""
 
     def _step(self, now_s: float) -> None:
-        if self._index == 500:
+        if self._index == 300:
             self._index = len(self._program.nodes)
         super()._step(now_s)
 

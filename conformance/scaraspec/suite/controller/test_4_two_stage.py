@@ -283,9 +283,11 @@ def test_refused_moves_stay_refused(subject: Subject, line: Line) -> None:
     if subject.dialect["busy_reply"] == "queue":
         raise NotRun("the subject makes it then (busy_reply)")
     with returning(subject, line) as pose:
-        elsewhere = next(iter([*neighbours(subject, pose, "y"), *neighbours(subject, pose, "x")]))
+        nearby = [each for axis in ("y", "x") for each in neighbours(subject, pose, axis)]
+        if not nearby:
+            raise NotRun("there is no room for a step")
         start_program(subject, line, RUN, seconds=1)
-        answer = offered(line, MOVE, target(elsewhere, subject.statement.motion.speed_percent))
+        answer = offered(line, MOVE, target(nearby[0], subject.statement.motion.speed_percent))
         done(subject, line, RUN)
         if answer is not None and answer.accepted:
             done(subject, line, MOVE)
