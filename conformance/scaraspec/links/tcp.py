@@ -1,4 +1,4 @@
-"""TCP links, and the link that any stream socket gives."""
+"""TCP links, the link that any stream socket gives, and how several sockets are waited for."""
 
 import contextlib
 import errno
