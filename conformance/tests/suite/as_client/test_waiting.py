@@ -1,23 +1,56 @@
-"""While a case waits on one connection, what comes on another is taken as it comes."""
+"""Waiting: on one connection while something comes on another, and for a robot that is off."""
+
+from dataclasses import dataclass, field
+
+import pytest
 
 from scaraspec.cli.prove.controller import PASSWORD, Robot
 from scaraspec.controller.brain import Brain
+from scaraspec.links.link import Link, LinkError
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import RUN, start_program
+from scaraspec.suite.expect import NoAnswer
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.statement import Statement
 
 
+def _subject(access: MemoryAccess) -> Subject:
+    statement = Statement()
+    setting = ControllerSetting(access, statement, PASSWORD, Options(allowed=ALL))
+    return setting.subject(Observer(setting.role, statement))
+
+
 def test_what_comes_elsewhere_is_judged_as_it_comes() -> None:
     """It is not left until somebody listens there: the judge is told all in the order of time."""
-    statement, access = Statement(), MemoryAccess(Robot(Brain, DEFAULT).network)
-    setting = ControllerSetting(access, statement, PASSWORD, Options(allowed=ALL))
-    subject = setting.subject(Observer(setting.role, statement))
+    subject = _subject(MemoryAccess(Robot(Brain, DEFAULT).network))
     line, other = subject.open(), subject.open()
     start_program(subject, other, RUN, seconds=1)
     assert not [seen for seen in other.heard if seen.frame.tagged]
     line.wait(5)
     assert [seen for seen in other.heard if seen.frame.tagged]
+
+
+@dataclass(frozen=True)
+class IsOff(MemoryAccess):
+    """Nobody is there, however often one comes."""
+
+    came: list[float] = field(default_factory=list)
+
+    def connect(self) -> Link:
+        self.came.append(self.network.now_s)
+        raise LinkError("nobody is there")
+
+
+@pytest.mark.parametrize("off", [False, True])
+def test_a_robot_that_was_shut_down_is_looked_for_once(*, off: bool) -> None:
+    """Whoever waits for it looks again by himself; any other one may just be starting."""
+    access = IsOff(Robot(Brain, DEFAULT).network)
+    subject = _subject(access)
+    subject.off = off
+    with pytest.raises(NoAnswer, match="nobody is there"):
+        subject.open()
+    assert (len(access.came) == 1) is off
