@@ -51,20 +51,19 @@ class SkipsTheFirstNode(Run):
 class CountsNodesInOneByte(Run):
     """A program is over after 255 nodes."""
 
+    most: ClassVar[int] = 0xFF
+
     def _step(self, now_s: float) -> None:
-        if self._index == 0xFF:
+        if self._index == self.most:
             self._index = len(self._program.nodes)
         super()._step(now_s)
 
 
 @misrun("6.5/26", subtle=True)
-class HoldsThreeHundredNodes(Run):
+class HoldsThreeHundredNodes(CountsNodesInOneByte):
     """A program is over after 300 nodes."""
 
-    def _step(self, now_s: float) -> None:
-        if self._index == 300:
-            self._index = len(self._program.nodes)
-        super()._step(now_s)
+    most = 300
 
 
 @misrun("6.5/26", "6.5/24")

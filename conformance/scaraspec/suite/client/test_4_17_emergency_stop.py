@@ -75,9 +75,7 @@ def test_interrupted(subject: Subject, line: Line, order: Order) -> None:
     beside(subject, line)
     for fate in _FATES:
         call = executing(subject, line, order)
-        stop = subject.begin(STOP.name)
-        line.request(STOP.name, stop)
-        line.reply(STOP.name, data=b"1")
+        stop = _begun(subject, line)
         _end(line, order, fate)
         finished(subject, stop, requirement="4.17/9")
         if fate == "none":
@@ -93,9 +91,7 @@ def test_later_command(subject: Subject, line: Line) -> None:
     """What is ordered behind a stop takes a while, and is done: the stop was not for that."""
     beside(subject, line)
     call = executing(subject, line, RUN)
-    stop = subject.begin(STOP.name)
-    line.request(STOP.name, stop)
-    line.reply(STOP.name, data=b"1")
+    stop = _begun(subject, line)
     _end(line, RUN, "first")
     finished(subject, stop)
     failed(subject, call, "00")
@@ -110,9 +106,7 @@ def test_stop_fails(subject: Subject, line: Line) -> None:
     """The stop itself fails, and what it was to stop goes on to its end."""
     beside(subject, line)
     call = executing(subject, line, RUN)
-    stop = subject.begin(STOP.name)
-    line.request(STOP.name, stop)
-    line.reply(STOP.name, data=b"1")
+    stop = _begun(subject, line)
     line.result(STOP.name, "12")
     failed(subject, stop, "12")
     subject.undone(call, "the failure of the stop was taken for the end of what goes on")
@@ -160,9 +154,7 @@ def test_stop_beside_an_execution(subject: Subject, line: Line) -> None:
         return
     for order in INTERRUPTIBLE:
         call = executing(subject, line, order)
-        stop = subject.begin(STOP.name)
-        line.request(STOP.name, stop)
-        line.reply(STOP.name, data=b"1")
+        stop = _begun(subject, line)
         line.result(order.name, "00")
         line.result(STOP.name)
         finished(subject, stop)
@@ -194,6 +186,13 @@ def _not_done(call: Call) -> None:
         observed=f"{call}",
         requirement="4.17/9",
     )
+
+
+def _begun(subject: Subject, line: Line) -> Call:
+    """A stop that is accepted; what it stops shows in the status as long as it goes on."""
+    stop = ordered(subject, line, STOP)
+    line.reply(STOP.name, data=b"1")
+    return stop
 
 
 def _still_works(subject: Subject, line: Line, other: Order) -> None:

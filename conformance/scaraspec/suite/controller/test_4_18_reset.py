@@ -5,15 +5,14 @@ import pytest
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.asking.motion import (
     IDLE,
-    pose_of,
     quieten,
     returning,
-    same_place,
     status_at_rest,
     stop,
 )
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.performing import expect_stays
 from scaraspec.suite.as_client.two_stage.refusals import expect_busy, text_of
 from scaraspec.suite.as_client.two_stage.tasks import (
     RESET,
@@ -96,15 +95,7 @@ def test_end_of_a_reset(subject: Subject, line: Line) -> None:
     """A reset that has a way to go ends with "11": the way is gone, and the robot can be used."""
     with lasting(subject, line, RESET):
         done(subject, line, RESET)
-        reached = pose_of(line)
-        line.wait(_REST_S)
-        now = pose_of(line)
-        expect(
-            same_place(reached, now),
-            "the arm goes on behind the end of its reset",
-            expected=f"{tuple(reached)}",
-            observed=f"{tuple(now)}",
-        )
+        expect_stays(line, "the arm goes on behind the end of its reset", for_s=_REST_S)
         status = status_at_rest(line)
         expect(
             status.value == IDLE,

@@ -10,6 +10,7 @@ from scaraspec.suite.as_client.asking.motion import begin_step_somewhere, pose_o
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.performing import expect_stays
 from scaraspec.suite.as_client.two_stage.tasks import MOVE, accepted, done, has
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, expect
@@ -54,15 +55,7 @@ def test_rest_behind_a_move(subject: Subject, line: Line) -> None:
         _, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-        first = pose_of(line)
-        line.wait(_REST_S)
-        now = pose_of(line)
-        expect(
-            farthest(first, now) <= STANDSTILL,
-            "the tool goes on behind the end of its move",
-            expected=f"{tuple(first)}",
-            observed=f"{tuple(now)}",
-        )
+        expect_stays(line, "the tool goes on behind the end of its move", for_s=_REST_S)
 
 
 @case("4.23/3", hazards=(Hazard.STATE,))

@@ -1,12 +1,17 @@
-"""Performing: a two-stage command from its request to its end, with the least that it can do."""
+"""Performing: a two-stage command from its request to its end, with the least that it can do.
+
+And behind its end, where the arm stays.
+"""
 
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
+from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Pose
 from scaraspec.suite.as_client.asking.motion import (
     BUSY,
     SLOWEST_PERCENT,
+    pose_of,
     returning,
     status_at_rest,
     target,
@@ -33,6 +38,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     release,
     start_program,
 )
+from scaraspec.suite.expect import expect
 from scaraspec.suite.wire import Answer
 
 
@@ -128,3 +134,22 @@ _PERFORM: Final[Mapping[str, Callable[[Subject, Line, str, Pose], Performed]]] =
     RELEASE: _perform_release,
     JOG: _perform_jog,
 }
+
+
+def expect_stays(line: Line, message: str, *, for_s: float, pose: Pose | None = None) -> None:
+    """For so many seconds the tool has to stay: where it is, or where it was before.
+
+    Args:
+        line: Where it is asked.
+        message: What is wrong where it does not.
+        for_s: When it is looked at again.
+        pose: Where it was before; None for where it is now.
+
+    Raises:
+        Unmet: It does not.
+    """
+    first = pose or pose_of(line)
+    line.wait(for_s)
+    now = pose_of(line)
+    stays = farthest(first, now) <= STANDSTILL
+    expect(stays, message, expected=f"{tuple(first)}", observed=f"{tuple(now)}")
