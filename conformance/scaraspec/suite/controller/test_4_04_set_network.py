@@ -56,8 +56,11 @@ def _others(now: Network) -> tuple[Network, Network]:
     return Network(now.ip, mask, first), Network(now.ip, mask, second)
 
 
-def _set(subject: Subject, line: Line, wanted: Network) -> Line:
+def _set(subject: Subject, line: Line, wanted: Network, *, again: bool = True) -> Line:
     """Set a network; a connection on which it can be read.
+
+    A request whose connection ended may not have been heard: the setting before it may have ended
+    that. It is sent again, once.
 
     Raises:
         Unmet: It was refused.
@@ -72,9 +75,12 @@ def _set(subject: Subject, line: Line, wanted: Network) -> Line:
                 observed=error.observed,
                 requirement="4.4/2",
             ) from None
+        line = alive(subject, line)
+        if again and _read(line) != wanted:
+            return _set(subject, line, wanted, again=False)
         message = "the connection ended instead of a reply to 0x05"
         subject.tolerate("4.4/3", "A-4.4-1", "no reply", message)
-        return alive(subject, line)
+        return line
     expect(
         answer.accepted,
         "a network that can be was not answered 1",

@@ -20,18 +20,26 @@ Try = Callable[..., Any]
 class CutsALittleLater(Brain):
     """A new network is answered, and the connection ends while the next is asked."""
 
+    asked = frozenset(range(0x100))
+
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._doomed: set[int] = set()
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """End it."""
-        if session.connection in self._doomed:
+        if session.connection in self._doomed and frame.opcode in self.asked:
             self._end(session, now_s)
             return
         super().handle(session, frame, now_s)
         if frame.opcode == 0x05:
             self._doomed.add(session.connection)
+
+
+class CutsALotLater(CutsALittleLater):
+    """It ends while the next network is set."""
+
+    asked = frozenset({0x05})
 
 
 class CutsBehindTheReply(Brain):
@@ -121,6 +129,7 @@ class Greets(Brain):
     [
         (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
         (CutsALittleLater, ("4.4/4",)),
+        (CutsALotLater, ("4.4/4", "4.4/5")),
         (ClosesOnMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4")),
         (RefusesFurtherLogins, ("2/12",)),
         (Greets, ("2/12", "3/29", "5.3/4")),
