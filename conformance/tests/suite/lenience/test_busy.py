@@ -150,6 +150,37 @@ def test_who_cannot_be_asked_while_executing_is_not_failed(tried: Try, brain: ty
     assert Verdict.FAIL not in {case.verdict for case in cases.values()}
 
 
+class EndsTheFirstLinkInAMove(Brain):
+    """The first client that asks for the status during a move is sent away."""
+
+    of = "set_tool_coordinates"
+    _ended = False
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """End it."""
+        task = self.robot.task
+        moves = task and task.request.command.name == self.of
+        if moves and frame.opcode == 0x09 and not self._ended:
+            self._ended = True
+            self._end(session, now_s)
+        else:
+            super().handle(session, frame, now_s)
+
+
+class EndsTheFirstLinkInAJog(EndsTheFirstLinkInAMove):
+    """The first client that does during a jog."""
+
+    of = "jog"
+
+
+@pytest.mark.parametrize("brain", [EndsTheFirstLinkInAMove, EndsTheFirstLinkInAJog])
+def test_who_ends_a_connection_is_not_taken_for_deaf(tried: Try, brain: type[Brain]) -> None:
+    """What is tried while it executes goes on to be tried (A-4-3)."""
+    cases = tried(brain, "4.8/7", "4.25/5")
+    assert cases["4.25/5.jog"].verdict is Verdict.PASS
+    assert Verdict.NONE not in {case.verdict for case in cases.values()}
+
+
 class TakesNoSettingsMeanwhile(Brain):
     """While it executes it refuses every setting."""
 

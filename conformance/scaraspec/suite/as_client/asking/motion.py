@@ -189,6 +189,8 @@ def knows_whether_it_listens(subject: Subject) -> bool:
 def listens(subject: Subject, line: Line, *, jogs: bool = False) -> bool:
     """Whether a robot that executes answers queries (A-4-3); asked while it executes.
 
+    A connection that ends answers nothing, and nothing is found out by it.
+
     Args:
         subject: The subject.
         line: A connection to it.
@@ -199,6 +201,8 @@ def listens(subject: Subject, line: Line, *, jogs: bool = False) -> bool:
             try:
                 line.ask("get_status", within_s=subject.statement.motion.jog_s)
             except NoAnswer:
+                if line.ending is not None:
+                    return False
                 subject.known[_DEAF_JOGGING] = True
             else:
                 subject.known[_DEAF_JOGGING] = False
@@ -207,6 +211,8 @@ def listens(subject: Subject, line: Line, *, jogs: bool = False) -> bool:
         try:
             waited_s, status = _timed_status(subject, line)
         except NoAnswer:
+            if line.ending is not None:
+                return False
             subject.known[DEAF] = True
         else:
             put_off = status not in BUSY and waited_s > _PUT_OFF_S
