@@ -4,7 +4,7 @@ from typing import Final
 
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.as_controller.line import Line
-from scaraspec.suite.as_controller.lists import list_of
+from scaraspec.suite.as_controller.lists import fetches_parts, list_of
 from scaraspec.suite.as_controller.orders import accomplished, awaited, order
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
@@ -98,7 +98,7 @@ def test_result_with_its_reply(subject: Subject, line: Line) -> None:
 @client_case("2/6", name="list")
 def test_parts_of_a_list(subject: Subject, line: Line) -> None:
     """The parts of a program list, as full as they can be, come in one segment."""
-    if subject.dialect["list_cont"] == "request":
+    if subject.dialect["list_cont"] == "request" or fetches_parts(subject, line):
         raise NotRun("the client fetches each part of a list")
     names = [f"pro{number:03}.rob" for number in range(8 * _FULL_PART)]
     parts = list_of(*names, per_part=_FULL_PART)

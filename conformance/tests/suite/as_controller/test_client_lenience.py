@@ -178,6 +178,23 @@ def test_fetched_parts() -> None:
     assert not wrong(AsyncClient, frozenset({"4.10/10", "4.10/12"}), dialect)
 
 
+class FetchesPartByPart(ClientCore):
+    """Drops the parts of a list that came with the one before: they were not asked for."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        items = list(found)
+        parts = [each for each in items if isinstance(each, Frame) and each.opcode == 0x0B]
+        return super()._digest([each for each in items if each not in parts[1:]], now_s)
+
+
+def test_parts_that_were_not_asked_for() -> None:
+    """Who fetches each part is told so, and failed by nothing (A-4.10-3 b)."""
+    dialect = DEFAULT.replace(list_cont="request")
+    cases = certify(FetchesPartByPart, frozenset({"2/6"}), dialect)
+    rest = {case.id: case.verdict for case in cases if case.verdict not in GOOD}
+    assert rest == {"2/6.list": Verdict.NONE}
+
+
 def test_polls() -> None:
     """What a client asks by itself is served, and taken for nothing else."""
     assert not wrong(Polls, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
