@@ -632,6 +632,15 @@ class StraightPastTheMiddle(_StaysAt):
         return 0 < place < count - 1
 
 
+@misrun("6.5/25", subtle=True)
+class StraightToItsSixteenthPoint(_StaysAt):
+    """A straight move ends at its sixteenth point, for no more are kept."""
+
+    def stays(self, place: int, count: int) -> bool:  # noqa: ARG002 - one signature for all
+        """Those behind it."""
+        return place > 15
+
+
 class _Targets(Run):
     """Takes points for others."""
 

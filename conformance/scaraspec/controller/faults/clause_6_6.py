@@ -1,5 +1,6 @@
 """Faults of clause 6.6: operations of programs."""
 
+import struct
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -137,6 +138,17 @@ class DividesRoundingToNearest(_Alters):
     def altered(self, a: int, b: int) -> tuple[int, int]:
         """Make the quotient whole."""
         return (round(a / b), 1) if b else (a, b)
+
+
+@misrun("6.6a/11", subtle=True)
+class DividesFloats(_Alters):
+    """What is divided is made a float of four bytes first, so that great numbers lose digits."""
+
+    opts = (Opt.DIVIDE,)
+
+    def altered(self, a: int, b: int) -> tuple[int, int]:
+        """Round the dividend."""
+        return int(*struct.unpack("<f", struct.pack("<f", a))), b
 
 
 @misrun("6.6a/12", subtle=True)
@@ -349,6 +361,15 @@ class AssignsNothing(Run):
     def _compute(self, operation: Operation) -> None:
         if operation.result_type != ResultType.ASSIGNMENT:
             super()._compute(operation)
+
+
+@misrun("6.6a/13", subtle=True)
+class AssignsSizes(Run):
+    """What is assigned loses its sign."""
+
+    def _operands(self, operation: Operation) -> tuple[int, int]:
+        a, b = super()._operands(operation)
+        return (abs(a) if operation.result_type == ResultType.ASSIGNMENT else a), b
 
 
 # ---------------------------------------------------------------------- what values stand for

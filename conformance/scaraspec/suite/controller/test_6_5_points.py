@@ -18,6 +18,8 @@ from scaraspec.suite.programs.writing import Values, curve, straight
 _VALUES: Final = (3, 2, 1, 0)  # the last one turns nothing but the gripper
 _LEAST_SEEN: Final = 8
 """Places seen on a way of which something can be told."""
+_MANY: Final = 20
+"""Points of a straight move."""
 _BEGUN_S: Final = 0.05
 _GOES_ON_S: Final = 0.5
 _ERROR_SEEN: Final = 3  # by which the same way may differ
@@ -111,7 +113,8 @@ def test_straight_move(subject: Subject, line: Line) -> None:
 def test_several_moves(subject: Subject, line: Line) -> None:
     """Points belong to the move before them: two moves of two points end at the fourth.
 
-    Behind an emergency stop on the way back the arm stands.
+    However many they are, the last is gone to. Behind an emergency stop on the way back the arm
+    stands.
     """
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         home, speed = moved.home, moved.speed_percent
@@ -125,7 +128,16 @@ def test_several_moves(subject: Subject, line: Line) -> None:
             expected=f"{points[-1]}",
             observed=f"{place}",
         )
-        robot.start(straight(speed, points[:1]))
+        ways = [moved.step(home, 3, share) for share in (-0.2, 0.2)] * (_MANY // 2)
+        moved.goes(straight(speed, [*ways, points[0]]))
+        place = moved.place()
+        expect(
+            near(place, points[0]),
+            f"a straight move does not end at the last of {_MANY + 1} points",
+            expected=f"{points[0]}",
+            observed=f"{place}",
+        )
+        robot.start(straight(speed, points[-1:]))
         if robot.listens:
             _expect_standstill(line, moved)
         robot.stop()

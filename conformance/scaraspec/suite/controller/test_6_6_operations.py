@@ -45,6 +45,7 @@ _EACH: Final = (
     (Opt.DIVIDE, 19, 4),
     (Opt.DIVIDE, -210_000, 70_000),  # nothing is reckoned from it that hides a lost sign
     (Opt.SUBTRACT, -5, -3),
+    (Opt.DIVIDE, 16_777_217, 1),  # more than a float holds
 )
 
 _CHAIN: Final = (
@@ -124,7 +125,7 @@ def test_results(subject: Subject, line: Line) -> None:
     block: list[Statement] = [
         Put(OUTPUTS[4], number(0)),
         Put(OUTPUTS[4], variable(_X)),
-        Assign(_X, number(70_021)),
+        Assign(_X, number(-70_021)),
         Calculate(_Y, variable(_Y), Opt.ADD, number(2)),
         Put(OUTPUTS[1], number(0)),
         Put(OUTPUTS[2], number(1)),
@@ -133,7 +134,7 @@ def test_results(subject: Subject, line: Line) -> None:
         Assign(_Z, variable(_X)),
         Calculate(_W, number(5), Opt.ADD, number(6)),
     ]
-    for key, due in {_X: 70_021, _Y: 102, _Z: 70_021, _W: 11}.items():
+    for key, due in {_X: -70_021, _Y: 102, _Z: -70_021, _W: 11}.items():
         block.append(If(variable(key), Opt.EQUAL, number(due), [], [Flip(_BAD)]))
     with bench(subject, line) as robot:
         robot.performs([*block, Flip(_GOOD)], {_X: 1, _Y: 100, _Z: 300, _W: 400})
