@@ -248,6 +248,19 @@ class Line(Wire):
                 self.heard[:0] = before
                 raise self.no_answer("get_status was not answered")
 
+    def answers(self) -> list[FrameSeen]:
+        """As `fence`, and where nothing came a moment longer: not all answer in order (A-3-14).
+
+        Raises:
+            NoAnswer: The status was not answered.
+        """
+        came = self.fence()
+        if not came:
+            self.wait(_APART_S)
+            came = list(self.heard)
+            self.heard.clear()
+        return came
+
     # ------------------------------------------------------------------ ending
 
     def close(self) -> None:

@@ -57,7 +57,7 @@ def _op_get_default(subject: Subject) -> str | None:
         line = subject.open()
         line.send_frame(Frame(A2C, opcode))
         with suppress(NoAnswer):
-            for seen in line.fence():
+            for seen in line.answers():
                 if seen.frame.opcode == opcode:
                     replies[f"0x{opcode:02X}"] = seen.frame.data
         line.close()

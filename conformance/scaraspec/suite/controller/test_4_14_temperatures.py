@@ -28,7 +28,7 @@ def test_opcode(line: Line) -> None:
     """The temperatures come with 0x0F, or with 0x0E as printed."""
     command = BY_NAME["get_motor_temperatures"]
     line.send("get_motor_temperatures")
-    came = line.fence()
+    came = line.answers()
     answers = [seen for seen in came if seen.frame.opcode in (command.opcode, command.reply_also)]
     if not answers:
         observed = "; ".join(f"{seen.frame}" for seen in came)

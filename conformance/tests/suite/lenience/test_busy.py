@@ -150,6 +150,42 @@ def test_who_cannot_be_asked_while_executing_is_not_failed(tried: Try, brain: ty
     assert Verdict.FAIL not in {case.verdict for case in cases.values()}
 
 
+class LooksItUp(Brain):
+    """What is in a file takes a look, and what is asked meanwhile is answered first (A-3-14)."""
+
+    _LOOKS_S = 0.02
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._looking: list[tuple[float, Session, Frame]] = []
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Begin to look."""
+        if frame.opcode in (0x0D, 0x0F, 0x13):
+            self._looking.append((now_s + self._LOOKS_S, session, frame))
+        else:
+            super().handle(session, frame, now_s)
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        while self._looking and self._looking[0][0] <= now_s:
+            _, session, frame = self._looking.pop(0)
+            super().handle(session, frame, now_s)
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When it has found it."""
+        looked_s = self._looking[0][0] if self._looking else math.inf
+        return min(looked_s, super().next_event_s or math.inf)
+
+
+def test_what_is_answered_behind_a_later_request_is_answered(tried: Try) -> None:
+    """Replies may come in any order."""
+    cases = tried(LooksItUp, "4.12/2", "4.12/5", "4.13/3", "4.14/3")
+    assert not cases.wrong
+    assert "op_get_default" in cases.readings
+
+
 class EndsTheFirstLinkInAMove(Brain):
     """The first client that asks for the status during a move is sent away."""
 

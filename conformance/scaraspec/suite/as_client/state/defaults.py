@@ -36,7 +36,7 @@ def default_kept(subject: Subject, line: Line) -> Iterator[None]:
 def _default(line: Line) -> bytes:
     """The default program; empty where there is none, which need not be answered (A-4.12-2)."""
     line.send("get_default_program")
-    for seen in line.fence():
+    for seen in line.answers():
         if seen.name == "get_default_program" and isinstance(seen.value, bytes):
             return seen.value
     return b""
@@ -51,7 +51,7 @@ def ask_default(subject: Subject, line: Line, opcode: int) -> FrameSeen | None:
     line = alive(subject, line)
     line.send_frame(Frame(A2C, opcode))
     try:
-        replies = [seen for seen in line.fence() if seen.frame.opcode in OPCODES]
+        replies = [seen for seen in line.answers() if seen.frame.opcode in OPCODES]
     except NoAnswer:
         return None
     if not replies:
