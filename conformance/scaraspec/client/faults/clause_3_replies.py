@@ -272,6 +272,39 @@ class GoesDeafAtWrongEnds(_DeafAt):
     why = Why.BAD_END
 
 
+class _LosesResultsAmong(ClientCore):
+    """A final result is dropped while certain other things are open."""
+
+    names: ClassVar[Container[str]]
+    """Their commands."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        if frame.tagged and any(exchange.command.name in self.names for exchange in self._open):
+            return []
+        return super()._dispatch(frame, now_s)
+
+
+@fault("3/27", subtle=True)
+class LosesResultsAmongChunks(_LosesResultsAmong):
+    """What is done during a transfer is never told."""
+
+    names = ("upload_name", "download_name")
+
+
+@fault("3/27", subtle=True)
+class LosesResultsInLists(_LosesResultsAmong):
+    """What is done while the programs are listed is never told."""
+
+    names = ("list_programs",)
+
+
+@fault("3/27", subtle=True)
+class LosesResultsInSettings(_LosesResultsAmong):
+    """What is done while an output is set is never told."""
+
+    names = ("set_digital_output",)
+
+
 @fault("3/20")
 class OverlooksTheEnd(ClientCore):
     """The end byte of a frame is not looked at."""

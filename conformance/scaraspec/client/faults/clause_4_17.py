@@ -1,7 +1,7 @@
 """Faults of clause 4.17: an emergency stop that is held back, or confused with what it stops."""
 
 from abc import ABC, abstractmethod
-from typing import Final
+from typing import ClassVar, Final
 
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.exchange import Exchange, Stage, TwoStage
@@ -75,17 +75,34 @@ class UnaskedResultEndsTheLink(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@fault("4.17/9", subtle=True)
-class FailedStopEndsEverything(ClientCore):
-    """What goes on when a stop has failed is taken for stopped."""
+class _VainStopEndsEverything(ClientCore):
+    """What goes on when a stop was not made is taken for stopped."""
+
+    accepted: ClassVar[bool]
+    """Whether the stop had been accepted."""
 
     def _follow_two_stage(self, exchange: TwoStage, now_s: float) -> list[Event]:
         events = super()._follow_two_stage(exchange, now_s)
-        if exchange.command.name == _STOP and exchange.problem is not None and exchange.accepted:
+        vain = exchange.command.name == _STOP and exchange.problem is not None
+        if vain and exchange.accepted is self.accepted:
             for other in self._executing():
                 other.give_up("there was a stop")
                 events += self._follow(other, now_s)
         return events
+
+
+@fault("4.17/9", subtle=True)
+class FailedStopEndsEverything(_VainStopEndsEverything):
+    """What goes on when a stop has failed is taken for stopped."""
+
+    accepted = True
+
+
+@fault("4.17/9", subtle=True)
+class RefusedStopEndsEverything(_VainStopEndsEverything):
+    """What goes on when a stop was refused is taken for stopped."""
+
+    accepted = False
 
 
 @fault("4.17/9", subtle=True)

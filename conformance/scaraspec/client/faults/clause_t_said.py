@@ -4,7 +4,7 @@ from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.exchange import Exchange
 from scaraspec.client.faults import fault
-from scaraspec.client.faults.altering import AltersReplies, AltersResults
+from scaraspec.client.faults.altering import AltersReplies, AltersResults, TakesLossForSuccess
 from scaraspec.client.problems import Refused
 from scaraspec.protocol.commands import BY_OPCODE, PortValue
 from scaraspec.protocol.frames import Frame
@@ -234,6 +234,20 @@ class OutputsAlwaysSet(AsyncClient):
         self._core.begin(exchange, 0.0)
         self._stir()
         await self.wait_for(lambda: exchange.settled)
+
+
+@fault("T/9", subtle=True)
+class TakesLossForDeletion(TakesLossForSuccess):
+    """A link that is lost before a deletion was answered is taken for the deletion."""
+
+    name = "delete_program"
+
+
+@fault("T/9", subtle=True)
+class TakesLossForNewPassword(TakesLossForSuccess):
+    """A link that is lost before a new password was answered is taken for its change."""
+
+    name = "set_password"
 
 
 @fault("T/9")

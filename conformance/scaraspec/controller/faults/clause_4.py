@@ -207,6 +207,16 @@ class LocksWithOne(Brain):
         super().emit(session, frame)
 
 
+@fault("4/2", subtle=True)
+class LosesResultsInTransfers(Brain):
+    """What ends while its client sends a file or fetches one is never told."""
+
+    def conclude(self, request: Request, outcome: Outcome) -> None:
+        """Tell it to nobody."""
+        if request.session.transfer is None:
+            super().conclude(request, outcome)
+
+
 @fault("4/3")
 class FailsWithoutCode(Brain):
     """A failed final result has no code."""

@@ -292,6 +292,15 @@ class RefusedGripperIsSetInPart(Brain):
         return value
 
 
+@fault("4.20/3", subtle=True)
+class GripperIsForgottenDuringRuns(Brain):
+    """While a program runs a new gripper centre is answered 1 and not set."""
+
+    def set_gripper_center(self, request: Request) -> bool:
+        """Do nothing then."""
+        return self.robot.task is not None or super().set_gripper_center(request)
+
+
 @fault("4.20/5")
 class SettingTheGripperMovesTheArm(Brain):
     """A new gripper centre sets the arm in motion, up by some millimetres."""

@@ -199,6 +199,15 @@ def _beginning(field: bytes) -> bytes:
     return next((field[:n] for n in ends if Number("").read(field[:n], Notes()) is not None), field)
 
 
+@fault("4.21/3", subtle=True)
+class PositionIsForgottenDuringRuns(Brain):
+    """While a program runs a new position is answered 1 and not set."""
+
+    def set_initial_tool_position(self, request: Request) -> bool:
+        """Do nothing then."""
+        return self.robot.task is not None or super().set_initial_tool_position(request)
+
+
 @fault("4.21/3")
 class RefusedPositionIsSetInPart(Brain):
     """Of an initial position that is refused for its last field the others are set."""

@@ -10,6 +10,7 @@ from scaraspec.controller.faults import fault
 from scaraspec.controller.faults.transferring import JudgesChunks, SendsAfterTheEnd
 from scaraspec.controller.session import Request, Session, Transfer
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.transfer import (
     BUFFER_BYTES,
     FILE_DATA,
@@ -423,6 +424,19 @@ class CommandsSkipAChunk(Brain):
             transfer.end.acknowledge(accepted=True, now_s=now_s)
             transfer.end.next_chunk()
         super().handle(session, frame, now_s)
+
+
+@fault("5.4/8", subtle=True)
+class ListsNothingDuringUploads(Brain):
+    """Who asks for the programs within his own upload is told of none."""
+
+    def list_programs(self, request: Request) -> NameListPart:
+        """Tell of none."""
+        return (
+            NameListPart(more=False, names=())
+            if _uploads(request.session)
+            else super().list_programs(request)
+        )
 
 
 @fault("5.4/8")

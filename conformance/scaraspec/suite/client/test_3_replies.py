@@ -9,6 +9,8 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import TAG, Frame
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.as_controller.executing import RUN, beside, executing, finished
+from scaraspec.suite.as_controller.files import Upload, fetch
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
     accomplished,
@@ -36,6 +38,9 @@ _MARKS: Final = (
     bytes(range(256)),
 )
 """Contents full of start and end bytes; some look like frames of either direction."""
+
+_SMALL: Final = bytes(range(200)) * 2
+"""A file of two chunks."""
 
 _FRAMING: Final = 4  # start, opcode, length, end
 
@@ -247,6 +252,49 @@ def test_replies_meanwhile(subject: Subject, line: Line) -> None:
     subject.undone(run, "run_program is over, and its final result has not come")
     line.result("run_program")
     accomplished(subject, run)
+
+
+@client_case("3/27", name="among-others")
+def test_result_among_others(subject: Subject, line: Line) -> None:
+    """A final result comes while other requests, and both transfers, wait for an answer."""
+    beside(subject, line)
+    for name in ("list_programs", "set_digital_output", "delete_program", "emergency_stop"):
+        run = executing(subject, line, RUN)
+        with subject.at_will():
+            call, request = ask(subject, line, name)
+            _finished_meanwhile(subject, line, run)
+            answer(line, name, request)
+            subject.settled(call)
+        _finished_meanwhile(subject, line, run)
+    for transfer in (_finished_in_an_upload, _finished_in_a_download):
+        run = executing(subject, line, RUN)
+        with subject.at_will():
+            transfer(subject, line, run)
+        _finished_meanwhile(subject, line, run)
+
+
+def _finished_meanwhile(subject: Subject, line: Line, run: Call) -> None:
+    if run.answer is None:
+        line.result(RUN.name)
+        finished(subject, run)
+
+
+def _finished_in_an_upload(subject: Subject, line: Line, run: Call) -> None:
+    upload = Upload(subject, line, _SMALL)
+    upload.accept()
+    chunk = upload.next_chunk()
+    _finished_meanwhile(subject, line, run)
+    upload.take(chunk.length)
+    upload.finish()
+
+
+def _finished_in_a_download(subject: Subject, line: Line, run: Call) -> None:
+    download = fetch(subject, line)
+    first, last = chunks_of(_SMALL)
+    download.give(first)
+    _finished_meanwhile(subject, line, run)
+    download.give(last)
+    download.expect_done()
 
 
 # ---------------------------------------------------------------------- whose reply it is

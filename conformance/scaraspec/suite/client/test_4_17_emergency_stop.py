@@ -103,15 +103,21 @@ def test_later_command(subject: Subject, line: Line) -> None:
 
 @client_case("4.17/9", name="failed")
 def test_stop_fails(subject: Subject, line: Line) -> None:
-    """The stop itself fails, and what it was to stop goes on to its end."""
+    """The stop is refused, and fails; what it was to stop goes on to its end each time."""
     beside(subject, line)
-    call = executing(subject, line, RUN)
-    stop = _begun(subject, line)
-    line.result(STOP.name, "12")
-    failed(subject, stop, "12")
-    subject.undone(call, "the failure of the stop was taken for the end of what goes on")
-    line.result(RUN.name)
-    finished(subject, call)
+    for accepted in (False, True):
+        call = executing(subject, line, RUN)
+        if accepted:
+            stop = _begun(subject, line)
+            line.result(STOP.name, "12")
+            failed(subject, stop, "12")
+        else:
+            stop = ordered(subject, line, STOP)
+            line.reply(STOP.name, data=b"0")
+            refused(subject, stop)
+        subject.undone(call, "a stop that was not made was taken for the end of what goes on")
+        line.result(RUN.name)
+        finished(subject, call)
 
 
 @client_case("4.17/10")

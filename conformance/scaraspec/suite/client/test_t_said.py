@@ -23,6 +23,7 @@ from scaraspec.suite.expect import expect, expect_in
 from scaraspec.suite.strategies import payload_values
 
 _SETTINGS: Final = tuple(c.name for c in COMMANDS if c.reply is FLAG and c.clause.startswith("4."))
+_OWN_CASES: Final = ("login", "set_network")
 _TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 _PORTS: Final = ("get_digital_inputs", "get_analog_input", "get_digital_outputs")
 _NUMBERS: Final = (
@@ -114,7 +115,21 @@ def test_flags(subject: Subject, line: Line) -> None:
             else:
                 subject.fails(call)
 
-    of_each(tuple(name for name in _SETTINGS if name not in ("login", "set_network")), each)
+    of_each(tuple(name for name in _SETTINGS if name not in _OWN_CASES), each)
+
+
+@client_case("T/9", name="lost")
+def test_lost(subject: Subject, line: Line) -> None:
+    """The link ends in place of the first reply to each command, which nobody has accepted then."""
+
+    def each(name: str) -> None:
+        nonlocal line
+        call, _ = ask(subject, line, name)
+        line.close()
+        subject.fails(call)
+        line = subject.open()
+
+    of_each(tuple(name for name in (*_SETTINGS, *_TWO_STAGE) if name not in _OWN_CASES), each)
 
 
 @client_case("T/9", name="stages")

@@ -8,7 +8,8 @@ from hypothesis import given
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Outcome
-from scaraspec.suite.as_client.asking.files import left_behind, upload
+from scaraspec.protocol.transfer import BUFFER_BYTES, chunks_of
+from scaraspec.suite.as_client.asking.files import incoming, left_behind, send, upload
 from scaraspec.suite.as_client.asking.motion import (
     BUSY,
     IDLE,
@@ -68,11 +69,14 @@ from scaraspec.suite.as_client.two_stage.tasks import (
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect, expect_equal, expect_in
+from scaraspec.suite.programs.bench import bench
+from scaraspec.suite.programs.writing import wait
 from scaraspec.suite.wire import Answer
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _SOON_S = 0.5
 _CHUNKS_BYTES = 450
+_LONG_BYTES = 2_000
 _OVER_S = 10.0
 _POLLS = 10
 _AT_ONCE_S = 0.05
@@ -100,6 +104,30 @@ def test_one_reply_and_one_result(subject: Subject, line: Line, name: str) -> No
         )
     line.heard[:0] = line.fence()
     line.no_result(name, for_s=0)
+
+
+@case("4/2", "3/18", name="in-transfers", hazards=_MOTION)
+def test_result_in_transfers(subject: Subject, line: Line) -> None:
+    """A program ends while a file is sent, and while it is fetched: each time that is told."""
+    content = content_of(_LONG_BYTES)
+    with bench(subject, line) as robot:
+        pause_s = 2 * robot.ours_s(1) / len(content) * BUFFER_BYTES
+        name = subject.new_name()
+        upload(line, name, content)
+        for fetches in (False, True):
+            robot.start(wait(1))
+            opening = "download_name" if fetches else "upload_name"
+            if not line.ask(opening, data=name if fetches else subject.new_name()).accepted:
+                robot.stop()
+                continue
+            if fetches:
+                for _ in incoming(line):
+                    line.wait(pause_s)
+            else:
+                for chunk in chunks_of(content):
+                    line.wait(pause_s)
+                    send(line, chunk)
+            robot.finish()
 
 
 @case("4/1", "3/17", name="refused", hazards=_MOTION)

@@ -41,6 +41,7 @@ from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
 from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
 from scaraspec.suite.limits import Limits, Silence, limits_of
+from scaraspec.suite.programs.listed import program_names, store_program
 
 _CONTENT = content_of(650)
 _CHUNKS = tuple(chunks_of(_CONTENT))
@@ -446,23 +447,34 @@ def _others(subject: Subject, line: Line) -> None:
 def test_commands_during_an_upload(subject: Subject, line: Line) -> None:
     """Between the chunks of an upload other commands are answered, and the file arrives whole.
 
-    The clock may be set ahead meanwhile: that is no silence. Another file may be deleted.
+    The clock may be set ahead meanwhile: that is no silence. Another file may be deleted, and the
+    rest is listed as before.
     """
     name, other = subject.new_name(), subject.new_name()
     upload(line, other, _CONTENT)
+    store_program(subject, line)
     with kept(subject, line, "clock"):
         _upload_among_others(subject, line, name, other)
     expect_stored(line, name, _CONTENT, "5.4/8")
 
 
 def _upload_among_others(subject: Subject, line: Line, name: bytes, other: bytes) -> None:
+    listed = _listed(subject, line, name, other)
     begin(line, name)
     for chunk in _CHUNKS:
         _others(subject, line)
         line.ask("delete_program", data=other)
+        message = "the list is another one within an upload"
+        expect_equal(_listed(subject, line, name, other), listed, message, requirement="5.4/8")
         if {"get_time", "set_time"}.isdisjoint(subject.statement.lacks):
             line.ask("set_time", shifted(read(subject, line).time, _AHEAD))
         send(line, chunk, "5.4/8", "a chunk was refused after other commands")
+
+
+def _listed(subject: Subject, line: Line, *but: bytes) -> list[bytes]:
+    """The programs besides these, sorted; none where none are listed."""
+    lacks = "list_programs" in subject.statement.lacks
+    return [] if lacks else sorted(set(program_names(subject, line)).difference(but))
 
 
 @case("5.4/8", "2/6", name="download")
