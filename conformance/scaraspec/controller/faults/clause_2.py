@@ -341,6 +341,26 @@ class LoginOutlivesTheConnection(Brain):
         return self._opened or super()._may_ask(session, command)
 
 
+@fault("2/11", subtle=True)
+class UploadsLeaveTheirLogin(Brain):
+    """Who connects behind a client that left in the midst of an upload is logged in as that one."""
+
+    _left = False
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Log him in."""
+        actions = super().open(connection, now_s, link)
+        if self._left and connection in self.sessions:
+            self.sessions[connection].logged_in, self._left = True, False
+        return actions
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        """Look what it was about."""
+        session = self.sessions.get(connection)
+        self._left = bool(session and session.logged_in and session.transfer)
+        return super().close(connection, now_s)
+
+
 @fault("2/11")
 class RefusedButIn(Brain):
     """A wrong password is answered "0", but the session counts as logged in."""

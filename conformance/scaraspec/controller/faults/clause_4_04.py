@@ -172,6 +172,17 @@ class RefusedNetworkIsSetInPart(Brain):
         return value
 
 
+@fault("4.4/2", subtle=True)
+class AddressIsSetFirst(Brain):
+    """The address of a network is set before the rest is looked at, which may be refused."""
+
+    def _value(self, command: Command, frame: Frame) -> Any:
+        if command.name == "set_network":
+            ip = Address("ip").read(frame.data.partition(b"|")[0], Notes())
+            self.save(ip=ip or self.store.settings.ip)
+        return super()._value(command, frame)
+
+
 @fault("4.4/2")
 class NewNetworkAnsweredWithZero(Brain):
     """A new network is set and answered 0."""

@@ -526,6 +526,27 @@ class LoopsOfTheirLastNode(Run):
 
 
 @misrun("6.5/23", subtle=True)
+class LoopsFallIntoElse(Run):
+    """Within a loop both branches of an IF that holds are executed."""
+
+    def _begin_marker(self, node: Node, now_s: float) -> float:
+        ahead = [each.type for each in self._program.nodes[: self._index]]
+        loops = ahead.count(NodeType.LOOP) > ahead.count(NodeType.END_LOOP)
+        both = loops and node.type == NodeType.ELSE
+        return now_s if both else super()._begin_marker(node, now_s)
+
+
+@misrun("6.5/20", subtle=True)
+class WaitsHalfInLoops(Run):
+    """A wait within a loop lasts half as long as it should."""
+
+    def _begin(self, node: Node, now_s: float) -> float:
+        ends_s = super()._begin(node, now_s)
+        loops = any(each.type == NodeType.LOOP for each in self._program.nodes[: self._index])
+        return (ends_s + now_s) / 2 if loops and node.type == NodeType.WAIT_SECONDS else ends_s
+
+
+@misrun("6.5/23", subtle=True)
 class LoopsFailTheSecondTime(Run):
     """A program fails when a loop is to come again."""
 

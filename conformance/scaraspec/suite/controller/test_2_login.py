@@ -15,7 +15,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_client.asking.clock import shifted
-from scaraspec.suite.as_client.asking.files import upload
+from scaraspec.suite.as_client.asking.files import begin, upload
 from scaraspec.suite.as_client.asking.motion import SLOWEST_PERCENT, joints_of, pose_of, target
 from scaraspec.suite.as_client.asking.passwords import rotated
 from scaraspec.suite.as_client.asking.ports import expect_outputs, outputs, outputs_kept
@@ -192,6 +192,19 @@ def test_beside_another(subject: Subject) -> None:
     with _unchanged(subject, _GRIPPER):
         stranger = _Stranger(subject)
         stranger.ask(("set_gripper_center", _CENTRE))
+    stranger.expect_nothing()
+
+
+@case("2/11", name="behind", hazards=(Hazard.STATE,))
+def test_behind_another(subject: Subject) -> None:
+    """Another client leaves in the midst of an upload, or is cut off; the next tries a setting."""
+    with _unchanged(subject, _GRIPPER):
+        for cut in (False, True):
+            line = subject.open()
+            begin(line, subject.new_name())
+            line.reset() if cut else line.close()
+            stranger = _Stranger(subject)
+            stranger.ask(("set_gripper_center", _CENTRE))
     stranger.expect_nothing()
 
 

@@ -38,6 +38,7 @@ from scaraspec.suite.programs.writing import set_output as output_node
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _MANY: Final = 500
 """Nodes: more than a byte counts."""
+_EARLY_S: Final = 0.05  # what two clocks may differ in over a second
 _LATE_S: Final = 5.0
 """By how much a loop of a few nodes may be late, in the subject's seconds: nothing bounds it."""
 
@@ -103,7 +104,7 @@ def test_output_node_in_time(subject: Subject, line: Line) -> None:
         expect_outputs(line, due, "the outputs are not as the program left them")
 
 
-@case("6.5/23", hazards=PROGRAMS)
+@case("6.5/23", "6.5/20", hazards=PROGRAMS)
 def test_loop(subject: Subject, line: Line) -> None:
     """The nodes of a loop are executed again, from the first to the last but one; no other is.
 
@@ -111,7 +112,10 @@ def test_loop(subject: Subject, line: Line) -> None:
     """
     first, last = OUTPUTS[:2]
     ahead = Calculate(3, variable(3), Opt.ADD, number(1))
-    body: list[Statement] = [If(variable(3), Opt.EQUAL, number(2), [Flip(_BAD)])]
+    body: list[Statement] = [
+        If(variable(3), Opt.EQUAL, number(2), [Flip(_BAD)]),
+        If(number(1), Opt.EQUAL, number(1), [Flip(OUTPUTS[2])], [Flip(_BAD)]),
+    ]
     for key, port in ((1, first), (2, last)):
         body.append(Calculate(key, variable(key), Opt.ADD, number(1)))
         body.append(If(variable(key), Opt.EQUAL, number(2), [Flip(port)]))
@@ -128,10 +132,17 @@ def test_loop(subject: Subject, line: Line) -> None:
                 expected=f"output {port} changes then",
                 observed="it does not",
             )
+        expect(
+            robot.since_s() >= robot.ours_s(1) - _EARLY_S,
+            "a loop begins anew before the seconds are over that it waits for",
+            expected="1 s",
+            observed=f"{robot.since_s():.2f} s",
+            requirement="6.5/20",
+        )
         expect_equal(
             outputs(line)[_BAD - 1],
             robot.before[_BAD - 1],
-            "what stands before a loop is executed with it again",
+            "what stands before a loop is executed with it again, or the branch of what fails",
         )
 
 
