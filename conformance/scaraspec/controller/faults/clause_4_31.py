@@ -196,6 +196,26 @@ class SettingsAreLostWhileRunning(Brain):
         return True if self.robot.task else super().set_digital_output(request)
 
 
+@fault("4.32/4", "4.32/6", subtle=True)
+class SettingsAreLostWhileMoving(Brain):
+    """While the arm moves or jogs a setting is answered as done, and is not carried out."""
+
+    def set_digital_output(self, request: Request) -> bool:
+        """Say yes."""
+        task = self.robot.task
+        moves = task is not None and task.request.command.name in ("jog", "set_tool_coordinates")
+        return moves or super().set_digital_output(request)
+
+
+@fault("4.32/4", "4.32/6", subtle=True)
+class SettingsAreLostWhileReleased(Brain):
+    """While the joints are released a setting is answered as done, and is not carried out."""
+
+    def set_digital_output(self, request: Request) -> bool:
+        """Say yes."""
+        return not self.plant.locked or super().set_digital_output(request)
+
+
 class _Parses(Brain, ABC):
     """Reads settings in a way of its own."""
 

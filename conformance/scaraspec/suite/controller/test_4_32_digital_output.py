@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PortValue
+from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.asking.ports import (
     ALL_OUTPUTS,
@@ -23,11 +24,21 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.delivery import takes_one_at_a_time
 from scaraspec.suite.as_client.spoiling.malformed import Malformed, malformed, offer
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.tasks import (
+    JOG,
+    LOCK,
+    MOVE,
+    RELEASE,
+    lasting,
+    locked_again,
+    release,
+)
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect, expect_equal, expect_in
 from scaraspec.suite.programs.bench import PROGRAMS, bench
 from scaraspec.suite.programs.writing import wait
 
+_MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _FLAGS: Final = (b"0", b"1")
 _NO_PORTS: Final = (
     *(b"0", b"00", b"41", b"42", b"50", b"99", b"255", b"256"),
@@ -124,12 +135,30 @@ def test_while_running(subject: Subject, line: Line) -> None:
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(5)))
         go_on_if_it_listens(subject, line)
-        on = not robot.before[port - 1]
-        answer = set_output(line, port, on=on)
-        due = with_port(robot.before, port, on=on) if answer.accepted else robot.before
-        expect_outputs(
-            line, due, f"output {port} was set while a program ran", requirement="4.32/6"
-        )
+        _set_meanwhile(line, port, "while a program ran")
+
+
+@case("4.32/4", "4.32/6", name="while-moving", hazards=_MOTION)
+def test_while_moving(subject: Subject, line: Line) -> None:
+    """The same while the arm moves, and jogs, and while its joints are released."""
+    lacks = subject.statement.lacks
+    port = settable(line)[-1]
+    with outputs_kept(line):
+        for name in (each for each in (MOVE, JOG) if each not in lacks):
+            with lasting(subject, line, name):
+                _set_meanwhile(line, port, f"during a {name}")
+        if lacks.isdisjoint({RELEASE, LOCK}):
+            with locked_again(subject, line):
+                release(subject, line)
+                _set_meanwhile(line, port, "while the joints were released")
+
+
+def _set_meanwhile(line: Line, port: int, when: str) -> None:
+    before = outputs(line)
+    on = not before[port - 1]
+    answer = set_output(line, port, on=on)
+    due = with_port(before, port, on=on) if answer.accepted else before
+    expect_outputs(line, due, f"output {port} was set {when}", requirement="4.32/6")
 
 
 @case("4.32/4", "4.32/6", name="flags")
