@@ -1,6 +1,7 @@
 """Faults of clause 2: who dials, what comes first, and what is made of segments."""
 
 from collections.abc import Iterable
+from typing import ClassVar
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
@@ -11,8 +12,8 @@ from scaraspec.client.problems import ClientError, LinkLost
 from scaraspec.client.shell import LOST_BY
 from scaraspec.links.link import Ending
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.frames import Found, Frame
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.frames import Found, Frame, Framer
 from scaraspec.protocol.port import DEFAULT_PORT
 
 # Who dials
@@ -122,6 +123,47 @@ class ImpatientWithinFrames(ClientCore):
     @property
     def _partial_until_s(self) -> float | None:
         return self._heard_s + 0.5 if self._framer.held_bytes else None
+
+
+class _LosesInPieces(ClientCore):
+    """Frames of one opcode are lost where they come in pieces."""
+
+    opcode: ClassVar[int]
+    """Which."""
+    _begun = False
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        """See whether a frame has begun."""
+        self._begun = self._framer.held_bytes > 0
+        return super().feed(data, now_s)
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        lost = self._begun and frame.opcode == self.opcode
+        return [] if lost else super()._dispatch(frame, now_s)
+
+
+@fault("2/5", subtle=True)
+class LosesChunksInPieces(_LosesInPieces):
+    """A chunk that comes in pieces is lost."""
+
+    opcode = BY_NAME["download_chunk"].opcode
+
+
+@fault("2/5", subtle=True)
+class LosesLoginsInPieces(_LosesInPieces):
+    """The answer to the login is lost where it comes in pieces."""
+
+    opcode = BY_NAME["login"].opcode
+
+
+@fault("2/5", subtle=True)
+class ForgetsPiecesWhenItAsks(ClientCore):
+    """What has come of a frame is thrown away when another request is sent."""
+
+    def begin(self, exchange: Exchange, now_s: float) -> None:
+        """Throw it away."""
+        self._framer = Framer(C2A)
+        super().begin(exchange, now_s)
 
 
 # Joined

@@ -16,7 +16,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_controller.call import Call
-from scaraspec.suite.as_controller.polls import REPLIES, Polls
+from scaraspec.suite.as_controller.polls import FETCHES, REPLIES, Polls
 from scaraspec.suite.expect import Declined, NoAnswer, NotRun, Undecided, expect_equal
 from scaraspec.suite.limits import limits_of
 from scaraspec.suite.wire import Answer, Wire
@@ -34,6 +34,7 @@ YES: Final = True
 _DONE: Final = "11"
 _MOMENT_S: Final = 0.005
 _NS: Final = 1e9
+_CUTS: Final = (1, 3)  # behind the start byte, and behind the length
 _OF_FILES: Final = frozenset({"upload_name", "upload_chunk", "download_name", "download_chunk"})
 
 
@@ -42,10 +43,12 @@ class Line(Wire):
 
     Attributes:
         polls: What the client asks of its own accord.
+        cut_s: How long to wait between the pieces of a frame; 0 to send each as a whole.
     """
 
     def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
         self.polls = Polls(subject.awaits)
+        self.cut_s = 0.0
         self._subject = subject
         self._answering = False
         self._wanted: Callable[[FrameSeen], bool] = _nothing
@@ -117,7 +120,7 @@ class Line(Wire):
                 self.heard.remove(poll)
                 if poll.name in REPLIES:
                     self._subject.polled.add(poll.frame)
-                fetched = bool(self._subject.known.get("fetches parts"))
+                fetched = bool(self._subject.known.get(FETCHES))
                 frames = self.polls.answer(poll, self._subject.programs, fetched=fetched)
                 with suppress(NoAnswer):  # it asks, and hangs up
                     for frame in frames:
@@ -144,6 +147,15 @@ class Line(Wire):
             raise Undecided(f"{slow}: nothing was sent to it for {silence_s:.3f} s")
 
     # ------------------------------------------------------------------ sending
+
+    def send_frame(self, frame: Frame) -> None:
+        """Send one frame, in pieces where `cut_s` says so."""
+        data = frame.encode()
+        cuts = sorted({0, *_CUTS, len(data) // 2, len(data) - 1, len(data)}) if self.cut_s else ()
+        for begin, end in pairwise(cuts or (0, len(data))):
+            self.send_bytes(data[begin:end])
+            if end < len(data):
+                self.wait(self.cut_s)
 
     def frame(self, name: str, value: Any = YES, *, data: bytes | None = None) -> Frame:
         """The first reply to a request of the table; `data` takes the place of its value."""

@@ -5,11 +5,11 @@ from typing import Final
 
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.polls import FETCHES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.expect import NoAnswer
 
 _FETCH_S: Final = 1.0
-_FETCHES: Final = "fetches parts"
 
 
 def list_of(*names: str | bytes, per_part: int, bar: bytes = b"|") -> list[bytes]:
@@ -58,21 +58,21 @@ def serve_list(
 
 def fetches_parts(subject: Subject, line: Line) -> bool:
     """Whether a client asks for each part of a list by itself; found out once, by a list of two."""
-    if _FETCHES not in subject.known:
+    if FETCHES not in subject.known:
         call = subject.begin("list_programs")
         serve_list(subject, line, call, list_of("a.rob", "b.rob", per_part=1))
         subject.settled(call)
-    return bool(subject.known[_FETCHES])
+    return bool(subject.known[FETCHES])
 
 
 def _await_fetching(subject: Subject, line: Line) -> None:
     """Await that the next part is asked for; whether a client does is found out once."""
     patience_s = {None: _FETCH_S, False: 0.0, True: subject.answer_s}
-    known = subject.known.get(_FETCHES)
+    known = subject.known.get(FETCHES)
     try:
         line.request("list_programs", within_s=patience_s[known])
     except NoAnswer:
-        subject.known[_FETCHES] = False
+        subject.known[FETCHES] = False
     else:
-        subject.known[_FETCHES] = True
+        subject.known[FETCHES] = True
         subject.found["list_cont"] = "request"

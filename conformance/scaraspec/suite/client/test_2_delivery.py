@@ -2,18 +2,29 @@
 
 from typing import Final
 
+from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
+from scaraspec.suite.as_controller.files import serve, take
 from scaraspec.suite.as_controller.line import Line
-from scaraspec.suite.as_controller.lists import fetches_parts, list_of
-from scaraspec.suite.as_controller.orders import accomplished, awaited, order
+from scaraspec.suite.as_controller.lists import fetches_parts, list_of, serve_list
+from scaraspec.suite.as_controller.orders import (
+    accomplished,
+    answer,
+    awaited,
+    expect_told,
+    of_each,
+    order,
+)
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
-from scaraspec.suite.expect import NotRun
+from scaraspec.suite.expect import NotRun, Unmet
 
 _CUT_S: Final = 0.005  # longer than a segment waits to be joined with the next
 _SLOW_S: Final = 0.95
+_FILE: Final = bytes(range(200)) * 2
 _FULL_PART: Final = 22  # names of 11 bytes each
+_OF_EACH_KIND: Final = ("list_programs", "set_digital_output", "run_program", "emergency_stop")
 
 
 def _send_cut(line: Line, data: bytes, *cuts: int, pause_s: float = _CUT_S) -> None:
@@ -80,6 +91,61 @@ def test_slow_pieces(subject: Subject, line: Line) -> None:
     line.serve(call, data=b"1")
     _send_cut(line, line.result_frame("run_program").encode(), 2, 5, pause_s=_SLOW_S)
     accomplished(subject, call)
+
+
+@client_case("2/5", name="all")
+def test_all_in_pieces(subject: Subject) -> None:
+    """Whatever is sent comes in pieces: the login, a list, a setting, results, both transfers."""
+    line, call = subject.dial()
+    line.cut_s = _CUT_S
+    line.log_in(call)
+    subject.done(call)
+
+    def each(name: str) -> None:
+        try:
+            _served(subject, line, name)
+        except Unmet as error:  # as a whole it is served elsewhere
+            error.requirement = "2/5"
+            raise
+
+    of_each((*_OF_EACH_KIND, "upload", "download"), each)
+
+
+def _served(subject: Subject, line: Line, name: str) -> None:
+    """Order an operation of this name, and see it to its good end."""
+    match name:
+        case "upload":
+            take(subject, line, _FILE)
+        case "download":
+            serve(subject, line, _FILE)
+        case "list_programs":
+            names = [f"pro{number:03}.rob" for number in range(3 * _FULL_PART)]
+            call = subject.begin(name)
+            serve_list(subject, line, call, list_of(*names, per_part=_FULL_PART))
+            subject.gives(call, names)
+        case _:
+            call = order(subject, name)
+            line.serve(call, data=b"1")
+            if BY_NAME[name].two_stage:
+                line.result(name)
+            accomplished(subject, call)
+
+
+@client_case("2/5", name="interrupted")
+def test_request_within_a_reply(subject: Subject, line: Line) -> None:
+    """Half a reply has come when the client sends another request; then comes the rest."""
+    subject.concurrent(line)
+    for name in ("get_version", "set_digital_output", "emergency_stop"):
+        query = subject.begin("get_joint_angles")
+        awaited(line, query.name, query)
+        data = _reply(line, query.name)
+        line.send_bytes(data[: len(data) // 2])
+        other = order(subject, name)
+        request = line.request(name, other)
+        line.send_bytes(data[len(data) // 2 :])
+        expect_told(subject, query, query.name, REPLIES[query.name])
+        answer(line, name, request)
+        subject.settled(other)
 
 
 # ---------------------------------------------------------------------- joined
