@@ -191,3 +191,39 @@ class ServesTheLastOfEachSegment(ClientCore):
 
     def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
         return super()._digest(list(found)[-1:], now_s)
+
+
+class _DropsBehind(ClientCore):
+    """What comes in one segment behind a frame of a certain opcode is dropped."""
+
+    opcode: ClassVar[int]
+    """Which."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        items = list(found)
+        ends = (n for n, item in enumerate(items, 1) if self._is_it(item))
+        return super()._digest(items[: next(ends, len(items))], now_s)
+
+    def _is_it(self, item: Found) -> bool:
+        return isinstance(item, Frame) and item.opcode == self.opcode and not item.tagged
+
+
+@fault("2/6", subtle=True)
+class DropsWhatIsBehindChunks(_DropsBehind):
+    """What comes in one segment behind a chunk is dropped."""
+
+    opcode = BY_NAME["download_chunk"].opcode
+
+
+@fault("2/6", subtle=True)
+class DropsWhatIsBehindAnswersToChunks(_DropsBehind):
+    """What comes in one segment behind the answer to a chunk is dropped."""
+
+    opcode = BY_NAME["upload_chunk"].opcode
+
+
+@fault("2/6", subtle=True)
+class DropsWhatIsBehindLists(_DropsBehind):
+    """What comes in one segment behind a part of the program list is dropped."""
+
+    opcode = BY_NAME["list_programs"].opcode

@@ -10,9 +10,10 @@ from typing import Any, Final, NamedTuple
 
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
+from scaraspec.suite.as_controller.orders import VALUES, arguments
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
-from scaraspec.suite.expect import NoAnswer, NotRun, expect, expect_equal, expect_in
+from scaraspec.suite.expect import Declined, NoAnswer, NotRun, expect, expect_equal, expect_in
 
 
 class Order(NamedTuple):
@@ -51,6 +52,7 @@ ORDERS: Final = (*REASONED, STOP)
 """Every two-stage command."""
 
 _BESIDE_S: Final = 2.0
+_SOME: Final = b"content"
 
 
 def ordered(subject: Subject, line: Line, order: Order) -> Call:
@@ -117,6 +119,38 @@ def beside(subject: Subject, line: Line) -> None:
         subject.settled(second)
     if not subject.known["beside"]:
         raise NotRun("the client takes no order while another one executes")
+
+
+def goes_beside(subject: Subject, line: Line, name: str) -> None:
+    """Go on only where it begins this, too, while a program runs; found out once by a refusal.
+
+    Raises:
+        NotRun: It does not, or lacks it.
+    """
+    beside(subject, line)
+    key = f"{name} beside"
+    if key not in subject.known:
+        if name in ("upload", "download"):
+            local = subject.file(_SOME) if name == "upload" else subject.no_file()
+            opening, values = f"{name}_name", {"local": local, "remote": "beside.txt"}
+        else:
+            opening, values = name, arguments(name, VALUES.get(name))
+        run = executing(subject, line, RUN)
+        call = subject.begin(name, **values)
+        try:
+            with suppress(NoAnswer, Declined):
+                line.request(opening, call, within_s=_BESIDE_S)
+                line.reply(opening, data=b"0")
+        finally:
+            line.result(RUN.name)
+            finished(subject, run)
+        subject.known[key] = call.came
+        if not call.came and call.answer is None:
+            line.request(opening, call)
+            line.reply(opening, data=b"0")
+        subject.settled(call)
+    if not subject.known[key]:
+        raise NotRun(f"the client begins no {name} while another command executes")
 
 
 def finished(subject: Subject, call: Call, *, requirement: str = "") -> None:

@@ -4,8 +4,8 @@ Replies are made from the command table, or are whatever bytes a case wants. Whi
 not known here. What the client asks of its own accord is answered while a case waits for something.
 """
 
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
@@ -49,6 +49,7 @@ class Line(Wire):
     def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
         self.polls = Polls(subject.awaits)
         self.cut_s = 0.0
+        self._behind: tuple[int, bytes] = (0, b"")
         self._subject = subject
         self._answering = False
         self._wanted: Callable[[FrameSeen], bool] = _nothing
@@ -149,13 +150,32 @@ class Line(Wire):
     # ------------------------------------------------------------------ sending
 
     def send_frame(self, frame: Frame) -> None:
-        """Send one frame, in pieces where `cut_s` says so."""
-        data = frame.encode()
+        """Send one frame, in pieces where `cut_s` says so, and with what is to be behind it."""
+        data = frame.encode() + self._joined()
         cuts = sorted({0, *_CUTS, len(data) // 2, len(data) - 1, len(data)}) if self.cut_s else ()
         for begin, end in pairwise(cuts or (0, len(data))):
             self.send_bytes(data[begin:end])
             if end < len(data):
                 self.wait(self.cut_s)
+
+    def _joined(self) -> bytes:
+        frames, data = self._behind
+        self._behind = (frames - 1, b"" if frames == 0 else data)
+        return b"" if frames else data
+
+    @contextmanager
+    def joining(self, data: bytes, *, behind: int) -> Iterator[None]:
+        """Send bytes in one segment with the next frame, or the one so many frames behind it.
+
+        Where no such frame is sent they are sent at the end.
+        """
+        self._behind = (behind, data)
+        try:
+            yield
+        finally:
+            _, left = self._behind
+            self._behind = (0, b"")
+            self.send_bytes(left)
 
     def frame(self, name: str, value: Any = YES, *, data: bytes | None = None) -> Frame:
         """The first reply to a request of the table; `data` takes the place of its value."""

@@ -4,6 +4,7 @@ from typing import Final
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
+from scaraspec.suite.as_controller.executing import RUN, executing, finished, goes_beside
 from scaraspec.suite.as_controller.files import serve, take
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.lists import fetches_parts, list_of, serve_list
@@ -23,6 +24,7 @@ from scaraspec.suite.expect import NotRun, Unmet
 _CUT_S: Final = 0.005  # longer than a segment waits to be joined with the next
 _SLOW_S: Final = 0.95
 _FILE: Final = bytes(range(200)) * 2
+_FRAMES: Final = 3  # of a list, and of a transfer of that file
 _FULL_PART: Final = 22  # names of 11 bytes each
 _OF_EACH_KIND: Final = ("list_programs", "set_digital_output", "run_program", "emergency_stop")
 
@@ -186,6 +188,23 @@ def test_two_replies(subject: Subject, line: Line) -> None:
     line.send_bytes(b"".join(_reply(line, call.name) for call in calls))
     for call in calls:
         subject.gives(call, REPLIES[call.name].decode())
+
+
+@client_case("2/6", name="among-others")
+def test_result_among_others(subject: Subject, line: Line) -> None:
+    """A final result comes behind each frame of a list, a setting, and both transfers."""
+    ending = line.result_frame(RUN.name).encode()
+
+    def each(name: str) -> None:
+        goes_beside(subject, line, name)
+        for place in range(_FRAMES):
+            run = executing(subject, line, RUN)
+            line.wait(_CUT_S)
+            with subject.at_will(), line.joining(ending, behind=place):
+                _served(subject, line, name)
+            finished(subject, run, requirement="2/6")
+
+    of_each(("list_programs", "set_digital_output", "upload", "download"), each)
 
 
 @client_case("2/6", name="behind-others")

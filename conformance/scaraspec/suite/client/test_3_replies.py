@@ -9,7 +9,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import TAG, Frame
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_controller.call import Call
-from scaraspec.suite.as_controller.executing import RUN, beside, executing, finished
+from scaraspec.suite.as_controller.executing import RUN, executing, finished, goes_beside
 from scaraspec.suite.as_controller.files import Upload, fetch
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
@@ -39,6 +39,7 @@ _MARKS: Final = (
 )
 """Contents full of start and end bytes; some look like frames of either direction."""
 
+_PENDING: Final = ("list_programs", "set_digital_output", "delete_program", "emergency_stop")
 _SMALL: Final = bytes(range(200)) * 2
 """A file of two chunks."""
 
@@ -257,44 +258,37 @@ def test_replies_meanwhile(subject: Subject, line: Line) -> None:
 @client_case("3/27", name="among-others")
 def test_result_among_others(subject: Subject, line: Line) -> None:
     """A final result comes while other requests, and both transfers, wait for an answer."""
-    beside(subject, line)
-    for name in ("list_programs", "set_digital_output", "delete_program", "emergency_stop"):
+
+    def each(name: str) -> None:
+        goes_beside(subject, line, name)
         run = executing(subject, line, RUN)
-        with subject.at_will():
-            call, request = ask(subject, line, name)
-            _finished_meanwhile(subject, line, run)
-            answer(line, name, request)
-            subject.settled(call)
-        _finished_meanwhile(subject, line, run)
-    for transfer in (_finished_in_an_upload, _finished_in_a_download):
-        run = executing(subject, line, RUN)
-        with subject.at_will():
-            transfer(subject, line, run)
-        _finished_meanwhile(subject, line, run)
+        match name:
+            case "upload":
+                upload = Upload(subject, line, _SMALL)
+                upload.accept()
+                chunk = upload.next_chunk()
+                _ends(subject, line, run)
+                upload.take(chunk.length)
+                upload.finish()
+            case "download":
+                first, last = chunks_of(_SMALL)
+                download = fetch(subject, line)
+                download.give(first)
+                _ends(subject, line, run)
+                download.give(last)
+                download.expect_done()
+            case _:
+                call, request = ask(subject, line, name)
+                _ends(subject, line, run)
+                answer(line, name, request)
+                subject.settled(call)
+
+    of_each((*_PENDING, "upload", "download"), each)
 
 
-def _finished_meanwhile(subject: Subject, line: Line, run: Call) -> None:
-    if run.answer is None:
-        line.result(RUN.name)
-        finished(subject, run)
-
-
-def _finished_in_an_upload(subject: Subject, line: Line, run: Call) -> None:
-    upload = Upload(subject, line, _SMALL)
-    upload.accept()
-    chunk = upload.next_chunk()
-    _finished_meanwhile(subject, line, run)
-    upload.take(chunk.length)
-    upload.finish()
-
-
-def _finished_in_a_download(subject: Subject, line: Line, run: Call) -> None:
-    download = fetch(subject, line)
-    first, last = chunks_of(_SMALL)
-    download.give(first)
-    _finished_meanwhile(subject, line, run)
-    download.give(last)
-    download.expect_done()
+def _ends(subject: Subject, line: Line, run: Call) -> None:
+    line.result(RUN.name)
+    finished(subject, run, requirement="3/27")
 
 
 # ---------------------------------------------------------------------- whose reply it is
