@@ -76,6 +76,21 @@ class GoesOnWhenRefused(AsyncClient):
             await self.login(self._password)
 
 
+@fault("4.1/5", subtle=True)
+class StopsWhenRefused(GoesOnWhenRefused):
+    """After a refused login nothing is sent but the emergency stop."""
+
+    class core(ClientCore):  # noqa: N801 - it fills in the attribute
+        """Takes itself for logged in where it is to stop."""
+
+        def begin(self, exchange: Exchange, now_s: float) -> None:
+            """Send it."""
+            logged_in = self.logged_in
+            self.logged_in = logged_in or exchange.command.name == "emergency_stop"
+            super().begin(exchange, now_s)
+            self.logged_in = logged_in
+
+
 @fault("4.1/8")
 class AllButNoIsYes(AltersReplies):
     """Every answer to the login but 0 is taken for a yes."""

@@ -518,6 +518,15 @@ class EmptyFilesAreDoneAtOnce(MeetsFiles):
         return super().sends(local, remote) if local.stat().st_size else None
 
 
+@fault("5.2/19", subtle=True)
+class MissingFilesAreDone(MeetsFiles):
+    """A file that does not exist is told as sent."""
+
+    def sends(self, local: Path, remote: Text | None) -> Text | None:
+        """Say so."""
+        return super().sends(local, remote) if local.exists() else None
+
+
 @fault("5.2/17", subtle=True)
 class EmptyFilesBecomeOneZero(AltersContent):
     """An empty file is sent as one zero."""

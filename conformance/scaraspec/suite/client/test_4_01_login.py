@@ -110,7 +110,7 @@ def test_told_to_go_on(subject: Subject) -> None:
         "the client logs in with another password than the one that it was given",
         requirement="T/10",
     )
-    for name in ("get_status", "list_programs", "delete_program"):
+    for name in ("get_status", "get_version", "list_programs", "delete_program", "emergency_stop"):
         call = order(subject, name)
         if line.over or sent_or_settled(subject, line, call) is None:
             subject.fails(call)

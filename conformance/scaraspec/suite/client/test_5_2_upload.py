@@ -224,6 +224,15 @@ def test_empty_file(subject: Subject, line: Line) -> None:
         subject.tolerate("5.2/17", "empty_file", option, f"an empty file is sent {said}")
 
 
+@client_case("5.2/19", name="no-file")
+def test_no_file(subject: Subject, line: Line) -> None:
+    """A file is to be uploaded that does not exist, which the client tells."""
+    call = subject.begin("upload", local=subject.no_file(), remote="zs-none.rob")
+    if reaction(subject, line, call, "upload_name") is not None:
+        line.reply("upload_name")
+    subject.fails(call)
+
+
 @client_case("5.2/17", name="full-chunks")
 def test_no_empty_chunk_behind_full_ones(subject: Subject, line: Line) -> None:
     """A file that fills its last chunk ends with that, not with a chunk of length 0."""
