@@ -5,15 +5,17 @@ from collections.abc import Container, Iterable
 from typing import ClassVar
 
 from scaraspec.client.aio import AsyncClient
-from scaraspec.client.core import ClientCore, Event
+from scaraspec.client.core import ClientCore, Event, Unexpected
 from scaraspec.client.exchange import Exchange, Stage, TwoStage
 from scaraspec.client.faults import fault
 from scaraspec.client.faults.process import memory
 from scaraspec.client.faults.spoiling import GoesDeaf
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import C2A
-from scaraspec.protocol.frames import Found, Frame, Framer, Skipped, Why
+from scaraspec.protocol.frames import TAG, Found, Frame, Framer, Skipped, Why
 from scaraspec.protocol.payloads import FLAG
+
+_RESULT_BEGINS = bytes((C2A.start, TAG))
 
 # Counting, and the tag
 
@@ -41,6 +43,33 @@ class TakesLengthsForMarks(ClientCore):
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         ends = len(frame.data) == C2A.end
         return super()._dispatch(frame._replace(data=b"") if ends else frame, now_s)
+
+
+@fault("3/9", subtle=True)
+class LooksForResultsInData(ClientCore):
+    """Whatever looks like a final result counts as one, in the data of any frame."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        events = super()._dispatch(frame, now_s)
+        if not frame.tagged:
+            within = Framer(C2A).feed(frame.data[frame.data.find(_RESULT_BEGINS) :])
+            for found in within:
+                if isinstance(found, Frame) and found.tagged:
+                    events += super()._dispatch(found, now_s)
+        return events
+
+
+@fault("3/9", subtle=True)
+class LooksIntoStrays(ClientCore):
+    """In the data of a frame that nobody awaits the reply is looked for that is awaited."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        events = super()._dispatch(frame, now_s)
+        if any(isinstance(event, Unexpected) for event in events):
+            for found in Framer(C2A).feed(frame.data):
+                if isinstance(found, Frame):
+                    events += super()._dispatch(found, now_s)
+        return events
 
 
 class _TaglessFramer(Framer):
@@ -319,6 +348,21 @@ def _overlooked(item: Found) -> Found:
         return item
     size_bytes = item.data[2]
     return Frame(C2A, item.data[1], item.data[3 : 3 + size_bytes])
+
+
+@fault("3/20", subtle=True)
+class OverlooksTheEndOfResults(ClientCore):
+    """The end byte of a tagged frame is not looked at."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        return super()._digest(map(_result_overlooked, found), now_s)
+
+
+def _result_overlooked(item: Found) -> Found:
+    """The tagged frame that bytes with a wrong end would be."""
+    if isinstance(item, Frame) or item.why is not Why.BAD_END or item.data[1] != TAG:
+        return item
+    return Frame(C2A, item.data[2], item.data[4:-1], tagged=True)
 
 
 @fault("3/29")

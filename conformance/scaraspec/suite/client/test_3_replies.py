@@ -10,7 +10,7 @@ from scaraspec.protocol.frames import TAG, Frame
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.executing import RUN, executing, finished, goes_beside
-from scaraspec.suite.as_controller.files import Upload, fetch
+from scaraspec.suite.as_controller.files import Upload, fetch, serve
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
     accomplished,
@@ -71,6 +71,33 @@ def test_marks_in_data(subject: Subject, line: Line) -> None:
         line.request("download_chunk")
         subject.done(call)
         expect_equal(Path(local).read_bytes(), content, "the file that was downloaded")
+
+
+@client_case("3/9", name="results-in-files")
+def test_results_in_data(subject: Subject, line: Line) -> None:
+    """A file full of final results is downloaded while a program runs, which goes on."""
+    goes_beside(subject, line, "download")
+    run = executing(subject, line, RUN)
+    ending = line.result_frame(RUN.name).encode()
+    serve(subject, line, ending * 50)
+    subject.undone(run, "data of a chunk were taken for a final result", requirement="3/9")
+    line.result(RUN.name)
+    finished(subject, run)
+
+
+@client_case("3/9", name="within-strays")
+def test_replies_in_data(subject: Subject, line: Line) -> None:
+    """Ahead of a reply come frames that nobody awaits; another reply is within their data."""
+    within = Frame(C2A, 0x09, b"01").encode()
+    for stray in (Frame(C2A, 0x08, within), Frame(C2A, 0x30, within, tagged=True)):
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        why = "the data of another frame were taken for the reply"
+        if _ignored(subject, line, call, stray, why=why):
+            line.reply("get_status", "00")
+            subject.gives(call, "00")
+        else:
+            line = _given_up(subject, line, "3/9")
 
 
 @client_case("3/9", name="length")

@@ -10,11 +10,12 @@ from typing import Final
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.as_controller.call import Call
+from scaraspec.suite.as_controller.executing import RUN, executing, renewed
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import awaited
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
-from scaraspec.suite.expect import NoAnswer, Unmet
+from scaraspec.suite.expect import NoAnswer, Unmet, expect
 
 _TURN_S: Final = 0.02
 _PATIENCE_S: Final = 0.3
@@ -112,6 +113,29 @@ def test_wrong_end(subject: Subject) -> None:
     line = subject.open(judged=False)
     for spoilt in _SPOILT:
         line = _recovers(subject, line, "3/20", spoilt, _GOOD)
+
+
+@client_case("3/20", name="result")
+def test_wrong_end_of_a_result(subject: Subject) -> None:
+    """A final result with a wrong end byte tells of success; the right one behind it does not."""
+    line = subject.open(judged=False)
+    for end in (0x00, C2A.start):
+        call = executing(subject, line, RUN)
+        spoilt = line.result_frame(RUN.name).encode()[:-1] + bytes((end,))
+        with suppress(NoAnswer):
+            line.send_bytes(spoilt)
+            line.wait(_TURN_S)
+            for _ in range(2):  # a client may drop what came with bad bytes
+                if not _settles(line, call, _PATIENCE_S):
+                    line.result(RUN.name, "12")
+        subject.settled(call)
+        expect(
+            call.failed,
+            "a final result with a wrong end byte was taken",
+            expected="the failure that the right one tells, or an error",
+            observed=f"{call}",
+        )
+        line = renewed(subject, line)
 
 
 @client_case("3/29")
