@@ -121,6 +121,7 @@ def test_wrong_end_of_a_result(subject: Subject) -> None:
     line = subject.open(judged=False)
     for end in (0x00, C2A.start):
         call = executing(subject, line, RUN)
+        line.wait(_TURN_S)
         spoilt = line.result_frame(RUN.name).encode()[:-1] + bytes((end,))
         with suppress(NoAnswer):
             line.send_bytes(spoilt)
