@@ -119,7 +119,7 @@ def test_wrong_end(subject: Subject) -> None:
 def test_wrong_end_of_a_result(subject: Subject) -> None:
     """A final result with a wrong end byte tells of success; the right one behind it does not."""
     line = subject.open(judged=False)
-    for end in (0x00, C2A.start):
+    for end in (0x00, 0xAB):
         call = executing(subject, line, RUN)
         line.wait(_TURN_S)
         spoilt = line.result_frame(RUN.name).encode()[:-1] + bytes((end,))
