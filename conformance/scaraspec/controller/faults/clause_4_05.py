@@ -252,6 +252,16 @@ class HoursDoNotCarry(_RollsOtherwise):
 
 
 @fault("4.5/6", subtle=True)
+class TensOfHoursDoNotCarry(_RollsOtherwise):
+    """Behind 19 o'clock comes 10 o'clock."""
+
+    def wrong(self, was: datetime, time: datetime) -> datetime:
+        """Keep the tens."""
+        carried = was.date() == time.date() and (was.hour, time.hour) == (19, 20)
+        return time.replace(hour=10) if carried else time
+
+
+@fault("4.5/6", subtle=True)
 class MinutesDoNotCarry(_RollsOtherwise):
     """Behind second 59 the seconds begin anew, and the minute remains."""
 

@@ -28,6 +28,15 @@ class StatusOfOneDigit(AltersReplies):
         return data[-1:]
 
 
+@fault("4.8/3", subtle=True)
+class TransfersAreMotion(Brain):
+    """Who sends or fetches a file is told that the robot moves."""
+
+    def get_status(self, request: Request) -> str:
+        """Tell him so."""
+        return MOVING if request.session.transfer else super().get_status(request)
+
+
 @fault("4.8/2")
 class StatusInWords(AltersReplies):
     """The status is one of the three words of L214."""

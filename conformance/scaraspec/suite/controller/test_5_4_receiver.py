@@ -30,12 +30,14 @@ from scaraspec.suite.as_client.asking.files import (
     transfer_frames,
     upload,
 )
+from scaraspec.suite.as_client.asking.motion import BUSY, IDLE
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.carriers import GET_STATUS
 from scaraspec.suite.as_client.spoiling.delivery import takes_one_at_a_time
 from scaraspec.suite.as_client.spoiling.timeouts import Track, run_tracks, uploads_at_once
 from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.executing import unless_others_run
 from scaraspec.suite.case import case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
@@ -437,13 +439,21 @@ _OTHERS = ("get_status", "get_time", "get_version", "list_programs", "get_joint_
 def _others(subject: Subject, line: Line) -> None:
     for name in (each for each in _OTHERS if each not in subject.statement.lacks):
         try:
-            line.ask(name)
+            answer = line.ask(name)
         except NoAnswer as error:
             error.requirement = "5.4/8"
             raise
+        with unless_others_run(subject, line):
+            expect(
+                name != "get_status" or answer.value not in BUSY,
+                "a robot that transfers a file says that it executes something",
+                expected=IDLE,
+                observed=f"{answer}",
+                requirement="4.8/3",
+            )
 
 
-@case("5.4/8", name="upload")
+@case("5.4/8", "4.8/3", name="upload")
 def test_commands_during_an_upload(subject: Subject, line: Line) -> None:
     """Between the chunks of an upload other commands are answered, and the file arrives whole.
 
@@ -477,7 +487,7 @@ def _listed(subject: Subject, line: Line, *but: bytes) -> list[bytes]:
     return [] if lacks else sorted(set(program_names(subject, line)).difference(but))
 
 
-@case("5.4/8", "2/6", name="download")
+@case("5.4/8", "2/6", "4.8/3", name="download")
 def test_commands_during_a_download(subject: Subject, line: Line) -> None:
     """Between the chunks of a download other commands are answered, and the file comes whole."""
     name = some_file(subject, line, _CONTENT)
@@ -511,7 +521,7 @@ def _answered_among_others(line: Line, name: bytes) -> None:
             raise
 
 
-@case("5.4/8", name="elsewhere")
+@case("5.4/8", "4.8/3", name="elsewhere")
 def test_commands_on_another_connection(subject: Subject, line: Line) -> None:
     """While one connection uploads, another one is served."""
     subject.several()
