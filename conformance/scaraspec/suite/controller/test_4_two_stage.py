@@ -15,6 +15,7 @@ from scaraspec.suite.as_client.asking.motion import (
     IDLE,
     SLOWEST_PERCENT,
     begin_step_somewhere,
+    go_on_if_it_listens,
     neighbours,
     pose_of,
     quieten,
@@ -116,6 +117,7 @@ def test_result_in_transfers(subject: Subject, line: Line) -> None:
         upload(line, name, content)
         for fetches in (False, True):
             robot.start(wait(1))
+            go_on_if_it_listens(subject, line)
             opening = "download_name" if fetches else "upload_name"
             if not line.ask(opening, data=name if fetches else subject.new_name()).accepted:
                 robot.stop()
