@@ -52,6 +52,7 @@ ORDERS: Final = (*REASONED, STOP)
 """Every two-stage command."""
 
 _BESIDE_S: Final = 2.0
+_KNOWN_S: Final = 0.1  # until a client knows that something executes
 _SOME: Final = b"content"
 
 
@@ -136,6 +137,7 @@ def goes_beside(subject: Subject, line: Line, name: str) -> None:
         else:
             opening, values = name, arguments(name, VALUES.get(name))
         run = executing(subject, line, RUN)
+        line.wait(_KNOWN_S)
         call = subject.begin(name, **values)
         try:
             with suppress(NoAnswer, Declined):

@@ -289,6 +289,7 @@ def test_result_among_others(subject: Subject, line: Line) -> None:
     def each(name: str) -> None:
         goes_beside(subject, line, name)
         run = executing(subject, line, RUN)
+        line.wait(_SHORT_S)
         match name:
             case "upload":
                 upload = Upload(subject, line, _SMALL)

@@ -215,9 +215,18 @@ class HoldsBackTransfers(AsyncClient):
         await self.wait_for(lambda: not self._core._executing())
 
 
-def test_transfers_may_wait_for_what_executes() -> None:
+class DeclinesTransfers(HoldsBackTransfers):
+    """Declines them while something executes."""
+
+    async def _ended(self) -> None:
+        if self._core._executing():
+            raise ClientError("something executes")
+
+
+@pytest.mark.parametrize("make", [HoldsBackTransfers, DeclinesTransfers])
+def test_transfers_may_wait_for_what_executes(make: type[AsyncClient]) -> None:
     """Whether a client transfers while a program runs is its own affair."""
-    assert not wrong(HoldsBackTransfers, frozenset({"2/6", "3/27", "5.2/19", "5.3/11"}))
+    assert not wrong(make, frozenset({"2/6", "3/27", "5.2/19", "5.3/11"}))
 
 
 class AsksFirst(AsyncClient):
