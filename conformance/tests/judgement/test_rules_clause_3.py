@@ -296,6 +296,12 @@ CASES = (
     # ... and only while the answer to that one is due, and not out of one segment (2/6).
     ("3/31", "fail", PIPELINED.format(asked="> get_time\n+6\n> get_status")),
     ("3/31", "fail", PIPELINED.format(asked="> = AA 07 00 CC AA 09 00 CC")),
+    # Whether there is a port 17 is open (A-4.32-2), and so what is said where there is none.
+    (
+        "3/31",
+        "tolerated A-3-9=ignored",
+        "login\n> set_digital_output 17|1\n+6\n> get_status\n< get_status 00",
+    ),
     ("3/31", "inconclusive", "login\n> get_time\n+6\n> close"),
     # An upload may be given up after 30 s of silence, and a stray chunk be ignored (A-5-16).
     ("3/31", "fail", LATE_CHUNK.format(pause=20)),

@@ -6,6 +6,7 @@ from scaraspec.judgement.happenings import Ending, Exchange, FrameSeen, Unasked,
 from scaraspec.judgement.memory import answered_ns
 from scaraspec.judgement.rules.busy import BUSY
 from scaraspec.judgement.rules.diagnosis import Fault, diagnose
+from scaraspec.judgement.rules.ports import OUTPUTS
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol.commands import BY_OPCODE, UNDOCUMENTED_GAP
@@ -292,6 +293,8 @@ def _silence(x: Exchange, scene: Scene) -> Judged | None:
         option = "binary" if _is_text(x) else "ascii"
         message = "a jog was not answered, perhaps because it understands the other notation"
         return tolerated("jog_byte", option, message)
+    if x.name == "set_digital_output" and x.request.value.port > OUTPUTS:
+        return tolerated("A-3-9", "ignored", "what is perhaps no output was not set")
     if not x.later_answered:
         return unsure(f"nothing was answered any more from {x.name} on: the link may have died")
     if x.pipelined:

@@ -16,7 +16,7 @@ from scaraspec.protocol.direction import A2C
 
 _SET: Final = "set_digital_output"
 _GET: Final = ("get_digital_outputs",)
-_OUTPUTS: Final = 16
+OUTPUTS: Final = 16
 _CHANGERS: Final = ("run_program", "simulate_program", "emergency_stop", "reset")
 """Commands that may set outputs themselves."""
 
@@ -36,7 +36,7 @@ def only_outputs(seen: FrameSeen, _: Scene) -> Judged | None:
     """The client addresses digital outputs, of which 0x49 shows sixteen (L655; A-4.32-3)."""
     if seen.value is None:
         return None
-    if 1 <= seen.value.port <= _OUTPUTS:
+    if 1 <= seen.value.port <= OUTPUTS:
         return PASSED
     return failed(
         "the port may be no digital output", expected="1 to 16", observed=str(seen.value.port)
@@ -46,7 +46,7 @@ def only_outputs(seen: FrameSeen, _: Scene) -> Judged | None:
 def _setting(x: Exchange, scene: Scene) -> Exchange | None:
     """The setting of an output that 0x49 must show, where that is sure."""
     setting = in_force(_SET, x, scene)
-    if setting is None or x.answer is None or setting.asked.port > _OUTPUTS:
+    if setting is None or x.answer is None or setting.asked.port > OUTPUTS:
         return None
     return None if executed_since(setting.time_ns, scene, _CHANGERS) else setting
 
@@ -81,7 +81,7 @@ def _due(x: Exchange, scene: Scene) -> str | None:
     for setting in settings:
         if setting.accepted is None or setting.asked is None:
             return None
-        if setting.accepted and 1 <= setting.asked.port <= _OUTPUTS:
+        if setting.accepted and 1 <= setting.asked.port <= OUTPUTS:
             due = _with(due, *setting.asked)
     return due
 
@@ -94,7 +94,7 @@ def _overlap(x: Exchange, y: Exchange) -> bool:
 def _shows_mirrored(x: Exchange, setting: Exchange, scene: Scene) -> bool:
     """Whether what was set shows as if the leftmost digit were port 1."""
     before, (port, value) = _before(x, scene), setting.asked
-    mirrored = _OUTPUTS + 1 - port
+    mirrored = OUTPUTS + 1 - port
     if before is None:
         return bool(value == 1 and x.answer[-mirrored] == "1")
     changed = x.answer != before.answer
@@ -137,7 +137,7 @@ def high_port_first(x: Exchange, scene: Scene) -> Judged | None:
     if not _shows_mirrored(x, setting, scene):
         return None
     return failed(
-        f"output {port} shows where port {_OUTPUTS + 1 - port} is due: the order is reversed",
+        f"output {port} shows where port {OUTPUTS + 1 - port} is due: the order is reversed",
         expected=_due(x, scene) or f"{value} at port {port}",
         observed=x.answer,
         at=(*places_of(setting), *places_of(x)),

@@ -162,23 +162,29 @@ def _set_meanwhile(line: Line, port: int, when: str) -> None:
 
 
 @case("4.32/4", "4.32/6", name="flags")
-def test_flags(line: Line) -> None:
+def test_flags(subject: Subject, line: Line) -> None:
     """The reply is "1" or "0" and nothing else, for every port of 1 to 40.
 
-    Ports that are no outputs are switched off while all outputs are on, so that one shows that is
-    taken for another.
+    Ports that 0x49 does not show are switched off while all outputs are on, so that one shows that
+    is taken for another. That there are none of them may be told in any way (A-4.32-2, A-3-9).
     """
     ports = settable(line)
     with outputs_kept(line):
         for port in ports:
             set_output(line, port, on=True)
         now = outputs(line)
-        for port in range(1, 41):
-            on = port in ALL_OUTPUTS and now[port - 1]
+        for port in ALL_OUTPUTS:
+            on = now[port - 1]
             data = set_output(line, port, on=on).seen.text
             expect_in(data, _FLAGS, f"port {port} is answered with something else than a flag")
             told = f"output {port} was set to {on:d}, as it was"
             expect_outputs(line, now, told, requirement="4.32/6")
+        for port in range(ALL_OUTPUTS.stop, 41):
+            said, after, line = _try(subject, line, Malformed("no output", b"%d|0" % port))
+            message = f"port {port} is answered with something else than a flag"
+            expect_in(said, (*_FLAGS, None), message)
+            message = f"port {port} was switched off, and an output has changed"
+            expect_equal(digits(after), digits(now), message, requirement="4.32/6")
 
 
 @case("4.32/5")

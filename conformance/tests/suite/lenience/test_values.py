@@ -14,6 +14,7 @@ from scaraspec.controller.plant import Plant
 from scaraspec.controller.session import Request, Session
 from scaraspec.controller.store import Store
 from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Skipped, Why
 from scaraspec.protocol.payloads import Acceptance
@@ -29,6 +30,26 @@ class IgnoresMalformed(Brain):
         if command.request.fields and self._value(command, frame) is None:
             answer = SILENCE
         super()._reply(session, command, frame, answer)
+
+
+class IgnoresFurtherOutputs(Brain):
+    """A port that 0x49 does not show is ignored, whatever is to become of it (A-4.32-2)."""
+
+    def set_digital_output(self, request: Request) -> Any:
+        """Look for it."""
+        return super().set_digital_output(request) if request.value.port <= 16 else SILENCE
+
+
+class ClosesAtFurtherOutputs(Brain):
+    """Who asks for such a port is sent away (A-3-9)."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Send him away."""
+        value = self._value(BY_NAME["set_digital_output"], frame) if frame.opcode == 0x43 else None
+        if value is not None and value.port > 16:
+            self._end(session, now_s)
+        else:
+            super().handle(session, frame, now_s)
 
 
 class EndsWithABar(Brain):
@@ -59,6 +80,8 @@ class KeepsSingles(Brain):
     [
         (KeepsSingles, ("4.20/3", "4.21/3")),
         (EndsWithABar, ("4.9/2", "4.27/2")),
+        (IgnoresFurtherOutputs, ("4.32/4", "4.32/5")),
+        (ClosesAtFurtherOutputs, ("4.32/4", "4.32/5")),
         (IgnoresMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4", "4.33/3")),
     ],
 )
