@@ -430,7 +430,8 @@ def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = 
     """
     answer = end_of(subject, line, name, within_s=within_s)
     if answer is None:
-        message = f"no final result of {name} came while the robot was busy, nor soon afterwards"
+        longest = "motion.longest_s of the statement at most"
+        message = f"no final result of {name} came while the robot was busy ({longest}), nor behind"
         error = line.no_answer(message)
         error.expected = f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …"
         error.requirement = SUCCESS[name]
