@@ -7,15 +7,13 @@ from hypothesis import example, given
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.suite.as_client.asking.clock import Reading, expect_ran, read, set_to, shifted
-from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
 from scaraspec.suite.as_client.state.keeping import kept, patient
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.programs.bench import PROGRAMS, bench
-from scaraspec.suite.programs.writing import wait
+from scaraspec.suite.programs.bench import PROGRAMS, running
 from scaraspec.suite.strategies import payload_values
 
 _NS: Final = 1e9
@@ -82,9 +80,7 @@ def test_set(subject: Subject, line: Line) -> None:
 @case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: Subject, line: Line) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
-    with kept(subject, line, "clock"), bench(subject, line) as robot:
-        robot.start(wait(robot.theirs_s(5)))
-        go_on_if_it_listens(subject, line)
+    with kept(subject, line, "clock"), running(subject, line):
         first, asked_s = read(subject, line), subject.now_ns / _NS
         day = shifted(first.time, timedelta(days=1))  # a wait by the clock is over, not endless
         time = day.replace(hour=12)  # an hour that every day has

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens, joints_of
+from scaraspec.suite.as_client.asking.motion import joints_of
 from scaraspec.suite.as_client.asking.poses import expect_numbers, gripper_of
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
@@ -17,8 +17,7 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.executing import unless_others_run
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
-from scaraspec.suite.programs.bench import PROGRAMS, bench
-from scaraspec.suite.programs.writing import wait
+from scaraspec.suite.programs.bench import PROGRAMS, running
 
 _EXAMPLE: Final = Point(200, 300, 456)  # L438
 _PLAIN: Final = Point(1.5, -2, 30.5)
@@ -92,9 +91,7 @@ def test_decimals(subject: Subject, line: Line) -> None:
 @case("4.20/3", "4.20/2", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: Subject, line: Line) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
-    with kept(subject, line, "gripper centre"), bench(subject, line) as robot:
-        robot.start(wait(robot.theirs_s(5)))
-        go_on_if_it_listens(subject, line)
+    with kept(subject, line, "gripper centre"), running(subject, line):
         for wanted in (_PLAIN, _OTHER):
             before = gripper_of(line)
             answer = line.ask("set_gripper_center", wanted)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point, Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens, joints_of, pose_of
+from scaraspec.suite.as_client.asking.motion import joints_of, pose_of
 from scaraspec.suite.as_client.asking.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
@@ -19,8 +19,7 @@ from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Unmet, expect
-from scaraspec.suite.programs.bench import PROGRAMS, bench
-from scaraspec.suite.programs.writing import wait
+from scaraspec.suite.programs.bench import PROGRAMS, running
 from scaraspec.suite.wire import Answer
 
 _MEANT: Final = 4  # x, y, z and thetaX; the others mean nothing (L1006)
@@ -107,9 +106,7 @@ def test_set_while_running(subject: Subject, line: Line) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
     with kept(subject, line, "gripper centre", "initial tool position"):
         near = _near(line)
-        with bench(subject, line) as robot:
-            robot.start(wait(robot.theirs_s(5)))
-            go_on_if_it_listens(subject, line)
+        with running(subject, line):
             for step in (_ASIDE, -_ASIDE):
                 wanted, before = near._replace(z=near.z + step), initial_of(line)
                 answer = _set(line, wanted)

@@ -5,13 +5,11 @@ from typing import Final
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.asking.ports import Bits, expect_form, expect_inputs, inputs_driven
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.programs.bench import PROGRAMS, bench
-from scaraspec.suite.programs.writing import wait
+from scaraspec.suite.programs.bench import PROGRAMS, running
 
 _INPUTS: Final = 8
 
@@ -26,9 +24,7 @@ def test_form(subject: Subject, line: Line) -> None:
 @case("4.31/2", "4.31/4", name="while-running", hazards=PROGRAMS)
 def test_form_while_running(subject: Subject, line: Line) -> None:
     """The reply is the same while a program runs."""
-    with bench(subject, line) as robot:
-        robot.start(wait(robot.theirs_s(5)))
-        go_on_if_it_listens(subject, line)
+    with running(subject, line):
         expect_form(subject, line, "get_digital_inputs")
 
 

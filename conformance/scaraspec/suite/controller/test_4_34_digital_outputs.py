@@ -1,7 +1,6 @@
 """Clause 4.34: the states of the digital outputs (0x49, L677-687)."""
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.asking.ports import (
     expect_form,
     expect_outputs,
@@ -13,8 +12,7 @@ from scaraspec.suite.as_client.asking.ports import (
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.programs.bench import PROGRAMS, bench
-from scaraspec.suite.programs.writing import wait
+from scaraspec.suite.programs.bench import PROGRAMS, running
 
 
 @case("4.34/2", "4.34/4")
@@ -27,9 +25,7 @@ def test_form(subject: Subject, line: Line) -> None:
 @case("4.34/2", "4.34/4", name="while-running", hazards=PROGRAMS)
 def test_form_while_running(subject: Subject, line: Line) -> None:
     """The reply is the same while a program runs."""
-    with bench(subject, line) as robot:
-        robot.start(wait(robot.theirs_s(5)))
-        go_on_if_it_listens(subject, line)
+    with running(subject, line):
         expect_form(subject, line, "get_digital_outputs")
 
 

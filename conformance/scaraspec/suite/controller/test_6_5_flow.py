@@ -18,7 +18,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import Undecided, expect, expect_equal
-from scaraspec.suite.programs.bench import PROGRAMS, bench
+from scaraspec.suite.programs.bench import EARLY_S, PROGRAMS, bench
 from scaraspec.suite.programs.model import (
     Block,
     Calculate,
@@ -38,7 +38,6 @@ from scaraspec.suite.programs.writing import set_output as output_node
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _MANY: Final = 500
 """Nodes: more than a byte counts."""
-_EARLY_S: Final = 0.05  # what two clocks may differ in over a second
 _LATE_S: Final = 5.0
 """By how much a loop of a few nodes may be late, in the subject's seconds: nothing bounds it."""
 
@@ -133,7 +132,7 @@ def test_loop(subject: Subject, line: Line) -> None:
                 observed="it does not",
             )
         expect(
-            robot.since_s() >= robot.ours_s(1) - _EARLY_S,
+            robot.since_s() >= robot.ours_s(1) - EARLY_S,
             "a loop begins anew before the seconds are over that it waits for",
             expected="1 s",
             observed=f"{robot.since_s():.2f} s",

@@ -20,7 +20,7 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import find_out_whether_it_listens
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect
-from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.programs.bench import EARLY_S, PROGRAMS, Bench, bench
 from scaraspec.suite.programs.layout import twin_of
 from scaraspec.suite.programs.writing import (
     ANALOG,
@@ -36,7 +36,6 @@ from scaraspec.suite.programs.writing import (
     wait_until,
 )
 
-_EARLY_S: Final = 0.01  # what two clocks may differ in over a few seconds
 _SLACK_S: Final = 0.5
 _SLACK: Final = 0.1  # of the seconds, whichever is more (6.5/20)
 _LINK_S: Final = 0.25  # of ours, where the subject's seconds are shorter
@@ -115,7 +114,7 @@ def _lasted(subject: Subject, robot: Bench, waits: Sequence[int]) -> None:
     longest_s = robot.ours_s(seconds + late_s) + link_s
     took_s = f"{ended_s - robot.started_s:.2f} s"
     expect(
-        ended_s - robot.started_s >= robot.ours_s(seconds) - _EARLY_S,
+        ended_s - robot.started_s >= robot.ours_s(seconds) - EARLY_S,
         f"a wait of {seconds} s is too short",
         expected=f"at least {robot.ours_s(seconds):g} s",
         observed=took_s,

@@ -20,13 +20,17 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
 from scaraspec.suite.programs.layout import configured, find_layout
 from scaraspec.suite.programs.model import Block, State, nodes_of, variables_of
-from scaraspec.suite.programs.writing import program_file
+from scaraspec.suite.programs.writing import program_file, wait
 from scaraspec.suite.wire import Answer
 
 PROGRAMS: Final = (Hazard.STATE, Hazard.MOTION)
 """What a case with programs may do: it stores them and runs them."""
 
+EARLY_S: Final = 0.01
+"""What two clocks may differ in over a few seconds."""
+
 _POLL_S: Final = 0.05
+_RUNS_S: Final = 5
 _SETTINGS: Final = ("tool ", "port ")  # how lines of a listing begin that are about no step of it
 _MOST_LETTERS: Final = 1200
 _NS: Final = 1e9
@@ -229,3 +233,18 @@ def bench(subject: Subject, line: Line) -> Iterator[Bench]:
         finally:
             with suppress(Unmet, Undecided):  # what cannot be stopped the bracket finds
                 made.stop()
+
+
+@contextmanager
+def running(subject: Subject, line: Line) -> Iterator[Bench]:
+    """A bench on which a program runs that waits for a few seconds and does nothing else.
+
+    Raises:
+        Unmet: The subject runs no programs.
+        Undecided: It cannot now.
+        NotRun: It answers nothing meanwhile (A-4-3).
+    """
+    with bench(subject, line) as robot:
+        robot.start(wait(robot.theirs_s(_RUNS_S)))
+        go_on_if_it_listens(subject, line)
+        yield robot
