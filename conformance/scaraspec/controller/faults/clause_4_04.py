@@ -6,7 +6,7 @@ from scaraspec.controller.behaviour import SILENCE, Silence
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import fault
 from scaraspec.controller.faults.replying import AltersReplies, Mends
-from scaraspec.controller.session import Request
+from scaraspec.controller.session import Request, Session
 from scaraspec.protocol.commands import Command, Network
 from scaraspec.protocol.fields import Address, Notes
 from scaraspec.protocol.frames import Frame
@@ -73,6 +73,22 @@ class SecondNetworkIsForgotten(Brain):
         """Set one."""
         self._set, before = True, self._set
         return before or super().set_network(request)
+
+
+@fault("4.4/4", subtle=True)
+class FirstNetworkEndsTheConnection(Brain):
+    """The first new network since power-on ends the connection, and is not set."""
+
+    _set_one = False
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Set the others."""
+        first = frame.opcode == 0x05 and not self._set_one
+        self._set_one |= first
+        if first:
+            self._end(session, now_s)
+        else:
+            super().handle(session, frame, now_s)
 
 
 @fault("4.4/5")

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from scaraspec.suite.as_controller.call import Call
 from scaraspec.suite.as_controller.line import Line
-from scaraspec.suite.as_controller.orders import VALUES, arguments
+from scaraspec.suite.as_controller.orders import OPENINGS, VALUES, arguments
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.expect import Declined, NoAnswer, NotRun, expect, expect_equal, expect_in
@@ -131,11 +131,12 @@ def goes_beside(subject: Subject, line: Line, name: str) -> None:
     beside(subject, line)
     key = f"{name} beside"
     if key not in subject.known:
-        if name in ("upload", "download"):
+        opening = OPENINGS.get(name, name)
+        if name in OPENINGS:
             local = subject.file(_SOME) if name == "upload" else subject.no_file()
-            opening, values = f"{name}_name", {"local": local, "remote": "beside.txt"}
+            values = {"local": local, "remote": "beside.txt"}
         else:
-            opening, values = name, arguments(name, VALUES.get(name))
+            values = arguments(name, VALUES.get(name))
         run = executing(subject, line, RUN)
         line.wait(_KNOWN_S)
         call = subject.begin(name, **values)

@@ -49,7 +49,7 @@ class Line(Wire):
     def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
         self.polls = Polls(subject.awaits)
         self.cut_s = 0.0
-        self._behind: tuple[int, bytes] = (0, b"")
+        self._behind: list[bytes] = []
         self._subject = subject
         self._answering = False
         self._wanted: Callable[[FrameSeen], bool] = _nothing
@@ -151,17 +151,12 @@ class Line(Wire):
 
     def send_frame(self, frame: Frame) -> None:
         """Send one frame, in pieces where `cut_s` says so, and with what is to be behind it."""
-        data = frame.encode() + self._joined()
+        data = frame.encode() + (self._behind.pop(0) if self._behind else b"")
         cuts = sorted({0, *_CUTS, len(data) // 2, len(data) - 1, len(data)}) if self.cut_s else ()
         for begin, end in pairwise(cuts or (0, len(data))):
             self.send_bytes(data[begin:end])
             if end < len(data):
                 self.wait(self.cut_s)
-
-    def _joined(self) -> bytes:
-        frames, data = self._behind
-        self._behind = (frames - 1, b"" if frames == 0 else data)
-        return b"" if frames else data
 
     @contextmanager
     def joining(self, data: bytes, *, behind: int) -> Iterator[None]:
@@ -169,12 +164,12 @@ class Line(Wire):
 
         Where no such frame is sent they are sent at the end.
         """
-        self._behind = (behind, data)
+        self._behind = [b""] * behind + [data]
         try:
             yield
         finally:
-            _, left = self._behind
-            self._behind = (0, b"")
+            left = b"".join(self._behind)
+            self._behind.clear()
             self.send_bytes(left)
 
     def frame(self, name: str, value: Any = YES, *, data: bytes | None = None) -> Frame:

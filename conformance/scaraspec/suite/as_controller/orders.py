@@ -58,6 +58,9 @@ VALUES: Final[Mapping[str, Any]] = {
 But for thetaY, which means nothing (L1006).
 """
 
+OPENINGS: Final[Mapping[str, str]] = {"upload": "upload_name", "download": "download_name"}
+"""The command that each transfer begins with."""
+
 _OF_WRITING: Final[Mapping[Wrong, str]] = {
     Wrong.SPACE_FOR_BAR: "T/1",
     Wrong.BLANKS: "T/1",
@@ -82,7 +85,6 @@ _OF_LAYOUT: Final[Mapping[Fault, str]] = {
     Fault.END: "3/3",
 }
 _EXACT: Final = 1e-6
-_OPENINGS: Final[Mapping[str, str]] = {"upload": "upload_name", "download": "download_name"}
 _CONTROL: Final = 0x20
 _DONE: Final = "11"
 _SHORTEST_BYTES: Final = 4  # start, opcode, length, end
@@ -397,7 +399,7 @@ def sent_or_settled(subject: "Subject", line: Line, call: Call) -> str | None:
 
 def _brought_about(line: Line, call: Call) -> list[str]:
     """What has come that may be of an order: its request, and whatever no client should send."""
-    opcode = BY_NAME[_OPENINGS.get(call.name, call.name)].opcode
+    opcode = BY_NAME[OPENINGS.get(call.name, call.name)].opcode
     due = [
         f"{seen.frame}"
         for seen in line.heard

@@ -198,12 +198,12 @@ def test_beside_another(subject: Subject) -> None:
 @case("2/11", name="behind", hazards=(Hazard.STATE,))
 def test_behind_another(subject: Subject) -> None:
     """Another client leaves in the midst of an upload, or is cut off; the next tries a setting."""
+    stranger = _Stranger(subject)
     with _unchanged(subject, _GRIPPER):
         for cut in (False, True):
             line = subject.open()
             begin(line, subject.new_name())
             line.reset() if cut else line.close()
-            stranger = _Stranger(subject)
             stranger.ask(("set_gripper_center", _CENTRE))
     stranger.expect_nothing()
 

@@ -56,11 +56,11 @@ def _others(now: Network) -> tuple[Network, Network]:
     return Network(now.ip, mask, first), Network(now.ip, mask, second)
 
 
-def _set(subject: Subject, line: Line, wanted: Network, *, again: bool = True) -> Line:
+def _set(subject: Subject, line: Line, wanted: Network, *, again: bool) -> Line:
     """Set a network; a connection on which it can be read.
 
-    A request whose connection ended may not have been heard: the setting before it may have ended
-    that. It is sent again, once.
+    A request whose connection ended may not have been heard, where a setting before it may have
+    ended that: `again` says so, and it is sent once more.
 
     Raises:
         Unmet: It was refused.
@@ -102,9 +102,9 @@ def _shown(subject: Subject, line: Line) -> tuple[Network, Line]:
     return _read(line), line
 
 
-def _expect_set(subject: Subject, line: Line, wanted: Network) -> Line:
-    """Set a network and read it back; the connection that is in use then."""
-    line = _set(subject, line, wanted)
+def _expect_set(subject: Subject, line: Line, wanted: Network, *, again: bool) -> Line:
+    """Set a network, as `_set` does, and read it back; the connection that is in use then."""
+    line = _set(subject, line, wanted, again=again)
     if subject.statement.network_applies == "after-restart":
         subject.hook("restart")
         line = alive(subject, line)
@@ -137,7 +137,7 @@ def test_mask_and_gateway(subject: Subject, line: Line) -> None:
     others = _others(_read(line))
     with _network_kept(subject, line):
         for wanted in others:
-            line = _expect_set(subject, line, wanted)
+            line = _expect_set(subject, line, wanted, again=wanted != others[0])
 
 
 @case("4.4/4", "4.4/2", name="address")
@@ -150,7 +150,7 @@ def test_address(subject: Subject, line: Line) -> None:
     @example(_LONGEST)
     @given(_networks())
     def each(wanted: Network) -> None:
-        lines[0] = _expect_set(subject, lines[0], wanted)
+        lines[0] = _expect_set(subject, lines[0], wanted, again=wanted != _LONGEST)
 
     with _network_kept(subject, line):
         each()
@@ -175,7 +175,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
             )
             silent = offered.answer is None and not wrong.firm  # it may have been taken, too
             if offered.accepted or silent:
-                line = _set(subject, line, before)
+                line = _set(subject, line, before, again=True)
             elif (shown := _read(line)) != before:
                 raise Unmet(
                     f"a network with {wrong} was refused and has changed the network",

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.as_client.asking.motion import go_on_if_it_listens
 from scaraspec.suite.as_client.asking.ports import (
     ALL_OUTPUTS,
     Bits,
@@ -34,9 +33,8 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     release,
 )
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import expect, expect_equal, expect_in
-from scaraspec.suite.programs.bench import PROGRAMS, bench
-from scaraspec.suite.programs.writing import wait
+from scaraspec.suite.expect import NotRun, expect, expect_equal, expect_in
+from scaraspec.suite.programs.bench import PROGRAMS, running
 
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _FLAGS: Final = (b"0", b"1")
@@ -132,9 +130,7 @@ def test_held(subject: Subject, line: Line) -> None:
 def test_while_running(subject: Subject, line: Line) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
     port = settable(line)[-1]
-    with bench(subject, line) as robot:
-        robot.start(wait(robot.theirs_s(5)))
-        go_on_if_it_listens(subject, line)
+    with running(subject, line):
         _set_meanwhile(line, port, "while a program ran")
 
 
@@ -142,12 +138,16 @@ def test_while_running(subject: Subject, line: Line) -> None:
 def test_while_moving(subject: Subject, line: Line) -> None:
     """The same while the arm moves, and jogs, and while its joints are released."""
     lacks = subject.statement.lacks
+    moves = [name for name in (MOVE, JOG) if name not in lacks]
+    releases = lacks.isdisjoint({RELEASE, LOCK})
+    if not (moves or releases):
+        raise NotRun("the subject has no command that moves or releases the arm")
     port = settable(line)[-1]
     with outputs_kept(line):
-        for name in (each for each in (MOVE, JOG) if each not in lacks):
+        for name in moves:
             with lasting(subject, line, name):
                 _set_meanwhile(line, port, f"during a {name}")
-        if lacks.isdisjoint({RELEASE, LOCK}):
+        if releases:
             with locked_again(subject, line):
                 release(subject, line)
                 _set_meanwhile(line, port, "while the joints were released")
