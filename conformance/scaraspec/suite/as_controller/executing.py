@@ -188,6 +188,21 @@ def failed(subject: Subject, call: Call, code: str = "", *, requirement: str = "
     _expect_code(call, code, requirement)
 
 
+def fails_in_the_end(subject: Subject, call: Call, why: str) -> None:
+    """An order whose own result tells of a failure has to be said to have failed.
+
+    Raises:
+        Unmet: It is not; the sentence says for what that was taken.
+    """
+    subject.settled(call)
+    expect(
+        call.failed,
+        why,
+        expected="the failure that its own result tells, or an error",
+        observed=f"{call}",
+    )
+
+
 def code_of(call: Call) -> str | None:
     """The code that the client tells of an order, if it does."""
     code = call.result.get("code") if isinstance(call.result, Mapping) else None

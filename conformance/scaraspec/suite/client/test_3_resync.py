@@ -10,12 +10,12 @@ from typing import Final
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.as_controller.call import Call
-from scaraspec.suite.as_controller.executing import RUN, executing, renewed
+from scaraspec.suite.as_controller.executing import RUN, executing, fails_in_the_end, renewed
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import awaited
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
-from scaraspec.suite.expect import NoAnswer, Unmet, expect
+from scaraspec.suite.expect import NoAnswer, Unmet
 
 _TURN_S: Final = 0.02
 _PATIENCE_S: Final = 0.3
@@ -129,13 +129,7 @@ def test_wrong_end_of_a_result(subject: Subject) -> None:
             for _ in range(2):  # a client may drop what came with bad bytes
                 if not _settles(line, call, _PATIENCE_S):
                     line.result(RUN.name, "12")
-        subject.settled(call)
-        expect(
-            call.failed,
-            "a final result with a wrong end byte was taken",
-            expected="the failure that the right one tells, or an error",
-            observed=f"{call}",
-        )
+        fails_in_the_end(subject, call, "a final result with a wrong end byte was taken")
         line = renewed(subject, line)
 
 

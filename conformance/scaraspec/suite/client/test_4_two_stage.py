@@ -24,6 +24,7 @@ from scaraspec.suite.as_controller.executing import (
     code_of,
     executing,
     failed,
+    fails_in_the_end,
     finished,
     is_idle,
     ordered,
@@ -93,13 +94,7 @@ def test_untagged(subject: Subject, line: Line) -> None:
         call = executing(subject, line, order)
         stray = line.frame(order.name, data=b"11")
         line.send_bytes(stray.encode() + line.result_frame(order.name, "12").encode())
-        subject.settled(call)
-        expect(
-            call.failed,
-            "an untagged frame was taken for the final result",
-            expected="the failure that the tagged frame tells, or an error",
-            observed=f"{call}",
-        )
+        fails_in_the_end(subject, call, "an untagged frame was taken for the final result")
         line = renewed(subject, line)
         call = executing(subject, line, order)
         stray = line.frame(order.name, data=b"00|12")
@@ -132,13 +127,8 @@ def test_result_of_another(subject: Subject, line: Line) -> None:
         call = executing(subject, line, order)
         stray = line.result_frame(other.name)
         line.send_bytes(stray.encode() + line.result_frame(order.name, "05").encode())
-        subject.settled(call)
-        expect(
-            call.failed,
-            f"the result of {other.name} was taken for that of {order.name}",
-            expected="the failure that its own result tells, or an error",
-            observed=f"{call}",
-        )
+        why = f"the result of {other.name} was taken for that of {order.name}"
+        fails_in_the_end(subject, call, why)
         line = renewed(subject, line)
 
 
