@@ -396,7 +396,7 @@ _YES_TO_OTHERS: Final = {
 
 @client_case("3/33", name="flag")
 def test_flag_of_another(subject: Subject, line: Line) -> None:
-    """A yes to another command comes ahead of the no to this one."""
+    """A yes to another command comes ahead of the no to this one; or the connection ends."""
 
     def each(name: str) -> None:
         nonlocal line
@@ -409,6 +409,11 @@ def test_flag_of_another(subject: Subject, line: Line) -> None:
                 continue
             line.reply(name, data=b"0")
             subject.fails(call)
+        call = order(subject, name)
+        awaited(line, name, call)
+        line.close()
+        subject.fails(call)
+        line = subject.open()
 
     of_each(_YES_TO_OTHERS, each)
 
