@@ -94,6 +94,47 @@ class BeginningOfTheOldPasswordWillDo(Brain):
         return right and self.save(password=request.value.new)
 
 
+@fault("4.2/3", subtle=True)
+class VerifiedOnceAndForAll(Brain):
+    """Who has changed the password once needs no old one any more, on that connection."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._verified: set[int] = set()
+
+    def set_password(self, request: Request) -> bool:
+        """Remember who knew it."""
+        connection = request.session.connection
+        if super().set_password(request):
+            self._verified.add(connection)
+        elif connection in self._verified:
+            self.save(password=request.value.new)
+        else:
+            return False
+        return True
+
+
+@fault("4.2/3", subtle=True)
+class OldPasswordIsThatOfTheLogin(Brain):
+    """The old password is compared with what its connection has logged in with."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._given: dict[int, bytes] = {}
+
+    def login(self, request: Request) -> bool:
+        """Remember it."""
+        right = super().login(request)
+        if right:
+            self._given[request.session.connection] = request.value
+        return right
+
+    def set_password(self, request: Request) -> bool:
+        """Compare with it."""
+        right = request.value.old == self._given.get(request.session.connection)
+        return right and self.save(password=request.value.new)
+
+
 @fault("4.2/2")
 class ChangeAnsweredWithZero(Brain):
     """The password is changed, and the answer is 0."""

@@ -8,7 +8,7 @@ from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
 from scaraspec.suite.as_client.state.keeping import password_kept
 from scaraspec.suite.as_client.subject import ODD_PASSWORDS, PLAIN_PASSWORD, Subject
 from scaraspec.suite.case import case
-from scaraspec.suite.expect import Unmet, expect
+from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect
 
 _EMPTY_FIELDS = ("empty in old", "empty in new")
 _TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
@@ -70,6 +70,29 @@ def test_wrong_old_password(subject: Subject, line: Line) -> None:
             message = "after a refused change the password does not log in any more"
             _expect_login(subject, right, message, "4.2/5")
             line = subject.open()
+
+
+@case("4.2/3", name="after-a-change")
+def test_former_password(subject: Subject) -> None:
+    """Who has changed the password, and who was there meanwhile, gives the former one; refused."""
+    former, tried = subject.password, False
+    with password_kept(subject):
+        lines = [subject.open() for _ in range(2 if subject.takes_several else 1)]
+        expect_changed(lines[0], former, PLAIN_PASSWORD)
+        for line in lines:
+            try:
+                line.ask("get_status")
+            except NoAnswer:
+                continue  # the change has ended its login
+            answer, tried = change(line, former, former), True
+            expect(
+                answer.accepted is False,
+                "a new password was not answered 0 where the old one was the former one",
+                expected="0",
+                observed=f"{answer}",
+            )
+    if not tried:
+        raise NotRun("a new password ends all logins")
 
 
 @case("4.2/6", "4.2/5", name="malformed")
