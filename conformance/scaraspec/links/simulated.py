@@ -104,6 +104,14 @@ class _Transport(asyncio.Transport):
         if data:
             self._link.take(bytes(data))
 
+    def can_write_eof(self) -> bool:
+        """It can."""
+        return True
+
+    def write_eof(self) -> None:
+        """Send no more, and hear on."""
+        self._link.take_end(Ending.CLOSED)
+
     def is_closing(self) -> bool:
         """Whether it has been ended."""
         return self._link.over
@@ -141,13 +149,17 @@ class SimulatedLink:
             self._arrivals.append(Arrival(self._loop.time_ns, data))
             self._loop.wake()
 
+    def take_end(self, ending: Ending) -> None:
+        """The program sends no more."""
+        self._arrivals.append(Arrival(self._loop.time_ns, ending))
+        self._loop.wake()
+
     def end(self, ending: Ending) -> None:
         """The program has ended it."""
         if not self.over:
             self.over = True
-            self._arrivals.append(Arrival(self._loop.time_ns, ending))
+            self.take_end(ending)
             self._loop.call_soon(self._protocol.connection_lost, None)
-            self._loop.wake()
 
     def send(self, data: bytes) -> int:
         """Send all of `data`; see `Link.send`."""

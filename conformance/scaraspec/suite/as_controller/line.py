@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 from scaraspec.judgement.happenings import FrameSeen
+from scaraspec.judgement.wire import Kind
 from scaraspec.links.link import Link
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
@@ -102,10 +103,15 @@ class Line(Wire):
         return request
 
     def _receive(self, deadline_s: float, others: Sequence[Link] = ()) -> bool:
-        """Take one arrival, as `Wire` does, and answer polls before and behind it."""
+        """Take one arrival, as `Wire` does, and answer polls before and behind it.
+
+        Who has hung up, and is owed no reply, may wait for our end of the connection.
+        """
         self._answer_polls()
         received = super()._receive(deadline_s, others)
         self._answer_polls()
+        if self.ending is not None and not (self.closed or self.heard):
+            self._over(self.link.close, Kind.CLOSED)
         return received
 
     def _answer_polls(self) -> None:

@@ -130,8 +130,8 @@ def test_stop_beside_a_query(subject: Subject, line: Line) -> None:
         stop = subject.begin(STOP.name)
         line.request(STOP.name, stop)
         line.reply(STOP.name, data=b"0")
+        line.reply(name, data=_REPLIES[name])  # who looks where the arm is may wait for it
         refused(subject, stop)
-        line.reply(name, data=_REPLIES[name])
         subject.done(query)
 
 

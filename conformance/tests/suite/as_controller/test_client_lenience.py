@@ -246,6 +246,21 @@ def test_asking_first() -> None:
     assert not wrong(AsksFirst, frozenset({"2/6", "3/27", "3/33"}))
 
 
+class LooksWhereItStopped(AsyncClient):
+    """Asks where the arm is, and waits for it, before it tells what came of a stop."""
+
+    async def emergency_stop(self) -> None:
+        try:
+            await super().emergency_stop()
+        finally:
+            await self.get_tool_coordinates()
+
+
+def test_looking_where_the_arm_has_stopped() -> None:
+    """No case withholds the reply to a query until it is told what came of a stop."""
+    assert not wrong(LooksWhereItStopped, frozenset({"4.17/8", "4.17/10"}))
+
+
 class Lists(Ceaseless):
     """Asks for the list of programs, one listing after the other."""
 
@@ -402,6 +417,21 @@ def test_connecting_anew() -> None:
     """Who is told to disconnect, and waits for the reply to a login of his own, gets none."""
     patient = DEFAULT.replace(reply_timeout="20")
     assert not wrong(Returns, frozenset({"2/1", "3/29", "4.8/11"}), patient, WaitsForReturns)
+
+
+class HalfCloses(AsyncClient):
+    """Has hung up when the controller has ended its half of the connection, too."""
+
+    async def close(self) -> None:
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.write_eof()
+            await self.wait_for(self._transport.is_closing)
+        await super().close()
+
+
+def test_half_closing() -> None:
+    """Who waits for the end of a connection that he has ended gets it."""
+    assert not wrong(HalfCloses, frozenset({"4.7/1", "4.8/11"}))
 
 
 class OneByOne(AsyncClient):
