@@ -165,6 +165,13 @@ class Wire:
                 when = "" if self.ending else f" in {within_s:g} s"
                 raise self.no_answer(f"{message}{when}")
 
+    def hears(self, within_s: float) -> bool:
+        """Wait for a frame, and leave it to whoever wants it; whether one is there."""
+        deadline_s = self.link.now_s + within_s
+        while not self.heard and self.link.now_s <= deadline_s and self._more(deadline_s):
+            pass
+        return bool(self.heard)
+
     def no_answer(self, message: str) -> NoAnswer:
         """What to raise where something that is due has not come."""
         came = [f"{seen.frame}" for seen in self.heard]

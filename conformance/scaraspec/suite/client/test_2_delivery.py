@@ -143,8 +143,9 @@ def test_request_within_a_reply(subject: Subject, line: Line) -> None:
         data = _reply(line, query.name)
         line.send_bytes(data[: len(data) // 2])
         other = order(subject, name)
-        request = line.request(name, other)
+        line.hears(subject.answer_s)  # the request, or a query that the client makes before it
         line.send_bytes(data[len(data) // 2 :])
+        request = line.request(name, other)
         expect_told(subject, query, query.name, REPLIES[query.name])
         answer(line, name, request)
         subject.settled(other)

@@ -63,14 +63,14 @@ class GivesUp(ClientCore):
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
-        if any(isinstance(event, Skipped) or self._is_odd(event) for event in events):
+        if any(isinstance(event, Skipped) or self.is_odd(event) for event in events):
             for exchange in tuple(self._open):
                 exchange.fail(ProtocolError("what is that?"))
                 events += self._follow(exchange, now_s)
         return events
 
     @staticmethod
-    def _is_odd(event: Event) -> bool:
+    def is_odd(event: Event) -> bool:
         return isinstance(event, Unexpected) and not event.frame.tagged
 
 
@@ -243,7 +243,22 @@ class AsksFirst(AsyncClient):
 
 def test_asking_first() -> None:
     """No case withholds the reply to a poll and waits for what the client does behind it."""
-    assert not wrong(AsksFirst, frozenset({"2/6", "3/27", "3/33"}))
+    assert not wrong(AsksFirst, frozenset({"2/5", "2/6", "3/27", "3/33"}))
+
+
+class HangsUpAtStrays(AsyncClient):
+    """Ends the connection at a frame that nothing awaits (A-3-9)."""
+
+    def _hear(self, data: bytes) -> None:
+        odd = map(GivesUp.is_odd, self._core.feed(data, asyncio.get_running_loop().time()))
+        self._stir()
+        if any(odd) and self._transport is not None:
+            self._transport.close()
+
+
+def test_hanging_up_at_strays() -> None:
+    """A client that ends the connection for what it was sent has given up what it did."""
+    assert not wrong(HangsUpAtStrays, frozenset({"3/22", "3/33", "5.2/19"}))
 
 
 class LooksWhereItStopped(AsyncClient):
