@@ -34,6 +34,8 @@ YES: Final = True
 
 _DONE: Final = "11"
 _MOMENT_S: Final = 0.005
+_AT_ONCE_S: Final = 1.0
+"""Who declines by himself has not waited for anybody."""
 _NS: Final = 1e9
 _CUTS: Final = (1, 3)  # behind the start byte, and behind the length
 _OF_FILES: Final = frozenset({"upload_name", "upload_chunk", "download_name", "download_chunk"})
@@ -72,6 +74,7 @@ class Line(Wire):
         Raises:
             NoAnswer: None came.
             Unmet: The client says that the operation is over, and has not sent it.
+            Undecided: It may have come on a further connection.
             NotRun: The client lacks the operation, or its operator is away.
         """
         command = BY_NAME[name]
@@ -91,10 +94,14 @@ class Line(Wire):
             if self.heard or self.noise:  # it has sent something else
                 raise self.no_answer(f"{refusal}") from None
             refusal.after_s = self._subject.access.now_s - begun_s
+            if refusal.after_s > _AT_ONCE_S:
+                self._subject.alone()
             raise
         except NoAnswer:
             if self._subject.access.attended and within_s is None and not self.over:
                 raise NotRun(f"the operator did not do it in {patience_s:g} s") from None
+            if within_s is None and not self.over:
+                self._subject.alone()
             raise
         finally:
             self._wanted = _nothing

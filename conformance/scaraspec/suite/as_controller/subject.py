@@ -123,6 +123,7 @@ class Subject:
 
         Raises:
             Unmet: It does not.
+            Undecided: It waits on a further connection.
             NotRun: It cannot.
         """
         if self.access.attended:
@@ -133,7 +134,11 @@ class Subject:
             self.close_lines()  # a case was skipped in the midst of something
         line, call = self.dial(judged=judged)
         line.log_in(call)
-        self.done(call, requirement=requirement)
+        try:
+            self.done(call, requirement=requirement)
+        except Unmet:
+            self.alone()
+            raise
         self._orders.remove(call)  # it is none of the case
         return line
 
@@ -173,6 +178,15 @@ class Subject:
         line = Line(str(next(self._connections)), link, self, judged=judged)
         self._lines.append(line)
         return line, call
+
+    def alone(self) -> None:
+        """Go on only where it has opened no further connection: but one is served (A-2-2).
+
+        Raises:
+            Undecided: What is missing may be there.
+        """
+        if self._send_away(self.access.now_s):
+            raise Undecided("the client has opened a further connection; one is served (A-2-2)")
 
     def _open_line(self) -> Line | None:
         return next((line for line in self._lines if not line.over), None)

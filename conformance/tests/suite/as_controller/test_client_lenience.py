@@ -246,6 +246,38 @@ def test_asking_first() -> None:
     assert not wrong(AsksFirst, frozenset({"2/5", "2/6", "3/27", "3/33"}))
 
 
+class StopsElsewhere(AsyncClient):
+    """Has a second connection for its emergency stops (A-2-2)."""
+
+    _at_once = False
+
+    async def connect(self) -> None:
+        self._elsewhere = AsyncClient(f"tcp://{':'.join(map(str, self._address))}")
+        if self._at_once:
+            await self._elsewhere.connect()
+            await self._elsewhere.login("password")
+        await super().connect()
+
+    async def emergency_stop(self) -> None:
+        async with self._elsewhere:
+            await self._elsewhere.login("password")
+            await self._elsewhere.emergency_stop()
+
+
+class ConnectsTwice(StopsElsewhere):
+    """Has it from the beginning."""
+
+    _at_once = True
+
+
+@pytest.mark.parametrize("make", [StopsElsewhere, ConnectsTwice])
+def test_further_connections(make: type[AsyncClient]) -> None:
+    """Nothing is decided of what a client sends where it is not served."""
+    cases = certify(make, frozenset({"4.17/1", "4.17/2"}))
+    assert {case.verdict for case in cases} == {Verdict.INCONCLUSIVE}
+    assert all("(A-2-2)" in case.message for case in cases)
+
+
 class HangsUpAtStrays(AsyncClient):
     """Ends the connection at a frame that nothing awaits (A-3-9)."""
 
