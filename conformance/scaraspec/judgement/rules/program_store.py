@@ -3,12 +3,13 @@
 from collections import Counter
 from collections.abc import Iterator
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Final
 
 from scaraspec.judgement.happenings import Exchange, Transfer
 from scaraspec.judgement.memory import answered_ns
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judgement.rules.settings import UNSEEN_NS, switched_off_since
 from scaraspec.judgement.rules.two_stage import TWO_STAGE
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Wrong, show
@@ -19,6 +20,8 @@ _LIST: Final = ("list_programs",)
 _RUNS: Final = ("run_program", "simulate_program")
 _NAMING: Final = (*_RUNS, "set_default_program")
 _MISSING: Final = "20"
+_PUSHED_NS: Final = 1_000_000_000
+"""Who asks again sooner may be ahead of a part that is pushed (A-4.10-3)."""
 _FETCH_NS: Final = 5_000_000_000
 """A list that is fetched in parts was begun at most so long before its first part came."""
 
@@ -32,6 +35,14 @@ def _begins_anew(x: Exchange) -> bool:
     if not x.reply or not x.parts or x.parts[0] is x.reply:
         return False
     return x.parts[0].frame.data == x.reply.frame.data
+
+
+def _was_due(x: Exchange) -> bool:
+    """Whether a next part was waited for, or nothing but the first one has come for as long."""
+    ahead = list(takewhile(lambda part: part is not x.reply, x.parts))
+    again = all(part.frame.data == ahead[0].frame.data for part in ahead)
+    since_ns = ahead[0 if again else -1].begun_ns
+    return x.reply is not None and x.reply.begun_ns - since_ns >= _PUSHED_NS
 
 
 def _is_sure(x: Exchange, scene: Scene) -> bool:
@@ -60,7 +71,7 @@ def last_part_says_so(x: Exchange, scene: Scene) -> Judged | None:
     """The last part of a list begins with "0" (L251): behind a "1" another one is due."""
     if _is_complete(x, scene):
         return PASSED
-    if not _begins_anew(x) or not _is_sure(x, scene):
+    if not (_begins_anew(x) and _was_due(x) and _is_sure(x, scene)):
         return None
     return failed(
         "a list whose last part had announced another began anew",
@@ -175,6 +186,34 @@ def deleted_is_not_listed(x: Exchange, scene: Scene) -> Judged | None:
         expected="not in the list",
         observed="in the list",
         at=(*places_of(deletions[0]), *places_of(x)),
+    )
+
+
+@rule("4.11/2", on=Exchange, names=_LIST)
+def undeleted_is_listed(x: Exchange, scene: Scene) -> Judged | None:
+    """What was listed, and was not deleted by a deletion that was refused, is listed (L260)."""
+    refused = scene.memory.last("delete_program", before_ns=_begun_ns(x) if x.parts else 0)
+    if refused is None or refused.accepted is not False or not _is_complete(x, scene):
+        return None
+    before = scene.memory.last("list_programs", before_ns=refused.time_ns)
+    name = refused.request.text
+    if before is None or name not in _names(before):
+        return None
+    asked = scene.memory.asked.get("delete_program")
+    again = any(
+        y.request.text == name
+        for y in scene.memory.between("delete_program", answered_ns(before), refused.time_ns)
+    )
+    too_long = x.time_ns - answered_ns(before) > UNSEEN_NS
+    if asked is not refused.request or again or too_long or switched_off_since(before, scene):
+        return None
+    if name in _names(x):
+        return PASSED
+    return failed(
+        f"the deletion of {show(name)} was refused, and it is not listed any more",
+        expected="in the list",
+        observed="not in the list",
+        at=(*places_of(refused), *places_of(x)),
     )
 
 

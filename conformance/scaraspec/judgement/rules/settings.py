@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection
 from typing import Any, Final
 
 from scaraspec.judgement.happenings import Ending, Exchange
+from scaraspec.judgement.memory import answered_ns
 from scaraspec.judgement.rounding import read_back
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
 from scaraspec.judgement.rules.text import observed
@@ -74,6 +75,68 @@ def _read_back(
     if setting is None or x.answer is None:
         return None
     return PASSED if same(setting, x.answer) else _other_value(setting, x)
+
+
+# What was refused
+
+
+@rule("4.4/2", on=Exchange, names=("get_network",))
+def refused_network(x: Exchange, scene: Scene) -> Judged | None:
+    """After "0" 0x04 gives what it gave before (L162)."""
+    return _unchanged("set_network", x, scene, 3)
+
+
+@rule("4.13/2", on=Exchange, names=("get_default_program",))
+def refused_default(x: Exchange, scene: Scene) -> Judged | None:
+    """After "0" the default program is the one that it was (L284-L287)."""
+    return _unchanged("set_default_program", x, scene, 1)
+
+
+@rule("4.20/2", on=Exchange, names=("get_gripper_center",))
+def refused_gripper(x: Exchange, scene: Scene) -> Judged | None:
+    """After "0" 0x34 gives what it gave before (L440-L443)."""
+    return _unchanged("set_gripper_center", x, scene, 3)
+
+
+@rule("4.21/2", on=Exchange, names=("get_initial_tool_position",))
+def refused_position(x: Exchange, scene: Scene) -> Judged | None:
+    """After "0" 0x37 gives what it gave before (L452-L455)."""
+    return _unchanged("set_initial_tool_position", x, scene, 4)
+
+
+def _unchanged(setter: str, x: Exchange, scene: Scene, count: int) -> Judged | None:
+    """Nothing that was asked for, and refused, is told behind that, if it was not told before."""
+    refused = scene.memory.last(setter, before_ns=x.time_ns)
+    if refused is None or refused.accepted is not False or refused.asked is None:
+        return None
+    before = scene.memory.last(x.name, before_ns=refused.time_ns)
+    if before is None or before.answer is None or x.answer is None:
+        return None
+    since_ns = answered_ns(before)
+    if scene.memory.asked.get(setter) is not refused.request or any(
+        scene.memory.between(setter, since_ns, refused.time_ns)
+    ):
+        return None
+    if x.time_ns - since_ns > UNSEEN_NS or switched_off_since(before, scene):
+        return None
+    if executed_since(since_ns, scene, PROGRAMS):
+        return None
+    now, former, asked = (_fields(y)[:count] for y in (x.answer, before.answer, refused.asked))
+    changed = [pair for *pair, was in zip(now, asked, former, strict=True) if pair[0] != was]
+    if not changed:
+        return PASSED
+    if any(value != wanted for value, wanted in changed):
+        return None  # it may have been set unseen
+    return failed(
+        f"{setter} was refused, and {x.name} gives what it had asked for",
+        expected=observed(before.reply) if before.reply else "",
+        observed=observed(x.reply) if x.reply else "",
+        at=(*places_of(refused), *places_of(x)),
+    )
+
+
+def _fields(value: Any) -> tuple[Any, ...]:
+    return value if isinstance(value, tuple) else (value,)
 
 
 # 4.2 and 4.4

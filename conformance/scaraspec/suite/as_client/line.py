@@ -17,7 +17,7 @@ from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame
-from scaraspec.protocol.payloads import FinalResult, Nothing, Outcome
+from scaraspec.protocol.payloads import FinalResult, NameListPart, Nothing, Outcome
 from scaraspec.suite.as_client.due import Due
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.limits import limits_of
@@ -32,12 +32,16 @@ _NS: Final = 1e9
 
 
 class Line(Wire):
-    """One connection, on which the suite sends requests; made by `Subject.open`."""
+    """One connection, on which the suite sends requests; made by `Subject.open`.
+
+    Attributes:
+        listing: The last part of a list that was told announces another one.
+    """
 
     def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
         super().__init__(name, link, subject, A2C, judged=judged)
         self._subject = subject
-        self._names_files = False
+        self.listing = self._names_files = False
         self._sent_ns = self._pause_ns = 0
 
     # ------------------------------------------------------------------ sending
@@ -139,6 +143,8 @@ class Line(Wire):
         )
         if name == "emergency_stop" and answer.accepted:
             self._subject.has_been_stopped()
+        if name == "list_programs":
+            self.listing = isinstance(answer.value, NameListPart) and answer.value.more
         return answer
 
     def result(self, name: str, *, within_s: float | None = None, untagged: bool = False) -> Answer:

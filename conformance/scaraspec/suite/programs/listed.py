@@ -53,6 +53,10 @@ def list_parts(subject: Subject, line: Line) -> list[Answer]:
         Unmet: One is no part of a list.
         Undecided: It does not end.
     """
+    for _ in range(_MOST_PARTS):
+        if not line.listing:
+            break
+        _next(subject, line)  # the rest of a list of which one part was wanted
     parts = [_part(line.ask("list_programs"))]
     while parts[-1].value.more:
         if len(parts) == _MOST_PARTS:

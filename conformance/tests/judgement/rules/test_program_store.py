@@ -55,8 +55,12 @@ RUNNING = "> run_program a.rob\n< run_program 1"
 
 CASES = (
     ("4.10/4", "pass", session(listed("1|a.rob", "0|b.rob"))),
-    ("4.10/4", "fail", session(listed("1|a.rob", "1|a.rob", fetched=True))),
-    ("4.10/4", "fail", session(listed("1|a", "1|b"), listed("1|a", "1|b"))),
+    ("4.10/4", "fail", session(listed("1|a.rob"), "+1", listed("1|a.rob"))),
+    ("4.10/4", "fail", session(*3 * (listed("1|a.rob"), "+0.6"))),
+    ("4.10/4", "fail", session(listed("1|a", "1|b"), "+1", listed("1|a", "1|b"))),
+    # The rest of a list may be pushed later than it is asked for anew.
+    ("4.10/4", "none", session(listed("1|a"), "+0.1", listed("1|a"))),
+    ("4.10/4", "none", session(listed("1|a", "1|b"), "+0.1", listed("1|a"))),
     ("4.10/4", "none", session(listed("1|a.rob"))),
     ("4.10/5", "pass", session(listed("1|a.rob", "0|b.rob"))),
     ("4.10/5", "tolerated list_cont=request", session(listed("1|a.rob", "0|b.rob", fetched=True))),
@@ -71,6 +75,11 @@ CASES = (
     ("4.10/7", "fail", session(listed("0|a.rob||b.rob"))),
     # Whose the parts are nobody can tell where two lists are asked for at the same time.
     ("4.10/7", "none", session(AT_ONCE)),
+    ("4.11/2", "pass", session(listed("0|a.rob"), delete("a.rob", "0"), "+9", listed("0|a.rob"))),
+    ("4.11/2", "fail", session(listed("0|a.rob|b"), delete("b", "0"), "+9", listed("0|a.rob"))),
+    ("4.11/2", "pass", session(listed("0|a"), delete("b", "0"), "+9", listed("0|a"))),
+    ("4.11/2", "pass", session(listed("0|a"), delete("a", "0"), delete("a"), "+9", listed("0"))),
+    ("4.11/2", "pass", session(listed("0|a"), delete("a", "0"), "+70", listed("0"))),
     ("4.10/11", "pass", session(upload("a.rob"), listed("0|a.rob"))),
     ("4.10/11", "none", session(upload("a.rob"), AT_ONCE)),
     ("4.10/11", "fail", session(upload("a.rob"), listed("0|b.rob"))),

@@ -53,7 +53,39 @@ network, default = setting("network"), setting("default_program")
 gripper, position = setting("gripper_center"), setting("initial_tool_position")
 HOME, OFFICE = "10.0.0.2|255.0.0.0|10.0.0.1", "10.0.0.3|255.0.0.0|10.0.0.1"
 
+
+def refused(name: str, was: str, value: str, answer: str, between: str = "") -> str:
+    """A session in which a setting is refused, between two readings."""
+    read = f"> get_{name}\n< get_{name} "
+    return f"login\n{read}{was}\n> set_{name} {value}\n< set_{name} 0\n{between}\n{read}{answer}"
+
+
+AGAIN = "> set_gripper_center 1|2|3\n< set_gripper_center 1"
+
 CASES = (
+    ("4.4/2", "pass", refused("network", HOME, OFFICE, HOME)),
+    ("4.4/2", "fail", refused("network", HOME, OFFICE, OFFICE)),
+    ("4.13/2", "pass", refused("default_program", "a.rob", "b.rob", "a.rob")),
+    ("4.13/2", "fail", refused("default_program", "a.rob", "b.rob", "b.rob")),
+    ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "0|0|0")),
+    ("4.20/2", "fail", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3")),
+    ("4.20/2", "fail", refused("gripper_center", "0|0|0", "1|2|3", "1|0|0")),
+    # Somebody else may have set it, or another setting, a program or a new start.
+    ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|0|9")),
+    ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between=AGAIN)),
+    ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between=PROGRAM)),
+    ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between="+70")),
+    ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between=SWITCHED_OFF)),
+    (
+        "4.21/2",
+        "pass",
+        refused("initial_tool_position", "1|2|3|4|5|6", "9|2|3|4|0|0", "1|2|3|4|0|0"),
+    ),
+    (
+        "4.21/2",
+        "fail",
+        refused("initial_tool_position", "1|2|3|4|0|0", "9|2|3|4|0|0", "9|2|3|4|0|0"),
+    ),
     ("4.2/3", "pass", PASSWORD.format(old="wrong", reply="0")),
     ("4.2/3", "fail", PASSWORD.format(old="wrong", reply="1")),
     ("4.2/3", "none", PASSWORD.format(old="password", reply="1")),
