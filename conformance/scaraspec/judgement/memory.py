@@ -26,6 +26,8 @@ class Memory:
         """The last answered exchanges of each command, the latest answer last."""
         self.asked: dict[str, FrameSeen] = {}
         """The last request of each command, answered or not."""
+        self.asked_before: dict[str, FrameSeen] = {}
+        """The one before it."""
         self.accepted: deque[Exchange] = deque(maxlen=KEPT_EXCHANGES)
         """The last two-stage commands that were accepted, the latest last."""
         self.deleted: OrderedDict[bytes, Exchange] = OrderedDict()
@@ -90,6 +92,8 @@ class Memory:
             answered = self.last(name)
             if answered is None or answered.request is not before:
                 self.passwords.clear()  # nobody knows whether the one before was set
+        if before:
+            self.asked_before[name] = before
         self.asked[name] = request
 
     def hang_up(self, time_ns: int) -> None:

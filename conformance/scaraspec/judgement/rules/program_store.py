@@ -9,7 +9,6 @@ from typing import Final
 from scaraspec.judgement.happenings import Exchange, Transfer
 from scaraspec.judgement.memory import answered_ns
 from scaraspec.judgement.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
-from scaraspec.judgement.rules.settings import UNSEEN_NS, switched_off_since
 from scaraspec.judgement.rules.two_stage import TWO_STAGE
 from scaraspec.judgement.scene import Scene
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Wrong, show
@@ -186,34 +185,6 @@ def deleted_is_not_listed(x: Exchange, scene: Scene) -> Judged | None:
         expected="not in the list",
         observed="in the list",
         at=(*places_of(deletions[0]), *places_of(x)),
-    )
-
-
-@rule("4.11/2", on=Exchange, names=_LIST)
-def undeleted_is_listed(x: Exchange, scene: Scene) -> Judged | None:
-    """What was listed, and was not deleted by a deletion that was refused, is listed (L260)."""
-    refused = scene.memory.last("delete_program", before_ns=_begun_ns(x) if x.parts else 0)
-    if refused is None or refused.accepted is not False or not _is_complete(x, scene):
-        return None
-    before = scene.memory.last("list_programs", before_ns=refused.time_ns)
-    name = refused.request.text
-    if before is None or name not in _names(before):
-        return None
-    asked = scene.memory.asked.get("delete_program")
-    again = any(
-        y.request.text == name
-        for y in scene.memory.between("delete_program", answered_ns(before), refused.time_ns)
-    )
-    too_long = x.time_ns - answered_ns(before) > UNSEEN_NS
-    if asked is not refused.request or again or too_long or switched_off_since(before, scene):
-        return None
-    if name in _names(x):
-        return PASSED
-    return failed(
-        f"the deletion of {show(name)} was refused, and it is not listed any more",
-        expected="in the list",
-        observed="not in the list",
-        at=(*places_of(refused), *places_of(x)),
     )
 
 

@@ -112,10 +112,10 @@ def _unchanged(setter: str, x: Exchange, scene: Scene, count: int) -> Judged | N
     before = scene.memory.last(x.name, before_ns=refused.time_ns)
     if before is None or before.answer is None or x.answer is None:
         return None
-    since_ns = answered_ns(before)
-    if scene.memory.asked.get(setter) is not refused.request or any(
-        scene.memory.between(setter, since_ns, refused.time_ns)
-    ):
+    since_ns, other = answered_ns(before), scene.memory.asked_before.get(setter)
+    if scene.memory.asked.get(setter) is not refused.request:
+        return None
+    if other and other.place.time_ns > before.time_ns:
         return None
     if x.time_ns - since_ns > UNSEEN_NS or switched_off_since(before, scene):
         return None

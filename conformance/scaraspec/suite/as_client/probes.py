@@ -15,13 +15,15 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.as_client.asking.files import upload
-from scaraspec.suite.as_client.subject import OUTLIVE, SILENCE_S, Subject
+from scaraspec.suite.as_client.subject import DISPLACES, OUTLIVE, SILENCE_S, Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 from scaraspec.suite.limits import limits_of
 from scaraspec.suite.programs.layout import LISTED, candidates
 from scaraspec.suite.programs.listed import program_names
 from scaraspec.suite.programs.writing import wait_program
 
+_FURTHER: Final = 6
+"""How many clients more the cases are at once."""
 _LISTED: Final = "4.10/11"
 _READ_ONLY, _STATE = Hazard.READ_ONLY, Hazard.STATE
 
@@ -71,7 +73,10 @@ def _op_get_default(subject: Subject) -> str | None:
 
 
 def _max_clients(subject: Subject) -> str | None:
-    """Connect twice (A-2-2); it may take a moment until who is displaced is sent away."""
+    """Connect twice (A-2-2); it may take a moment until who is displaced is sent away.
+
+    Of several that are served the first may be displaced by a later one, too.
+    """
     if not subject.access.several:
         return None
     first = subject.open()
@@ -83,6 +88,10 @@ def _max_clients(subject: Subject) -> str | None:
     if first.ends(within_s=SILENCE_S) is not None:
         return "newest"
     first.ask("get_status")
+    with suppress(Unmet):  # it may not serve so many
+        for _ in range(_FURTHER):
+            subject.open(login=False)
+        subject.known[DISPLACES] = first.ends(within_s=SILENCE_S) is not None
     return "many"
 
 

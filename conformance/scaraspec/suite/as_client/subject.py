@@ -46,6 +46,7 @@ DEAF: Final = "deaf while it executes"
 LATCHED: Final = "latched"
 """Known of a subject: whether an emergency stop may have latched it (A-4.17-2)."""
 
+DISPLACES: Final = "sends the first of several clients away when a further one comes"
 OUTLIVE: Final = "transfers outlive their connection"
 """What is known of a robot with room for few transfers that ends one only for silence."""
 _NOTICES_LATE: Final = "sends clients away whose place another one has just left"
@@ -281,8 +282,9 @@ class Subject:
 
     @property
     def takes_several(self) -> bool:
-        """Whether several connections can be open at once."""
-        return self.access.several and self.dialect["max_clients"] == "many"
+        """Whether several connections can be open at once, and none displaces another."""
+        many = self.dialect["max_clients"] == "many" and not self.known.get(DISPLACES)
+        return self.access.several and many
 
     def several(self) -> None:
         """Go on only where several connections can be open at once.
@@ -294,6 +296,8 @@ class Subject:
             raise NotRun("this link carries one connection at a time")
         if self.dialect["max_clients"] != "many":
             raise NotRun("the subject serves one client at a time (max_clients)")
+        if not self.takes_several:
+            raise NotRun("the subject sends a client away when a further one comes (A-2-2)")
 
     def notices_leaving(self) -> None:
         """Go on only where the subject notices that a client is gone.

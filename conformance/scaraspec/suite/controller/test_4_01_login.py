@@ -69,7 +69,7 @@ def test_right_password(subject: Subject) -> None:
 def test_again(subject: Subject) -> None:
     """The password opens one new connection after another, and one beside another."""
     needs_login(subject)
-    beside = subject.access.several and subject.dialect["max_clients"] == "many"
+    beside = subject.takes_several
     for number in range(1, _LOGINS + 1):
         line = subject.open(login=False)
         _expect_open(subject, line, f"login {number} with the right password was refused", "4.1/6")

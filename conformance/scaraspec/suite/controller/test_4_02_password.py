@@ -72,7 +72,7 @@ def test_wrong_old_password(subject: Subject, line: Line) -> None:
             line = subject.open()
 
 
-@case("4.2/3", name="after-a-change")
+@case("4.2/3", "4.2/5", name="after-a-change")
 def test_former_password(subject: Subject) -> None:
     """Who has changed the password, and who was there meanwhile, gives the former one; refused."""
     former, tried = subject.password, False
@@ -91,6 +91,9 @@ def test_former_password(subject: Subject) -> None:
                 expected="0",
                 observed=f"{answer}",
             )
+            line.close()
+            message = "after a refused change the new password does not log in"
+            _expect_login(subject, PLAIN_PASSWORD, message, "4.2/5")
     if not tried:
         raise NotRun("a new password ends all logins")
 

@@ -75,11 +75,6 @@ CASES = (
     ("4.10/7", "fail", session(listed("0|a.rob||b.rob"))),
     # Whose the parts are nobody can tell where two lists are asked for at the same time.
     ("4.10/7", "none", session(AT_ONCE)),
-    ("4.11/2", "pass", session(listed("0|a.rob"), delete("a.rob", "0"), "+9", listed("0|a.rob"))),
-    ("4.11/2", "fail", session(listed("0|a.rob|b"), delete("b", "0"), "+9", listed("0|a.rob"))),
-    ("4.11/2", "pass", session(listed("0|a"), delete("b", "0"), "+9", listed("0|a"))),
-    ("4.11/2", "pass", session(listed("0|a"), delete("a", "0"), delete("a"), "+9", listed("0"))),
-    ("4.11/2", "pass", session(listed("0|a"), delete("a", "0"), "+70", listed("0"))),
     ("4.10/11", "pass", session(upload("a.rob"), listed("0|a.rob"))),
     ("4.10/11", "none", session(upload("a.rob"), AT_ONCE)),
     ("4.10/11", "fail", session(upload("a.rob"), listed("0|b.rob"))),

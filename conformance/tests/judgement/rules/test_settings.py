@@ -60,6 +60,11 @@ def refused(name: str, was: str, value: str, answer: str, between: str = "") -> 
     return f"login\n{read}{was}\n> set_{name} {value}\n< set_{name} 0\n{between}\n{read}{answer}"
 
 
+TWICE = (
+    f"login\n{READ}\n2> open\n2> login password\n2< login 1\n2> set_gripper_center 1|2|3\n2> rst\n"
+    "> set_gripper_center 1|2|3\n< set_gripper_center 0\n"
+    "> get_gripper_center\n< get_gripper_center 1|2|3"
+)
 AGAIN = "> set_gripper_center 1|2|3\n< set_gripper_center 1"
 
 CASES = (
@@ -70,6 +75,7 @@ CASES = (
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "0|0|0")),
     ("4.20/2", "fail", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3")),
     ("4.20/2", "fail", refused("gripper_center", "0|0|0", "1|2|3", "1|0|0")),
+    ("4.20/2", "pass", TWICE),
     # Somebody else may have set it, or another setting, a program or a new start.
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|0|9")),
     ("4.20/2", "pass", refused("gripper_center", "0|0|0", "1|2|3", "1|2|3", between=AGAIN)),

@@ -290,6 +290,22 @@ def test_who_is_displaced_may_be_sent_away_a_moment_later(tried: Try, only: str)
     assert not tried(DisplacesAMomentLater, only).alarms
 
 
+class DisplacesTheFirstOfTwo(Brain):
+    """Two clients are served; a third one takes the place of the first (A-2-2)."""
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Send the first of two away."""
+        while len(self.sessions) > 1:
+            self._end(next(iter(self.sessions.values())), now_s)
+        return super().open(connection, now_s, link)
+
+
+def test_the_first_of_several_may_be_displaced(tried: Try) -> None:
+    """Where a third client displaces the first, no case has more than one."""
+    only = ("2/11", "2/12", "4.2/4", "4.20/3", "5.2/12", "5.3/7", "5.4/5")
+    assert not tried(DisplacesTheFirstOfTwo, *only, examples=20).alarms
+
+
 class NoticesLate(Brain):
     """Of one client it notices a moment late that it has gone, and serves no other till then."""
 
