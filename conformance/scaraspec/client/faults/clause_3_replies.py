@@ -46,6 +46,14 @@ class TakesLengthsForMarks(ClientCore):
 
 
 @fault("3/9", subtle=True)
+class TakesLengthsForTags(ClientCore):
+    """A frame whose length is 90 is taken for a final result that nobody awaits."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        return [] if len(frame.data) == TAG else super()._dispatch(frame, now_s)
+
+
+@fault("3/9", subtle=True)
 class LooksForResultsInData(ClientCore):
     """Whatever looks like a final result counts as one, in the data of any frame."""
 

@@ -102,9 +102,9 @@ def test_replies_in_data(subject: Subject, line: Line) -> None:
 
 @client_case("3/9", name="length")
 def test_marks_as_lengths(subject: Subject, line: Line) -> None:
-    """The length byte of a reply is 0xAA, and 0xCC."""
-    for size_bytes in (0xAA, 0xCC):
-        names = [f"{number:03}.rob" for number in range(size_bytes // 8)]
+    """The length byte of a reply is 0xAA, 0xCC, and the tag of results."""
+    for size_bytes in (0xAA, 0xCC, TAG):
+        names = [f"{number:03}.rob" for number in range((size_bytes - 2) // 8)]
         data = "|".join(["0", *names]).encode()
         names[-1] = "z" * (size_bytes - len(data)) + names[-1]
         call = subject.begin("list_programs")
