@@ -27,11 +27,11 @@ def long_name(subject: Subject, size_bytes: int) -> bytes:
     """
     shortest = subject.new_name()
     subject.created.remove(shortest)
-    for padding in (size_bytes - len(shortest), size_bytes - len(shortest) - 1):
-        name = subject.new_name(lead=("nN" * size_bytes)[: max(padding, 1)])
-        if len(name) <= size_bytes:
-            break
-        subject.created.remove(name)  # its number has one digit more
+    padding = size_bytes - len(shortest)
+    name = subject.new_name(lead=("nN" * size_bytes)[: max(padding, 1)])
+    if len(name) > size_bytes and padding > 1:  # its number has one digit more
+        subject.created.remove(name)
+        name = subject.new_name(lead=("nN" * size_bytes)[: padding - 1])
     return name
 
 

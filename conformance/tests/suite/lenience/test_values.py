@@ -211,17 +211,18 @@ def test_chunks_and_programs_may_differ_in_their_byte_order(tried: Try) -> None:
 
 
 class HasRulesForPasswords(Brain):
-    """A password has six to sixteen letters and digits."""
+    """A password has six to sixteen letters and digits, and is not the one before."""
 
     def set_password(self, request: Request) -> bool:
         """Hold it against them."""
-        new = request.value.new
-        return 6 <= len(new) <= 16 and new.isalnum() and super().set_password(request)
+        old, new = request.value
+        good = 6 <= len(new) <= 16 and new.isalnum() and new != old
+        return good and super().set_password(request)
 
 
 def test_odd_passwords_may_be_refused(tried: Try) -> None:
     """How long a password may be, and of what, is open (A-4.1-3)."""
-    cases = tried(HasRulesForPasswords, "4.2/3", "4.2/4", "4.2/6")
+    cases = tried(HasRulesForPasswords, "4.2/3", "4.2/4", "4.2/6", examples=20)
     assert not cases.wrong
     assert cases["4.2/4"].verdict is Verdict.TOLERATED
 

@@ -26,13 +26,16 @@ def change(line: Line, old: bytes, new: bytes) -> Answer:
 
 
 def expect_changed(line: Line, old: bytes, new: bytes) -> bool:
-    """Set another password, with the right old one; whether an odd one was taken (A-4.1-3).
+    """Set a password, with the right old one; an odd one, or the same, may be refused (A-4.1-3).
+
+    Returns:
+        Whether it was taken.
 
     Raises:
         Unmet: Another one is refused.
     """
     answer = change(line, old, new)
-    if answer.accepted is False and new in ODD_PASSWORDS:
+    if answer.accepted is False and (new in ODD_PASSWORDS or new == old):
         return False
     expect(
         answer.accepted,
