@@ -9,6 +9,7 @@ import pytest
 
 from scaraspec.controller.behaviour import SILENCE
 from scaraspec.controller.behaviour.base import Silence, refused
+from scaraspec.controller.behaviour.programs import list_parts
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.plant import Plant
 from scaraspec.controller.session import Request, Session
@@ -17,7 +18,7 @@ from scaraspec.judgement.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Skipped, Why
-from scaraspec.protocol.payloads import Acceptance
+from scaraspec.protocol.payloads import Acceptance, NameListPart
 from scaraspec.protocol.readings import DEFAULT, Dialect
 
 Try = Callable[..., Any]
@@ -147,6 +148,40 @@ def test_a_default_program_of_a_long_name_is_put_back(tried: Try) -> None:
     """By the bytes that were told: names of 30 bytes are what is sent of one's own."""
     assert not tried(HasALongDefault, "4.13/3").wrong
     assert HasALongDefault.has.settings.default_program == HasALongDefault.name
+
+
+class PushesSlowly(Brain):
+    """It came with many programs, and pushes the parts of their list a moment apart (A-4.10-3)."""
+
+    def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
+        for number in range(60):
+            store.write(b"delivered-%d.rob" % number, b"SCARA")
+        super().__init__(plant, store, dialect)
+        self._due: list[tuple[float, Session, Frame]] = []
+
+    def list_programs(self, request: Request) -> NameListPart:
+        """Keep all parts but the first for later."""
+        first, *rest = list_parts(self.store.names())
+        for number, part in enumerate(rest, 1):
+            frame = Frame(C2A, request.frame.opcode, request.command.reply.encode(part, DEFAULT))
+            self._due.append((request.now_s + number * 0.04, request.session, frame))
+        return first
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        while self._due and self._due[0][0] <= now_s:
+            self.emit(*self._due.pop(0)[1:])
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When the next part is due."""
+        times_s = (*(due[0] for due in self._due[:1]), super().next_event_s)
+        return min((time_s for time_s in times_s if time_s is not None), default=None)
+
+
+def test_a_list_may_be_pushed_slowly(tried: Try) -> None:
+    """Whoever asks for it anew waits until the one before has come."""
+    assert not tried(PushesSlowly, "4/8", "4.10/4", "5.4/8").alarms
 
 
 class KeepsItsDefault(Brain):
