@@ -10,6 +10,7 @@ from typing import Any, Final
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import fault
 from scaraspec.controller.session import Request, Session
+from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, NameListPart
 
@@ -200,14 +201,23 @@ class RefusedRunIsTold(Brain):
 
 
 @fault("4.32/6", subtle=True)
-class StoppedSimulationClearsOutputs(Brain):
-    """A simulation that is stopped puts every output back to 0, as if it had set them."""
+class StoppedSimulationUndoesTheSetting(Brain):
+    """A simulation that is stopped undoes the last setting of an output, as if it were its own."""
+
+    _former: PortValue | None = None
+
+    def set_digital_output(self, request: Request) -> Any:
+        """Remember what was there."""
+        port, outputs = request.value.port, self.get_digital_outputs(request)
+        if answer := super().set_digital_output(request):
+            self._former = PortValue(port, int(outputs[-port]))
+        return answer
 
     def emergency_stop(self, request: Request) -> Acceptance:
-        """Clear them."""
-        if self.robot.task is not None and self.robot.task.state == "02":
-            for port in range(1, 17):
-                self.plant.digital_outputs[port] = False
+        """Put it back."""
+        task, former = self.robot.task, self._former
+        if task is not None and task.state == "02" and former:
+            self.plant.digital_outputs[former.port] = bool(former.value)
         return super().emergency_stop(request)
 
 

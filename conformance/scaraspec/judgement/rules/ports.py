@@ -48,7 +48,14 @@ def _setting(x: Exchange, scene: Scene) -> Exchange | None:
     setting = in_force(_SET, x, scene)
     if setting is None or x.answer is None or setting.asked.port > OUTPUTS:
         return None
-    return None if executed_since(setting.time_ns, scene, _CHANGERS) else setting
+    return None if _may_be_off(setting.time_ns, scene) else setting
+
+
+def _may_be_off(since_ns: int, scene: Scene) -> bool:
+    """Whether outputs may have been switched off since then; a stop that is refused may do so."""
+    stop = scene.memory.asked.get("emergency_stop")
+    stopped = stop is not None and stop.place.time_ns >= since_ns
+    return stopped or executed_since(since_ns, scene, _CHANGERS)
 
 
 def _with(bits: str, port: int, value: int) -> str:
@@ -64,7 +71,7 @@ def _before(x: Exchange, scene: Scene) -> Exchange | None:
         return None
     if switched_off_since(before, scene):
         return None
-    return None if executed_since(before.time_ns, scene, _CHANGERS) else before
+    return None if _may_be_off(before.time_ns, scene) else before
 
 
 def _due(x: Exchange, scene: Scene) -> str | None:

@@ -73,6 +73,7 @@ class State:
         inputs: The digital inputs, which do not change.
         variables: Their values, by key.
         outputs: The outputs now.
+        written: Those that were set.
         waited_s: For how long it has waited.
     """
 
@@ -80,6 +81,7 @@ class State:
     inputs: Bits
     variables: dict[int, int]
     outputs: Bits = field(init=False)
+    written: set[int] = field(init=False, default_factory=set)
     waited_s: int = 0
 
     def __post_init__(self) -> None:
@@ -101,9 +103,9 @@ class State:
         for statement in block:
             match statement:
                 case Flip(port):
-                    self.outputs = with_port(self.outputs, port, on=not self.initial[port - 1])
+                    self._put(port, on=not self.initial[port - 1])
                 case Put(port, value):
-                    self.outputs = with_port(self.outputs, port, on=bool(self.value(value)))
+                    self._put(port, on=bool(self.value(value)))
                 case Assign(key, value):
                     self.variables[key] = self.value(value)
                 case Calculate(key, a, opt, b):
@@ -113,6 +115,10 @@ class State:
                 case If(a, opt, b, then, otherwise):
                     holds = compared(opt, self.value(a), self.value(b))
                     self.execute(then if holds else otherwise or ())
+
+    def _put(self, port: int, *, on: bool) -> None:
+        self.written.add(port)
+        self.outputs = with_port(self.outputs, port, on=on)
 
 
 class Untold(ValueError):  # noqa: N818 - the document is at fault, not the program

@@ -34,7 +34,7 @@ ASKING = frozenset({Hazard.READ_ONLY})
     ("fault", "requirement", "case", "steps"),
     [
         (
-            "stopped-simulation-clears-outputs",
+            "stopped-simulation-undoes-the-setting",
             "4.32/6",
             "4/15.sequences",
             ("set output", "simulate_program", "stop"),

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import pytest
+
 from scaraspec.controller.arm import UPPER, Pose, UnreachableError, inverse
 from scaraspec.controller.behaviour.base import ACCEPTED, refused
 from scaraspec.controller.behaviour.programs import MISSING
@@ -39,9 +41,22 @@ class SwitchesOffAtAStop(Brain):
         return super().emergency_stop(request)
 
 
-def test_a_stop_may_switch_outputs_off(tried: Try) -> None:
-    """No program has to leave outputs as they were before a stop."""
-    assert not tried(SwitchesOffAtAStop, "6.4/5", "6.5/9", "6.5/21").alarms
+class SwitchesOffAtTheBeginning(SwitchesOffAtAStop):
+    """So does a program that begins: it configures the ports (A-4.32-3)."""
+
+    def run_program(self, request: Request) -> Acceptance:
+        """Switch them off."""
+        answer: Acceptance = super().run_program(request)
+        if answer.accepted:
+            self._switch(on=False)
+        return answer
+
+
+@pytest.mark.parametrize("brain", [SwitchesOffAtAStop, SwitchesOffAtTheBeginning])
+def test_outputs_that_are_not_set_may_be_off(tried: Try, brain: type[Brain]) -> None:
+    """What a program does not set it may switch off as it begins, and a stop at any time."""
+    only = ("4/15", "6.4/5", "6.5/9", "6.5/19", "6.5/21", "6.5/24", "6.5/26", "6.6a/14")
+    assert not tried(brain, *only, examples=20, handled=("set_input",)).alarms
 
 
 class _Ticks(Run):
