@@ -11,7 +11,7 @@ from scaraspec.client.faults.process import memory
 from scaraspec.client.problems import ClientError, LinkLost
 from scaraspec.client.shell import LOST_BY
 from scaraspec.links.link import Ending
-from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Found, Frame, Framer
 from scaraspec.protocol.port import DEFAULT_PORT
@@ -191,6 +191,23 @@ class ServesTheLastOfEachSegment(ClientCore):
 
     def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
         return super()._digest(list(found)[-1:], now_s)
+
+
+@fault("2/6", subtle=True)
+class AcceptsAtTheBeginning(ClientCore):
+    """A two-stage command is accepted by the first frame of a segment only."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        items = list(found)
+        heard = items[:1] + [item for item in items[1:] if not _accepts(item)]
+        return super()._digest(heard, now_s)
+
+
+def _accepts(item: Found) -> bool:
+    if not isinstance(item, Frame) or item.tagged or item.data != b"1":
+        return False
+    command = BY_OPCODE.get(item.opcode)
+    return command is not None and command.two_stage
 
 
 class _DropsBehind(ClientCore):

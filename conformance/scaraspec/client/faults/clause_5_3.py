@@ -50,6 +50,32 @@ class DownloadsUnderItsOwnName(AsyncClient):
         return await super().download(Path(local).name if local else remote, local, progress)
 
 
+@fault("5.3/11", subtle=True)
+class FetchesOnce(AsyncClient):
+    """What was downloaded once is copied from there when it is ordered again."""
+
+    _had: dict[Text, bytes] | None = None
+
+    async def download(
+        self,
+        remote: Text,
+        local: str | PathLike[str] | None = None,
+        progress: Progress | None = None,
+    ) -> Path:
+        """Copy it."""
+        had = self._had = self._had or {}
+        if local and remote in had:
+            return _copied(had[remote], Path(local))
+        path = await super().download(remote, local, progress)
+        had[remote] = path.read_bytes()
+        return path
+
+
+def _copied(content: bytes, path: Path) -> Path:
+    path.write_bytes(content)
+    return path
+
+
 # The answers
 
 

@@ -1,11 +1,14 @@
 """Faults of what a client hands on: numbers, bits, names, times, codes and outcomes."""
 
+from typing import Any
+
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.exchange import Exchange
 from scaraspec.client.faults import fault
 from scaraspec.client.faults.altering import AltersReplies, AltersResults, TakesLossForSuccess
 from scaraspec.client.problems import Refused
+from scaraspec.client.results import RunningProgram
 from scaraspec.protocol.commands import BY_OPCODE, PortValue
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import FLAG
@@ -234,6 +237,54 @@ class OutputsAlwaysSet(AsyncClient):
         self._core.begin(exchange, 0.0)
         self._stir()
         await self.wait_for(lambda: exchange.settled)
+
+
+@fault("T/9", subtle=True)
+class KnowsWhatItHasSet(AsyncClient):
+    """The default program that was set is told from memory, and not asked for."""
+
+    _set: str | None = None
+
+    async def set_default_program(self, name: Any) -> None:
+        """Remember it."""
+        await super().set_default_program(name)
+        self._set = name
+
+    async def get_default_program(self) -> str | None:
+        """Tell it."""
+        return self._set or await super().get_default_program()
+
+
+@fault("T/9", subtle=True)
+class KnowsWhatItRuns(AsyncClient):
+    """While a program runs that it has begun, that is told to run, and not asked for."""
+
+    _runs: str | None = None
+
+    async def run_program(self, name: Any) -> None:
+        """Remember it."""
+        self._runs = name
+        try:
+            await super().run_program(name)
+        finally:
+            self._runs = None
+
+    async def get_running_program(self) -> RunningProgram | None:
+        """Tell it."""
+        return RunningProgram(self._runs, 1) if self._runs else await super().get_running_program()
+
+
+@fault("T/9", subtle=True)
+class SetsOutputsOnce(AsyncClient):
+    """An output that was set to a value is not set to it again, and told as done."""
+
+    _last: tuple[int, int] | None = None
+
+    async def set_digital_output(self, port: int, value: int) -> None:
+        """Set it."""
+        if self._last != (port, value):
+            await super().set_digital_output(port, value)
+            self._last = port, value
 
 
 @fault("T/9", subtle=True)

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.as_controller.executing import RUN, executing, finished, goes_beside
 from scaraspec.suite.as_controller.files import serve, take
@@ -189,6 +189,24 @@ def test_two_replies(subject: Subject, line: Line) -> None:
     line.send_bytes(b"".join(_reply(line, call.name) for call in calls))
     for call in calls:
         subject.gives(call, REPLIES[call.name].decode())
+
+
+@client_case("2/6", name="first-replies")
+def test_first_reply_behind_another(subject: Subject, line: Line) -> None:
+    """The first reply of each two-stage command comes in one segment with one to a query."""
+    subject.concurrent(line)
+
+    def each(name: str) -> None:
+        query = subject.begin("get_version")
+        awaited(line, query.name, query)
+        call = order(subject, name)
+        awaited(line, name, call)
+        line.send_bytes(_reply(line, query.name) + line.frame(name, data=b"1").encode())
+        line.result(name)
+        subject.gives(query, REPLIES[query.name].decode())
+        accomplished(subject, call)
+
+    of_each([each.name for each in COMMANDS if each.two_stage], each)
 
 
 @client_case("2/6", name="among-others")

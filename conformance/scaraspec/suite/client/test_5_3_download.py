@@ -239,9 +239,9 @@ def test_large_file(subject: Subject, line: Line) -> None:
 
 @client_case("5.3/11", name="one-after-another")
 def test_one_after_another(subject: Subject, line: Line) -> None:
-    """A short file that is downloaded after a long one has nothing of that one."""
+    """A short file that comes after a long one has nothing of that, be it called the same."""
     for size in (650, 10, 400, 1):
-        serve(subject, line, content_of(size, size))
+        serve(subject, line, content_of(size, size), remote="zs-each-time.rob")
 
 
 @client_case("5.3/12", attended=True)

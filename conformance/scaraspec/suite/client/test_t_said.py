@@ -7,6 +7,7 @@ from hypothesis import given
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS, JointValues
 from scaraspec.protocol.payloads import FLAG, NameListPart
+from scaraspec.suite.as_controller.executing import RUN, executing, finished, goes_beside
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
     accomplished,
@@ -36,6 +37,19 @@ _NUMBERS: Final = (
     b"1.001|-4.35|0.29",  # which binary fractions keep a little too small
     b"-0|0|-0.0",
 )
+_SET_TO_OTHERS: Final = {
+    "get_default_program": ("set_default_program", b"other.rob"),
+    "get_gripper_center": ("set_gripper_center", b"1.5|-2|3"),
+    "get_initial_tool_position": ("set_initial_tool_position", b"1.5|-2|3|4|0|0"),
+    "get_digital_outputs": ("set_digital_output", b"1|0100000000000001"),
+}
+"""Queries: what sets what they ask for, and another value than the document's example sets."""
+
+_WHILE_EXECUTING: Final = {
+    "get_running_program": b"1|another.rob|01020304",
+    "get_joint_angles": b"-1.5|2|3.25|-4",
+    "get_digital_outputs": b"1|0100000000000001",
+}
 _STEMS: Final = ("程序", "猪", "é", "программа")
 
 
@@ -104,10 +118,10 @@ def test_no_value(subject: Subject, line: Line) -> None:
 
 @client_case("T/9", name="flags")
 def test_flags(subject: Subject, line: Line) -> None:
-    """Every setting is answered with a no and with a yes; the client tells one from the other."""
+    """Every setting is answered with a no, a yes and another yes; the client tells them apart."""
 
     def each(name: str) -> None:
-        for flag in (b"0", b"1"):
+        for flag in (b"0", b"1", b"1"):
             call, _ = ask(subject, line, name)
             line.reply(name, data=flag)
             if flag == b"1":
@@ -116,6 +130,34 @@ def test_flags(subject: Subject, line: Line) -> None:
                 subject.fails(call)
 
     of_each(tuple(name for name in _SETTINGS if name not in _OWN_CASES), each)
+
+
+@client_case("T/9", name="read-back")
+def test_read_back(subject: Subject, line: Line) -> None:
+    """What was set is asked for, and is another value; the client says what the answer says."""
+
+    def each(getter: str) -> None:
+        setter, data = _SET_TO_OTHERS[getter]
+        call, _ = ask(subject, line, setter)
+        line.reply(setter)
+        subject.done(call)
+        tells(subject, line, getter, data)
+
+    of_each(_SET_TO_OTHERS, each)
+
+
+@client_case("T/9", name="while-executing")
+def test_queries_while_executing(subject: Subject, line: Line) -> None:
+    """While a program runs it is asked for how that gets on; the client says what it hears."""
+
+    def each(name: str) -> None:
+        goes_beside(subject, line, name)
+        run = executing(subject, line, RUN)
+        tells(subject, line, name, _WHILE_EXECUTING[name])
+        line.result(RUN.name)
+        finished(subject, run)
+
+    of_each(_WHILE_EXECUTING, each)
 
 
 @client_case("T/9", name="lost")
