@@ -7,9 +7,9 @@ from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.exchange import Exchange
 from scaraspec.client.faults import fault
 from scaraspec.client.faults.altering import AltersReplies, AltersResults, TakesLossForSuccess
-from scaraspec.client.problems import Refused
+from scaraspec.client.problems import ClientError, ProtocolError, Refused
 from scaraspec.client.results import RunningProgram
-from scaraspec.protocol.commands import BY_OPCODE, PortValue
+from scaraspec.protocol.commands import BY_OPCODE, JointValues, PortValue
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import FLAG
 
@@ -272,6 +272,23 @@ class KnowsWhatItRuns(AsyncClient):
     async def get_running_program(self) -> RunningProgram | None:
         """Tell it."""
         return RunningProgram(self._runs, 1) if self._runs else await super().get_running_program()
+
+
+@fault("T/9", subtle=True)
+class NonsenseIsTheLastWord(AsyncClient):
+    """Behind temperatures that it could not read it does not ask for them any more."""
+
+    _unread = False
+
+    async def get_motor_temperatures(self) -> JointValues:
+        """Ask, or not."""
+        if self._unread:
+            raise ClientError("the temperatures cannot be read")
+        try:
+            return await super().get_motor_temperatures()
+        except ProtocolError:
+            self._unread = True
+            raise
 
 
 @fault("T/9", subtle=True)

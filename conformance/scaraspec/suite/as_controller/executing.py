@@ -123,7 +123,9 @@ def beside(subject: Subject, line: Line) -> None:
 
 
 def goes_beside(subject: Subject, line: Line, name: str) -> None:
-    """Go on only where it begins this, too, while a program runs; found out once by a refusal.
+    """Go on only where it begins this, too, while a program runs; found out once.
+
+    What is no query is refused.
 
     Raises:
         NotRun: It does not, or lacks it.
@@ -132,6 +134,7 @@ def goes_beside(subject: Subject, line: Line, name: str) -> None:
     key = f"{name} beside"
     if key not in subject.known:
         opening = OPENINGS.get(name, name)
+        reply = REPLIES.get(name, b"0")
         if name in OPENINGS:
             local = subject.file(_SOME) if name == "upload" else subject.no_file()
             values = {"local": local, "remote": "beside.txt"}
@@ -143,14 +146,14 @@ def goes_beside(subject: Subject, line: Line, name: str) -> None:
         try:
             with suppress(NoAnswer, Declined):
                 line.request(opening, call, within_s=_BESIDE_S)
-                line.reply(opening, data=b"0")
+                line.reply(opening, data=reply)
         finally:
             line.result(RUN.name)
             finished(subject, run)
         subject.known[key] = call.came
         if not call.came and call.answer is None:
             line.request(opening, call)
-            line.reply(opening, data=b"0")
+            line.reply(opening, data=reply)
         subject.settled(call)
     if not subject.known[key]:
         raise NotRun(f"the client begins no {name} while another command executes")

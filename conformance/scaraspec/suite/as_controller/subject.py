@@ -133,7 +133,13 @@ class Subject:
                 return kept
             self.close_lines()  # a case was skipped in the midst of something
         line, call = self.dial(judged=judged)
-        line.log_in(call)
+        try:
+            line.log_in(call)
+        except NoAnswer:
+            if (other := self._next(line, judged=judged)) is None:
+                raise
+            line = other
+            line.log_in(call)
         try:
             self.done(call, requirement=requirement)
         except Unmet:
@@ -175,9 +181,18 @@ class Subject:
                     if self.access.attended:
                         raise NotRun(f"the operator did not do it in {self.answer_s:g} s")
                     raise NoAnswer("connect was ordered, and no connection came")
+        return self._connected(link, judged=judged), call
+
+    def _connected(self, link: Link, *, judged: bool) -> Line:
         line = Line(str(next(self._connections)), link, self, judged=judged)
         self._lines.append(line)
-        return line, call
+        return line
+
+    def _next(self, line: Line, *, judged: bool) -> Line | None:
+        """Another connection, if one follows on one that was only to show that somebody listens."""
+        silent = line.over and not (line.heard or line.noise)
+        link = self.access.accept(self.access.now_s + _VAIN_S) if silent else None
+        return None if link is None else self._connected(link, judged=judged)
 
     def alone(self) -> None:
         """Go on only where it has opened no further connection: but one is served (A-2-2).

@@ -39,7 +39,13 @@ _MARKS: Final = (
 )
 """Contents full of start and end bytes; some look like frames of either direction."""
 
-_PENDING: Final = ("list_programs", "set_digital_output", "delete_program", "emergency_stop")
+_PENDING: Final = (
+    "get_status",
+    "list_programs",
+    "set_digital_output",
+    "delete_program",
+    "emergency_stop",
+)
 _SMALL: Final = bytes(range(200)) * 2
 """A file of two chunks."""
 
@@ -256,7 +262,7 @@ def test_overtaken_by_an_old_result(subject: Subject, line: Line) -> None:
 @client_case("3/27", name="overtaken")
 def test_overtaken(subject: Subject, line: Line) -> None:
     """The final result of a command that executes overtakes the reply to a query."""
-    subject.concurrent(line)
+    goes_beside(subject, line, "get_time")
     run = order(subject, "run_program")
     line.serve(run, data=b"1")
     query = subject.begin("get_time")
@@ -270,7 +276,7 @@ def test_overtaken(subject: Subject, line: Line) -> None:
 @client_case("3/27", name="meanwhile")
 def test_replies_meanwhile(subject: Subject, line: Line) -> None:
     """Queries are answered while a command executes; its final result comes after them."""
-    subject.concurrent(line)
+    goes_beside(subject, line, "get_status")
     run = order(subject, "run_program")
     line.serve(run, data=b"1")
     for status in ("01", "02", "01"):

@@ -28,6 +28,8 @@ def test_times(subject: Subject, line: Line) -> None:
     """Times of a century are handed on, to the second, and as they are by then."""
 
     @example(datetime(2001, 2, 3, 4, 5, 6))  # noqa: DTZ001 - the document names no zone
+    @example(datetime(2000, 2, 29))  # noqa: DTZ001 - the document names no zone
+    @example(datetime(2096, 2, 29, 12))  # noqa: DTZ001 - the document names no zone
     @example(datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
     @given(_TIMES)
     def each(time: datetime) -> None:

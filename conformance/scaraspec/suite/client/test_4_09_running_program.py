@@ -55,9 +55,10 @@ def test_running(subject: Subject, line: Line) -> None:
 def test_long_names(subject: Subject, line: Line) -> None:
     """The running program's name has 30 bytes and more, which it generally has not (A-4.9-5).
 
-    It may have blanks, too.
+    It may have blanks and several dots, too.
     """
-    _tells(subject, line, b"pick and place.rob", 90061)
+    for name in (b"pick and place.rob", b"pick.v1.2.rob"):
+        _tells(subject, line, name, 90061)
     for size_bytes in _LONG_BYTES:
         _tells(subject, line, b"n" * (size_bytes - 4) + b".rob", 90061)
 

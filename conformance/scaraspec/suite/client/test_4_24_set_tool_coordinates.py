@@ -4,7 +4,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.as_controller.executing import failed, finished, refused
+from scaraspec.suite.as_controller.executing import MOVE, executing, failed, finished, refused
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.poses import expect_pose
 from scaraspec.suite.as_controller.sending import request_unless_refused
@@ -77,6 +77,9 @@ def test_no_speed(subject: Subject, line: Line) -> None:
             expect_in(_speed_of(sent), _SPEEDS, f"the speed that was sent for {speed}")
             line.reply(_MOVE, data=b"0|05")
             refused(subject, call)
+    call = executing(subject, line, MOVE)  # what was refused leaves nothing behind
+    line.result(_MOVE)
+    finished(subject, call)
 
 
 def _speed_of(sent: Answer) -> int | None:

@@ -8,6 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, chunks_of
+from scaraspec.suite.as_controller.executing import renewed
 from scaraspec.suite.as_controller.files import (
     Download,
     cut,
@@ -249,11 +250,14 @@ def test_existing_local_file(subject: Subject, line: Line) -> None:
     """A file that exists on the client's disk is not overwritten."""
     local = subject.file(b"mine")
     call = subject.begin("download", remote="zs-theirs.rob", local=local)
-    if reaction(subject, line, call, "download_name") is not None:
+    sent = reaction(subject, line, call, "download_name") is not None
+    if sent:
         line.reply("download_name")
         line.chunk(Chunk(6, 0, 6, b"theirs"))
     subject.fails(call)
     expect_equal(Path(local).read_bytes(), b"mine", "a local file was overwritten")
+    line = renewed(subject, line) if sent else line
+    serve(subject, line, _WHOLE)
 
 
 @client_case("5.3/12", name="kept")

@@ -50,6 +50,7 @@ _WHILE_EXECUTING: Final = {
     "get_joint_angles": b"-1.5|2|3.25|-4",
     "get_digital_outputs": b"1|0100000000000001",
 }
+_SOON_S: Final = 0.3
 _STEMS: Final = ("程序", "猪", "é", "программа")
 
 
@@ -158,6 +159,23 @@ def test_queries_while_executing(subject: Subject, line: Line) -> None:
         finished(subject, run)
 
     of_each(_WHILE_EXECUTING, each)
+
+
+@client_case("T/9", name="behind-nonsense")
+def test_queries_behind_nonsense(subject: Subject, line: Line) -> None:
+    """A query is answered with nonsense, perhaps in vain; the next answer to it is told."""
+
+    def each(name: str) -> None:
+        nonlocal line
+        call, _ = ask(subject, line, name)
+        line.reply(name, data=b"?")
+        if not subject.speaks(call, _SOON_S) and not line.over:
+            line.reply(name, data=REPLIES[name])  # the nonsense was none to it
+        subject.settled(call)
+        line = subject.open() if line.over else line
+        tells(subject, line, name)
+
+    of_each(("get_time", "list_programs", "get_motor_temperatures", "get_joint_angles"), each)
 
 
 @client_case("T/9", name="lost")

@@ -278,6 +278,21 @@ def test_further_connections(make: type[AsyncClient]) -> None:
     assert all("(A-2-2)" in case.message for case in cases)
 
 
+class LooksForAListener(AsyncClient):
+    """Connects, and hangs up again, before it connects."""
+
+    async def connect(self) -> None:
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.create_connection(asyncio.Protocol, *self._address)
+        transport.close()
+        await super().connect()
+
+
+def test_looking_for_a_listener() -> None:
+    """A connection on which nothing comes is not that of the order to connect."""
+    assert not wrong(LooksForAListener, frozenset({"4.7/1", "4.8/11"}))
+
+
 class HangsUpAtStrays(AsyncClient):
     """Ends the connection at a frame that nothing awaits (A-3-9)."""
 
