@@ -396,8 +396,11 @@ class _ForStrangers(Brain):
     names: frozenset[str] = frozenset()
     silent = False
 
+    def _is_obeyed(self, session: Session, command: Command) -> bool:  # noqa: ARG002 - others tell strangers apart
+        return command.name in self.names
+
     def _may_ask(self, session: Session, command: Command) -> bool:
-        return command.name in self.names or super()._may_ask(session, command)
+        return self._is_obeyed(session, command) or super()._may_ask(session, command)
 
     def emit(self, session: Session, frame: Frame) -> None:
         """Keep silent towards strangers, where the fault is silent."""
@@ -419,6 +422,38 @@ class ClockForStrangers(_ForStrangers):
 
     names = frozenset({"set_time"})
     silent = True
+
+
+@fault("2/11", subtle=True)
+class ClockForStrangersInCompany(ClockForStrangers):
+    """While somebody is logged in, the clock can be set without a login."""
+
+    def _is_obeyed(self, session: Session, command: Command) -> bool:
+        company = any(each.logged_in for each in self.sessions.values())
+        return company and super()._is_obeyed(session, command)
+
+
+@fault("2/11", subtle=True)
+class RefusedMayDelete(_ForStrangers):
+    """Who was refused at the login may delete files."""
+
+    names = frozenset({"delete_program"})
+    silent = True
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._refused: set[int] = set()
+
+    def login(self, request: Request) -> bool:
+        """Remember who is refused."""
+        right = super().login(request)
+        if not right:
+            self._refused.add(request.session.connection)
+        return right
+
+    def _is_obeyed(self, session: Session, command: Command) -> bool:
+        refused = session.connection in self._refused
+        return refused and super()._is_obeyed(session, command)
 
 
 @fault("2/11")

@@ -11,6 +11,7 @@ from scaraspec.controller.session import Request
 from scaraspec.protocol.commands import Command, Point
 from scaraspec.protocol.fields import Notes, Number
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Acceptance
 
 _SET: Final = "set_gripper_center"
 _NUDGE_MM: Final = 3.0
@@ -152,6 +153,18 @@ class GripperOfTheConnection(Brain):
         """Remember who it was."""
         self._set_by = request.session.connection
         return super().set_gripper_center(request)
+
+
+@fault("4.20/3", subtle=True)
+class ResetClearsTheCentre(Brain):
+    """A reset sets the gripper centre to zeros."""
+
+    def reset(self, request: Request) -> Acceptance:
+        """Clear it."""
+        answer: Acceptance = super().reset(request)
+        if answer.accepted:
+            self.save(gripper_center=(0.0, 0.0, 0.0))
+        return answer
 
 
 @fault("4.20/4")

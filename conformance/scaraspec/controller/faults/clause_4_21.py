@@ -10,6 +10,7 @@ from scaraspec.controller.session import Request
 from scaraspec.protocol.commands import Command, Pose
 from scaraspec.protocol.fields import Notes, Number
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Acceptance
 
 _SET: Final = "set_initial_tool_position"
 _FIELDS: Final = 6
@@ -220,3 +221,19 @@ class RefusedPositionIsSetInPart(Brain):
             if len(numbers) == _FIELDS - 1 and None not in numbers:
                 self.save(initial_tool_position=(*numbers, 0.0))
         return value
+
+
+@fault("4.21/3", subtle=True)
+class SecondResetTurnsHome(Brain):
+    """The second reset, and each further one, turns the initial position by half a degree."""
+
+    _count = 0
+
+    def reset(self, request: Request) -> Acceptance:
+        """Turn it."""
+        answer: Acceptance = super().reset(request)
+        self._count += answer.accepted
+        if answer.accepted and self._count > 1:
+            x, y, z, theta_x, *rest = self.store.settings.initial_tool_position
+            self.save(initial_tool_position=(x, y, z, theta_x + 0.5, *rest))
+        return answer

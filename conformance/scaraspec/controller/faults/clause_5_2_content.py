@@ -42,6 +42,28 @@ class ServesWhatItReadFirst(Brain):
         return accepted
 
 
+@fault("5.2/16", subtle=True)
+class Spoils127Bytes(AltersContent):
+    """One bit of a file of 127 bytes, the most that seven bits count, is another one."""
+
+    def kept(self, content: bytes) -> bytes:
+        """Spoil it."""
+        return bytes((content[0] ^ 1,)) + content[1:] if len(content) == 0x7F else content
+
+
+@fault("5.2/14", subtle=True)
+class TakesAnEndForTheEnd(AltersContent):
+    """The bytes AA CC at the end of a chunk behind the first are taken for those of its frame."""
+
+    def kept(self, content: bytes) -> bytes:
+        """Blank them out."""
+        chunks = [content[at : at + BUFFER_BYTES] for at in range(0, len(content), BUFFER_BYTES)]
+        later = (
+            chunk[:-2] + bytes(2) if chunk.endswith(b"\xaa\xcc") else chunk for chunk in chunks[1:]
+        )
+        return b"".join((*chunks[:1], *later))
+
+
 @fault("5.2/12", subtle=True)
 class KeepsTheTailOfTheOldFile(Brain):
     """A shorter file under a name that was deleted keeps the end of the old one."""

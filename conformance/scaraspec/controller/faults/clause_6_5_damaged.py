@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.faults import fault
@@ -16,6 +16,8 @@ from scaraspec.protocol.programs import (
     parse,
 )
 from scaraspec.protocol.programs.layout import DEFAULT_LAYOUT, FOOTER, MAGIC
+
+_BUFFER_BYTES: Final = 512
 
 
 class _Mends(Brain):
@@ -46,6 +48,15 @@ class ReadsNoAracs(_Mends):
     def mended(self, data: bytes) -> bytes:
         """Write it."""
         return data[: -len(FOOTER)] + FOOTER
+
+
+@fault("6.5/28", subtle=True)
+class ReadsNoAracsOfLongFiles(ReadsNoAracs):
+    """Nobody looks whether a file of more than 512 bytes ends with ARACS."""
+
+    def mended(self, data: bytes) -> bytes:
+        """Write it."""
+        return super().mended(data) if len(data) > _BUFFER_BYTES else data
 
 
 @fault("6.5/28")

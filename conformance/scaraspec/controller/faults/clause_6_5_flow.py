@@ -54,6 +54,26 @@ class HoldsThreeHundredNodes(CountsNodesInOneByte):
     most = 300
 
 
+@misrun("6.5/26", subtle=True)
+class LosesTheLastNodeOfEachPage(Run):
+    """Every 256th node is not executed."""
+
+    def _step(self, now_s: float) -> None:
+        self._index += self._index % 256 == 255
+        super()._step(now_s)
+
+
+@misrun("6.5/26", subtle=True)
+class CalculatesNothingBehindWaits(Run):
+    """A calculation directly behind a wait is not executed."""
+
+    def _step(self, now_s: float) -> None:
+        types = [node.type for node in self._program.nodes[: self._index + 1]]
+        if types[-2:] == [NodeType.WAIT_SECONDS, NodeType.COMPUTE]:
+            self._index += 1
+        super()._step(now_s)
+
+
 @misrun("6.5/26", "6.5/24")
 class EndsAtAnEndif(Run):
     """A program is over at its first ENDIF."""

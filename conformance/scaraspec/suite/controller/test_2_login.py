@@ -134,23 +134,30 @@ _GRIPPER: Final = ("get_gripper_center", "set_gripper_center")
 _HOME: Final = ("get_initial_tool_position", "set_initial_tool_position")
 
 
-@case("2/11", hazards=(Hazard.STATE,))
-def test_settings(subject: Subject) -> None:
-    """Positions, the clock and files are set without a login; none of it happens."""
+@contextmanager
+def _settings_tried(subject: Subject) -> Iterator[Requests]:
+    """Give what sets positions, the clock and a file; see that none of it happens."""
     name = subject.new_name()
-    stranger = _Stranger(subject)
     with _unchanged(subject, _GRIPPER, _HOME) as before, _clock_kept(subject) as time:
         pose = before["get_initial_tool_position"]
-        stranger.ask(
+        yield [
             ("set_gripper_center", _CENTRE),
             ("set_initial_tool_position", pose._replace(z=pose.z + 1)),
             ("set_time", shifted(time, _AHEAD)),
             ("upload_name", name),
             ("upload_chunk", Chunk(4, 0, 4, b"none")),
-        )
-    stranger.expect_nothing()
+        ]
     is_there = subject.open().ask("download_name", name).accepted
     expect(not is_there, "a file was stored without a login", observed="1 to 0x54")
+
+
+@case("2/11", hazards=(Hazard.STATE,))
+def test_settings(subject: Subject) -> None:
+    """Positions, the clock and files are set without a login; none of it happens."""
+    stranger = _Stranger(subject)
+    with _settings_tried(subject) as settings:
+        stranger.ask(*settings)
+    stranger.expect_nothing()
 
 
 @contextmanager
@@ -173,25 +180,25 @@ def _clock_kept(subject: Subject) -> Iterator[datetime]:
 
 @case("2/11", "4.1/3", name="wrong-login", hazards=(Hazard.STATE,))
 def test_wrong_login(subject: Subject) -> None:
-    """After a wrong password a setting is tried; it does not take effect.
+    """After a wrong password settings are tried; they do not take effect.
 
-    Nor does it after a second one, where things may be lost (A-4.1-2).
+    Nor do they after a second one, where things may be lost (A-4.1-2).
     """
-    with _unchanged(subject, _GRIPPER):
-        destructive = Hazard.DESTRUCTIVE in subject.allowed
-        stranger = _Stranger(subject, wrong_logins=2 if destructive else 1)
-        stranger.ask(("set_gripper_center", _CENTRE))
+    destructive = Hazard.DESTRUCTIVE in subject.allowed
+    stranger = _Stranger(subject, wrong_logins=2 if destructive else 1)
+    with _settings_tried(subject) as settings:
+        stranger.ask(*settings)
     stranger.expect_nothing()
 
 
 @case("2/11", name="beside", hazards=(Hazard.STATE,))
 def test_beside_another(subject: Subject) -> None:
-    """While one client is logged in, another one that is not tries a setting."""
+    """While one client is logged in, another one that is not tries settings."""
     subject.several()
     subject.open()
-    with _unchanged(subject, _GRIPPER):
-        stranger = _Stranger(subject)
-        stranger.ask(("set_gripper_center", _CENTRE))
+    stranger = _Stranger(subject)
+    with _settings_tried(subject) as settings:
+        stranger.ask(*settings)
     stranger.expect_nothing()
 
 
@@ -251,7 +258,10 @@ def test_motion(subject: Subject) -> None:
 
 @case("2/11", name="loss", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE))
 def test_loss(subject: Subject) -> None:
-    """A file is deleted, password, network and default are set without a login; all stays."""
+    """A file is deleted, password, network and default are set without a login; all stays.
+
+    So does the file behind a wrong login.
+    """
     line = subject.open()
     name = subject.new_name()
     upload(line, name, short_program(subject))
@@ -263,6 +273,9 @@ def test_loss(subject: Subject) -> None:
     if network is not None:  # what it answers 4.3 judges
         stranger.ask(("set_network", network))
     stranger.ask(("set_password", other))
+    mistaken = _Stranger(subject, wrong_logins=1)
+    mistaken.ask(("delete_program", name))
+    stranger.granted += mistaken.granted
     line = subject.open(login=False)
     opens = line.ask("login", subject.password).accepted
     if not opens:

@@ -9,12 +9,13 @@ from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.asking.motion import joints_of
-from scaraspec.suite.as_client.asking.poses import expect_numbers, gripper_of
+from scaraspec.suite.as_client.asking.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
 from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.executing import unless_others_run
+from scaraspec.suite.as_client.two_stage.tasks import RESET, begin, done, has, home_at
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.bench import PROGRAMS, running
@@ -23,6 +24,8 @@ _EXAMPLE: Final = Point(200, 300, 456)  # L438
 _PLAIN: Final = Point(1.5, -2, 30.5)
 _OTHER: Final = Point(7.5, -8, 9)
 _LARGE: Final = Point(123.4, -1234.5, 3276.8)  # the last in tenths is more than 15 bits hold
+_SLIGHT: Final = Point(0.5, -0.5, 0.5)
+_MEANT: Final = 4  # of a position: x, y, z and thetaX (L1006)
 _SOON_S: Final = 0.1
 
 _tenths = st.integers(-1000, 1000).map(lambda tenths: tenths / 10)
@@ -99,6 +102,22 @@ def test_set_while_running(subject: Subject, line: Line) -> None:
             expect_numbers(
                 gripper_of(line), wanted if answer.accepted else before, message, "4.20/3"
             )
+
+
+@case("4.20/3", "4.21/3", name="behind-resets", hazards=PROGRAMS)
+def test_behind_resets(subject: Subject, line: Line) -> None:
+    """A reset leaves the gripper centre and the initial position as they are, and another one."""
+    has(subject, RESET)
+    with kept(subject, line, "gripper centre"):
+        _set(subject, line, _SLIGHT)
+        with home_at(subject, line):
+            home = initial_of(line)
+            for _ in range(2):
+                begin(subject, line, RESET)
+                done(subject, line, RESET)
+                _expect_shown(line, _SLIGHT)
+                message = "a reset has changed the initial tool position"
+                expect_numbers(initial_of(line)[:_MEANT], home[:_MEANT], message, "4.21/3")
 
 
 @case("4.20/4", "4.20/3")

@@ -39,6 +39,10 @@ _MOST = 2**32 - 1
 _LARGEST = 70_000
 _NEIGHBOUR = content_of(250)
 _DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
+_EDGES: Final = (
+    *(1, 2, 127, 128, 199, 200, 201, 211, 212, 213, 243, 255, 256, 257),
+    *(399, 400, 401, 512, 600, 1000),
+)
 _BEGINNING_OTHERWISE: Final = ((3, 12, 100), (16, 99), (215,))
 """Sizes of segments that cut a chunk of AA CC AA CC ... so that later ones begin with AA, with CC,
 and with the end byte alone."""
@@ -471,6 +475,8 @@ def test_delimiters_in_the_content(subject: Subject, line: Line) -> None:
         *(bytes([value]) * size for value in b"\xaa\xcc\x00\x7c\x90\xff" for size in (199, 401)),
         bytes(range(256)) * 2,
         frame * 100,
+        (bytes(198) + b"\xaa\xcc") * 2,
+        (bytes(198) + b"\xcc\xaa") * 2,
         b"\xcc\x52\x01\x31\xaa" * 60,
         b"abc" + bytes(300),
         bytes(300) + b"abc",
@@ -513,8 +519,7 @@ def test_any_content(subject: Subject, line: Line, content: bytes) -> None:
 @case("5.2/16", name="edges")
 def test_sizes_at_the_edges(subject: Subject, line: Line) -> None:
     """Files around multiples of 200 and of powers of two arrive intact."""
-    edges = (1, 2, 199, 200, 201, 211, 212, 213, 243, 255, 256, 257, 399, 400, 401, 512, 600, 1000)
-    for size in edges:
+    for size in _EDGES:
         expect_round_trip(subject, line, content_of(size), "5.2/16")
 
 

@@ -24,6 +24,9 @@ from scaraspec.suite.programs.writing import OUTPUTS, compare, curve, number, se
 _WATCHED_S: Final = 1.0
 """For how long a damaged file that was accepted may go on without any result."""
 
+_MANY: Final = 60
+"""Nodes: more than a buffer of 512 bytes holds."""
+
 _LOOP, _END_LOOP = Node(b"", NodeType.LOOP, counts=1), Node(b"", NodeType.END_LOOP)
 _IF = Node(b"", NodeType.IF, data=compare(number(1), Opt.EQUAL, number(1)))
 _ELSE, _ENDIF = Node(b"", NodeType.ELSE), Node(b"", NodeType.ENDIF)
@@ -67,6 +70,9 @@ def test_wrong_marks(subject: Subject, line: Line) -> None:
         for mark in (b"aracs", MAGIC, b"ACARS", b"ARAC\0", b"\0RACS"):
             content = good[: -len(FOOTER)] + mark
             _never_run(subject, robot, content, f"a file that ends with {mark.decode()!r}")
+        long = _good(robot, [_harmless(robot)] * _MANY)
+        content = long[: -len(FOOTER)] + FOOTER.lower()
+        _never_run(subject, robot, content, "a long file that ends with another mark")
 
 
 @case("6.5/28", name="letters", hazards=PROGRAMS)

@@ -35,6 +35,7 @@ from scaraspec.suite.programs.writing import OUTPUTS, branch, compare, loop, num
 from scaraspec.suite.programs.writing import set_output as output_node
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_X: Final = 3
 _MANY: Final = 500
 """Nodes: more than a byte counts."""
 _LATE_S: Final = 5.0
@@ -225,10 +226,11 @@ def test_every_node(subject: Subject, line: Line) -> None:
 
 @case("6.5/26", name="many", hazards=PROGRAMS)
 def test_many_nodes(subject: Subject, line: Line) -> None:
-    """So it is in a program of many more nodes than a byte counts."""
+    """So it is with each node of a program that has many more than a byte counts."""
     with bench(subject, line) as robot:
-        filling = [Put(_BAD, number(0)), Put(_BAD, number(1))] * (_MANY // 2)
-        robot.performs([*filling, Flip(_BAD), Flip(_GOOD)])
+        filling = [Calculate(_X, variable(_X), Opt.ADD, number(1))] * _MANY
+        all_were = If(variable(_X), Opt.EQUAL, number(_MANY), [Flip(_GOOD)], [Flip(_BAD)])
+        robot.performs([Wait(0), *filling, all_were], {_X: 0})
 
 
 @case(
