@@ -29,6 +29,8 @@ from scaraspec.suite.as_client.asking.motion import (
 )
 from scaraspec.suite.as_client.asking.passwords import change, expect_changed
 from scaraspec.suite.as_client.asking.ports import (
+    ALL_OUTPUTS,
+    Bits,
     digits,
     outputs,
     set_output,
@@ -71,6 +73,7 @@ _CENTRES: Final = (Point(0, 0, 0), Point(12.5, -3, 40), Point(-7, 0.5, 0), Point
 _DAYS: Final = (3, -5, 40, -30)  # by which the clock is set aside
 _YEARS: Final = range(2001, 2099)
 _SUMMER: Final = datetime(2024, 6, 15, 12)  # noqa: DTZ001 - the document names no zone
+_ALL_OFF: Final = (False,) * len(ALL_OUTPUTS)
 _TOLD: Final = 8
 """How many of the steps behind which a long sequence fails are told."""
 _MEANWHILE: Final = frozenset(
@@ -127,7 +130,7 @@ class Model:
         self._running: tuple[str, bytes, Line] | None = None
         if {"set_initial", "move"} & set(acts):
             self._here = pose_of(self._lines[0])
-        self._may_be_off = False  # the outputs, since they were last asked for
+        self._if_off: Bits | None = None  # the outputs, where something has switched all off
         if "set_output" in acts:
             self._ports = settable(self._lines[0])
             self._before = self._outputs = outputs(self._lines[0])
@@ -526,19 +529,20 @@ class Model:
             requirement="4.32/4",
         )
         self._outputs = with_port(self._outputs, port, on=on)
+        self._if_off = with_port(self._if_off, port, on=on) if self._if_off else None
         return f"set output {port} to {on:d}"
 
     def _get_outputs(self, _: Step, line: Line) -> str | None:
         if self._deaf:
             return None
         shown = outputs(line)
-        if self._may_be_off and shown != self._outputs and not any(shown):
+        if shown != self._outputs and shown == self._if_off:
             told = "a program that begins, or is stopped, switches the outputs off"
             self._subject.tolerate("4.32/6", "A-4.32-3", "off", told)
             self._outputs = shown
         message = "the outputs are others than were set"
         expect_equal(digits(shown), digits(self._outputs), message, requirement="4.32/6")
-        self._may_be_off = False
+        self._if_off = None
         return "ask for the outputs"
 
     def _run(self, step: Step, line: Line) -> str | None:
@@ -573,7 +577,7 @@ class Model:
             return f"{command} {show(name)}, which is not there"
         accepted(command, answer)
         self._centre = self._initial = None  # a program brings its own, perhaps (A-6.3-3)
-        self._may_be_off = True  # it configures the ports, perhaps (A-4.32-3)
+        self._if_off = _ALL_OFF  # it configures the ports, perhaps (A-4.32-3)
         if name in self._endless:
             self._running = command, name, line
             return f"{command} {show(name)}, which does not end"
@@ -628,7 +632,7 @@ class Model:
 
     def _stop(self, _step: Step, line: Line) -> str | None:
         """On the connection that began it: the others are told of no result."""
-        self._may_be_off = True
+        self._if_off = _ALL_OFF
         if not self._running:
             stop_nothing(self._subject, line)
             return "stop nothing"
