@@ -51,7 +51,7 @@ def test_many_variables(subject: Subject, line: Line) -> None:
     values = {key: 3 * key - 7 for key in range(40)}
     few = {key: values[key] for key in (0, 19, 39)}
     with bench(subject, line) as robot:
-        robot.performs([*_are(few), Flip(_GOOD)], values)
+        robot.performs([*_are(few), Flip(_GOOD)], values, large=True)
 
 
 @case("6.4/5", "6.5/26", name="again", hazards=PROGRAMS)

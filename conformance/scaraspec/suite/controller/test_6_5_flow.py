@@ -230,7 +230,7 @@ def test_many_nodes(subject: Subject, line: Line) -> None:
     with bench(subject, line) as robot:
         filling = [Calculate(_X, variable(_X), Opt.ADD, number(1))] * _MANY
         all_were = If(variable(_X), Opt.EQUAL, number(_MANY), [Flip(_GOOD)], [Flip(_BAD)])
-        robot.performs([Wait(0), *filling, all_were], {_X: 0})
+        robot.performs([Wait(0), *filling, all_were], {_X: 0}, large=True)
 
 
 @case(

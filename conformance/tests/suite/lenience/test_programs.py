@@ -134,6 +134,23 @@ def test_a_run_may_set_what_its_file_configures(tried: Try) -> None:
     assert not tried(SetsItsConfiguration, "4.15/5", "4.18/3", "4.8/4").alarms
 
 
+class RunsShortPrograms(Brain):
+    """Runs programs of no more than 200 nodes and 16 variables (A-5-21)."""
+
+    def run_program(self, request: Request) -> Acceptance:
+        """Count them."""
+        program = self._program(request.value)
+        if program and (len(program.nodes) > 200 or len(program.variables) > 16):
+            return refused(BAD_ARGUMENT)
+        answer: Acceptance = super().run_program(request)
+        return answer
+
+
+def test_large_programs_may_be_refused(tried: Try) -> None:
+    """How large a program may be is open; what is run of one is right."""
+    assert not tried(RunsShortPrograms, "6.4/5", "6.5/26").alarms
+
+
 class HasRoomForFew(Brain):
     """It has room for eight programs."""
 
