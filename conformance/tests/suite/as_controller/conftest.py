@@ -7,24 +7,57 @@ import pytest
 
 from scaraspec.cli.prove.client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore
+from scaraspec.client.driver import Driver
 from scaraspec.judgement.verdicts import Verdict
-from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.report.model import Case
 from scaraspec.suite.as_controller.setting import ClientSetting
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
 
+Client = type[AsyncClient] | type[ClientCore]
+GOOD = (Verdict.PASS, Verdict.TOLERATED)
+
+
+@pytest.fixture
+def certified() -> Callable[..., tuple[Case, ...]]:
+    """Let the suite try some cases on a client."""
+    return _certified
+
 
 @pytest.fixture
 def tried() -> Callable[..., Mapping[str, Verdict]]:
-    """Let the suite try some cases on a client."""
-    return _tried
+    """The same, and what comes of each."""
+    return lambda make, *only: {case.id: case.verdict for case in _certified(make, frozenset(only))}
 
 
-def _tried(make: type[ClientCore] | type[AsyncClient], *only: str) -> Mapping[str, Verdict]:
-    """What comes of the cases of these requirements."""
+@pytest.fixture
+def wrong() -> Callable[..., dict[str, str]]:
+    """The same, and which neither pass nor are tolerated."""
+    return lambda *given, **named: {
+        case.id: case.message for case in _certified(*given, **named) if case.verdict not in GOOD
+    }
+
+
+def _certified(
+    make: Client,
+    only: frozenset[str],
+    dialect: Dialect = DEFAULT,
+    driver: type[Driver] = Driver,
+) -> tuple[Case, ...]:
+    """What came of the cases of these requirements."""
     shell = make if issubclass(make, AsyncClient) else type("Made", (AsyncClient,), {"core": make})
-    with closing(MemoryClient(shell, DEFAULT)) as access:
-        options = Options(only=frozenset(only), allowed=ALL, examples=3, exhaustive=True)
+
+    class Access(MemoryClient):
+        def _new(self) -> Driver:
+            return driver(
+                self._take,
+                lambda url, password: shell(url, password=password, dialect=dialect),
+            )
+
+    with closing(Access(shell, dialect)) as access:
+        options = Options(only=only, allowed=ALL, examples=3, exhaustive=True)
         results = Run(ClientSetting(access, Statement(), options)).results()
-    return {case.id: case.verdict for case in results.cases}
+    assert results.cases
+    return results.cases

@@ -4,8 +4,8 @@ import asyncio
 import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
-from contextlib import closing, suppress
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from datetime import datetime
 from ipaddress import IPv4Address, IPv4Network
 from pathlib import Path
@@ -13,10 +13,8 @@ from typing import Any, TypeVar
 
 import pytest
 
-from scaraspec.cli.prove.client import MemoryClient
 from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError, Refused
 from scaraspec.client.core import Event, Unexpected
-from scaraspec.client.driver import Driver
 from scaraspec.client.exchange import Exchange
 from scaraspec.client.results import RunningProgram, Status
 from scaraspec.client.transfer import Upload
@@ -34,15 +32,13 @@ from scaraspec.protocol.commands import (
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.errors import RESERVED, lookup
 from scaraspec.protocol.frames import Found, Frame, Skipped
-from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
 from scaraspec.report.model import Case
-from scaraspec.suite.as_controller.setting import ClientSetting
-from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run
-from scaraspec.suite.statement import Statement
 
 T = TypeVar("T")
+Certified = Callable[..., tuple[Case, ...]]
+Wrong = Callable[..., dict[str, str]]
 ONLY = frozenset(
     r.id for r in select("2,3,T,4.1,4.2,4.3,4.4,4.5,4.6,4.7,4.8,4.9,4.10,4.11,4.12,4.13,4.14")
 )
@@ -128,51 +124,17 @@ class TakesNamesFromLists(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-def certify(
-    make: type[AsyncClient] | type[ClientCore],
-    only: frozenset[str],
-    dialect: Dialect = DEFAULT,
-    driver: type[Driver] = Driver,
-) -> tuple[Case, ...]:
-    """What came of the cases of these requirements."""
-    shell = make if issubclass(make, AsyncClient) else type("Made", (AsyncClient,), {"core": make})
-
-    class Access(MemoryClient):
-        def _new(self) -> Driver:
-            return driver(
-                self._take,
-                lambda url, password: shell(url, password=password, dialect=dialect),
-            )
-
-    with closing(Access(shell, dialect)) as access:
-        options = Options(only=only, allowed=ALL, examples=3, exhaustive=True)
-        results = Run(ClientSetting(access, Statement(), options)).results()
-    assert results.cases
-    return results.cases
-
-
-def wrong(
-    make: type[AsyncClient] | type[ClientCore],
-    only: frozenset[str],
-    dialect: Dialect = DEFAULT,
-    driver: type[Driver] = Driver,
-) -> dict[str, str]:
-    """The cases that neither pass nor are tolerated."""
-    cases = certify(make, only, dialect, driver)
-    return {case.id: case.message for case in cases if case.verdict not in GOOD}
-
-
 class HasHabits(Flushes, RefusesLongNames, TakesNamesFromLists):
     """Has three that do not meddle with each other."""
 
 
 @pytest.mark.parametrize("make", [HasHabits, GivesUp])
-def test_no_false_alarm(make: type[ClientCore]) -> None:
+def test_no_false_alarm(wrong: Wrong, make: type[ClientCore]) -> None:
     """Nothing fails."""
     assert not wrong(make, ONLY)
 
 
-def test_fetched_parts() -> None:
+def test_fetched_parts(wrong: Wrong) -> None:
     """A client that asks for each further part of a list is given it then (A-4.10-3 b)."""
     dialect = DEFAULT.replace(list_cont="request")
     assert not wrong(AsyncClient, frozenset({"4.10/10", "4.10/12"}), dialect)
@@ -187,15 +149,15 @@ class FetchesPartByPart(ClientCore):
         return super()._digest([each for each in items if each not in parts[1:]], now_s)
 
 
-def test_parts_that_were_not_asked_for() -> None:
+def test_parts_that_were_not_asked_for(certified: Certified) -> None:
     """Who fetches each part is told so, and failed by nothing (A-4.10-3 b)."""
     dialect = DEFAULT.replace(list_cont="request")
-    cases = certify(FetchesPartByPart, frozenset({"2/6"}), dialect)
+    cases = certified(FetchesPartByPart, frozenset({"2/6"}), dialect)
     rest = {case.id: case.verdict for case in cases if case.verdict not in GOOD}
     assert rest == {"2/6.list": Verdict.NONE}
 
 
-def test_polls() -> None:
+def test_polls(wrong: Wrong) -> None:
     """What a client asks by itself is served, and taken for nothing else."""
     assert not wrong(Polls, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
 
@@ -224,7 +186,7 @@ class DeclinesTransfers(HoldsBackTransfers):
 
 
 @pytest.mark.parametrize("make", [HoldsBackTransfers, DeclinesTransfers])
-def test_transfers_may_wait_for_what_executes(make: type[AsyncClient]) -> None:
+def test_transfers_may_wait_for_what_executes(wrong: Wrong, make: type[AsyncClient]) -> None:
     """Whether a client transfers while a program runs is its own affair."""
     assert not wrong(make, frozenset({"2/6", "3/27", "5.2/19", "5.3/11"}))
 
@@ -241,56 +203,9 @@ class AsksFirst(AsyncClient):
         return await super().get_time()
 
 
-def test_asking_first() -> None:
+def test_asking_first(wrong: Wrong) -> None:
     """No case withholds the reply to a poll and waits for what the client does behind it."""
     assert not wrong(AsksFirst, frozenset({"2/5", "2/6", "3/27", "3/33"}))
-
-
-class StopsElsewhere(AsyncClient):
-    """Has a second connection for its emergency stops (A-2-2)."""
-
-    _at_once = False
-
-    async def connect(self) -> None:
-        self._elsewhere = AsyncClient(f"tcp://{':'.join(map(str, self._address))}")
-        if self._at_once:
-            await self._elsewhere.connect()
-            await self._elsewhere.login("password")
-        await super().connect()
-
-    async def emergency_stop(self) -> None:
-        async with self._elsewhere:
-            await self._elsewhere.login("password")
-            await self._elsewhere.emergency_stop()
-
-
-class ConnectsTwice(StopsElsewhere):
-    """Has it from the beginning."""
-
-    _at_once = True
-
-
-@pytest.mark.parametrize("make", [StopsElsewhere, ConnectsTwice])
-def test_further_connections(make: type[AsyncClient]) -> None:
-    """Nothing is decided of what a client sends where it is not served."""
-    cases = certify(make, frozenset({"4.17/1", "4.17/2"}))
-    assert {case.verdict for case in cases} == {Verdict.INCONCLUSIVE}
-    assert all("(A-2-2)" in case.message for case in cases)
-
-
-class LooksForAListener(AsyncClient):
-    """Connects, and hangs up again, before it connects."""
-
-    async def connect(self) -> None:
-        loop = asyncio.get_running_loop()
-        transport, _ = await loop.create_connection(asyncio.Protocol, *self._address)
-        transport.close()
-        await super().connect()
-
-
-def test_looking_for_a_listener() -> None:
-    """A connection on which nothing comes is not that of the order to connect."""
-    assert not wrong(LooksForAListener, frozenset({"4.7/1", "4.8/11"}))
 
 
 class HangsUpAtStrays(AsyncClient):
@@ -303,7 +218,7 @@ class HangsUpAtStrays(AsyncClient):
             self._transport.close()
 
 
-def test_hanging_up_at_strays() -> None:
+def test_hanging_up_at_strays(wrong: Wrong) -> None:
     """A client that ends the connection for what it was sent has given up what it did."""
     assert not wrong(HangsUpAtStrays, frozenset({"3/22", "3/33", "5.2/19"}))
 
@@ -318,7 +233,7 @@ class LooksWhereItStopped(AsyncClient):
             await self.get_tool_coordinates()
 
 
-def test_looking_where_the_arm_has_stopped() -> None:
+def test_looking_where_the_arm_has_stopped(wrong: Wrong) -> None:
     """No case withholds the reply to a query until it is told what came of a stop."""
     assert not wrong(LooksWhereItStopped, frozenset({"4.17/8", "4.17/10"}))
 
@@ -333,7 +248,7 @@ class Lists(Ceaseless):
 
 
 @pytest.mark.parametrize("how", ["push", "request"])
-def test_lists_that_are_polled(how: str) -> None:
+def test_lists_that_are_polled(wrong: Wrong, how: str) -> None:
     """A list of several parts is told whole to whoever asks for it by itself (A-4.10-3)."""
     dialect = DEFAULT.replace(list_cont=how)
     assert not wrong(Lists, frozenset({"4.10/10"}), dialect)
@@ -365,7 +280,7 @@ class Looks(AsyncClient):
         return await super().download(remote, *where)
 
 
-def test_looking_at_the_list() -> None:
+def test_looking_at_the_list(wrong: Wrong) -> None:
     """A client may hold what it is ordered to do against the list of programs."""
     assert not wrong(Looks, frozenset({"4.11/1", "4.15/1", "5.2/1", "5.3/5"}))
 
@@ -381,119 +296,9 @@ class EndsWhenIdle(ClientCore):
         return events
 
 
-def test_giving_up_what_executes() -> None:
+def test_giving_up_what_executes(wrong: Wrong) -> None:
     """A client may wait less than 5 s for a reply, and for a result while the robot runs."""
     assert not wrong(EndsWhenIdle, frozenset({"4/16"}), DEFAULT.replace(reply_timeout="1"))
-
-
-class LogsInAgain(AsyncClient):
-    """Logs in twice, and once more after whatever failed (A-4.1-2)."""
-
-    _again = False
-
-    async def connect(self) -> None:
-        await super().connect()
-        await self.login("password")
-
-    async def perform(self, call: Any) -> Any:
-        try:
-            return await super().perform(call)
-        except ClientError:
-            if self._core.logged_in and not self._again:
-                self._again = True
-                await super().login("password")
-                self._again = False
-            raise
-
-
-def test_further_logins() -> None:
-    """A client may log in again whenever it likes."""
-    assert not wrong(LogsInAgain, frozenset({"2/10", "3/33", "4.35/1"}))
-
-
-class ConnectsOnce(Driver):
-    """Refuses to connect before it was told to disconnect."""
-
-    async def _connect(self, *where: Any, **more: Any) -> None:
-        if self._client:
-            raise ClientError("it is connected already")
-        await super()._connect(*where, **more)
-
-
-class Tardy(Driver):
-    """Tells everything a second late."""
-
-    def __init__(self, write: Any, make: Any) -> None:
-        def late(answer: Any) -> None:
-            asyncio.get_running_loop().call_later(1.0, write, answer)
-
-        super().__init__(late, make)
-
-
-class Threaded(Driver):
-    """Begins the later of two orders first, as two threads may."""
-
-    async def _do(self, number: Any, name: str, values: dict[str, Any]) -> None:
-        await asyncio.sleep(1 / number)
-        await super()._do(number, name, values)
-
-
-@pytest.mark.parametrize("driver", [ConnectsOnce, Tardy, Threaded])
-def test_drivers(driver: type[Driver]) -> None:
-    """A driver may be slow, keep a connection that has ended, and begin orders as it likes."""
-    only = frozenset({"2/1", "3/19", "3/20", "3/25", "3/29", "4.35/6"})
-    assert not wrong(AsyncClient, only, driver=driver)
-
-
-class Returns(AsyncClient):
-    """Connects anew by itself, once, when the controller has ended the connection."""
-
-    returning: asyncio.Task[None] | None = None
-    _left = False
-
-    async def close(self) -> None:
-        self._left = True
-        await super().close()
-
-    def _lose(self, reason: str) -> None:
-        super()._lose(reason)
-        if not self._left and self.returning is None:
-            self.returning = asyncio.get_running_loop().create_task(self._return())
-
-    async def _return(self) -> None:
-        self._core = self.core(self.dialect)
-        with suppress(ClientError):
-            await self.connect()
-
-
-class WaitsForReturns(Driver):
-    """Takes no order while the client connects anew."""
-
-    async def _do(self, number: Any, name: str, values: dict[str, Any]) -> None:
-        if isinstance(self._client, Returns) and self._client.returning:
-            await self._client.returning
-        await super()._do(number, name, values)
-
-
-def test_connecting_anew() -> None:
-    """Who is told to disconnect, and waits for the reply to a login of his own, gets none."""
-    patient = DEFAULT.replace(reply_timeout="20")
-    assert not wrong(Returns, frozenset({"2/1", "3/29", "4.8/11"}), patient, WaitsForReturns)
-
-
-class HalfCloses(AsyncClient):
-    """Has hung up when the controller has ended its half of the connection, too."""
-
-    async def close(self) -> None:
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.write_eof()
-            await self.wait_for(self._transport.is_closing)
-        await super().close()
-
-
-def test_half_closing() -> None:
-    """Who waits for the end of a connection that he has ended gets it."""
-    assert not wrong(HalfCloses, frozenset({"4.7/1", "4.8/11"}))
 
 
 class OneByOne(AsyncClient):
@@ -511,7 +316,7 @@ class OneByOne(AsyncClient):
                 raise ClientError("no answer") from None
 
 
-def test_one_by_one() -> None:
+def test_one_by_one(wrong: Wrong) -> None:
     """A request that comes when the one before has been given up comes beside nothing."""
     only = frozenset({"2/6", "4.14/4"})
     told = wrong(OneByOne, only)
@@ -534,7 +339,7 @@ class WritesInPieces(AsyncClient):
         super()._stir()
 
 
-def test_requests_in_pieces() -> None:
+def test_requests_in_pieces(wrong: Wrong) -> None:
     """What has come in part is waited for, though the operation is said to be over."""
     assert not wrong(WritesInPieces, frozenset({"5.1/2", "5.3/5"}))
     fetching = DEFAULT.replace(list_cont="request")
@@ -573,10 +378,10 @@ class Careful(ClientCore):
             raise ClientError("a strange name (A-5-20)")
 
 
-def test_values_that_a_client_refuses() -> None:
+def test_values_that_a_client_refuses(certified: Certified) -> None:
     """A client may refuse by itself what the document does not ask it to send, and is told of."""
     only = frozenset({"4.2/1", "4.4/1", "4.11/1", "4.24/1", "5.2/1", "7/2"})
-    cases = {case.id: case for case in certify(Careful, only)}
+    cases = {case.id: case for case in certified(Careful, only)}
     assert not [case.id for case in cases.values() if case.verdict not in GOOD]
     refused = cases["4.11/1.names"]
     assert refused.verdict is Verdict.TOLERATED
@@ -597,7 +402,7 @@ class SignalsLater(ClientCore):
         return self._latest
 
 
-def test_an_error_may_be_signalled_late() -> None:
+def test_an_error_may_be_signalled_late(wrong: Wrong) -> None:
     """It belongs to the upload before."""
     assert not wrong(SignalsLater, frozenset({"5.2/8", "5.2/19"}))
 
@@ -645,7 +450,7 @@ def _checked(value: T, right: object) -> T:
     return value
 
 
-def test_first_readings() -> None:
+def test_first_readings(wrong: Wrong) -> None:
     """A client may follow any one of the readings that the register tolerates."""
     assert not wrong(Strict, frozenset({"3/1", "4.7/5", "4.8/11", "T/9"}))
 
@@ -677,7 +482,7 @@ class Distrusts(AsyncClient):
         _checked(None, (await self.get_digital_outputs())[-port] == f"{value}")
 
 
-def test_distrust() -> None:
+def test_distrust(wrong: Wrong) -> None:
     """The robot that the suite plays is of one piece: what was set is told."""
     assert not wrong(Distrusts, frozenset({"4.13/1", "4.20/1", "4.32/1", "8/6"}))
 
@@ -698,6 +503,6 @@ class WritesColumns(ClientCore):
         return frame._replace(data=data)
 
 
-def test_columns() -> None:
+def test_columns(wrong: Wrong) -> None:
     """Fixed decimals and a bar at the end are only told."""
     assert not wrong(WritesColumns, frozenset({"4.2/1", "4.24/1", "T/5", "T/6"}))
