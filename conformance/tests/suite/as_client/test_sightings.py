@@ -1,0 +1,59 @@
+"""What the judge sees while the suite asks, and a recording would show as well."""
+
+from typing import Any
+
+import pytest
+
+from scaraspec.cli.prove.controller import PASSWORD, Robot
+from scaraspec.controller.brain import Brain
+from scaraspec.controller.faults import faults
+from scaraspec.judgement.verdicts import Verdict
+from scaraspec.protocol.commands import Network, Point
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.asking.files import upload
+from scaraspec.suite.as_client.asking.poses import initial_of
+from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.observer import Observer
+from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.programs.layout import short_program
+from scaraspec.suite.statement import Statement
+
+NAME = b"zs-seen.rob"
+SETTINGS = [
+    (
+        "new-network-answered-with-zero",
+        "4.4/2",
+        "network",
+        Network("10.0.0.9", "255.0.0.0", "10.0.0.1"),
+    ),
+    ("new-default-answered-with-zero", "4.13/2", "default_program", NAME),
+    ("gripper-answered-with-zero", "4.20/2", "gripper_center", Point(1, 2, 3)),
+    ("position-answered-with-zero", "4.21/2", "initial_tool_position", None),
+]
+
+
+def _seen(make: type[Brain], name: str, value: Any) -> set[str]:
+    """What the judge holds against a robot that is asked before and behind a setting."""
+    statement = Statement(dialect=DEFAULT)
+    access = MemoryAccess(Robot(make, DEFAULT).network)
+    setting = ControllerSetting(access, statement, PASSWORD, Options(allowed=ALL))
+    observer = Observer(setting.role, statement)
+    subject = setting.subject(observer)
+    line = subject.open()
+    upload(line, NAME, short_program(subject))
+    value = value or initial_of(line)._replace(theta_x=1.0)
+    for request, asked in ((f"get_{name}", None), (f"set_{name}", value), (f"get_{name}", None)):
+        line.wait(0.01)
+        line.ask(request, asked)
+    subject.close_lines()
+    observer.close()
+    failed = (s.finding for s in observer.sightings if s.finding.verdict is Verdict.FAIL)
+    return {finding.requirement for finding in failed}
+
+
+@pytest.mark.parametrize(("fault", "requirement", "name", "value"), SETTINGS)
+def test_what_was_refused_and_is_told(fault: str, requirement: str, name: str, value: Any) -> None:
+    """A setting that is answered 0 and carried out is seen; one that is answered 1 is right."""
+    assert _seen(faults()[fault].wrong, name, value) == {requirement}
+    assert _seen(Brain, name, value) == set()
