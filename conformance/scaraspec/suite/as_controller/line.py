@@ -34,8 +34,8 @@ YES: Final = True
 
 _DONE: Final = "11"
 _MOMENT_S: Final = 0.005
-_AT_ONCE_S: Final = 1.0
-"""Who declines by himself has not waited for anybody."""
+_ALONE_S: Final = 1.0
+"""Who declines sooner has not waited for an answer on a connection of his own."""
 _NS: Final = 1e9
 _CUTS: Final = (1, 3)  # behind the start byte, and behind the length
 _OF_FILES: Final = frozenset({"upload_name", "upload_chunk", "download_name", "download_chunk"})
@@ -94,7 +94,7 @@ class Line(Wire):
             if self.heard or self.noise:  # it has sent something else
                 raise self.no_answer(f"{refusal}") from None
             refusal.after_s = self._subject.access.now_s - begun_s
-            if refusal.after_s > _AT_ONCE_S:
+            if refusal.after_s > _ALONE_S:
                 self._subject.alone()
             raise
         except NoAnswer:
