@@ -99,6 +99,11 @@ def renewed(subject: Subject, line: Line) -> Line:
     return subject.open()
 
 
+def still(subject: Subject, line: Line) -> Line:
+    """This connection, or another one where the client has ended it for what it was sent."""
+    return subject.open() if line.over else line
+
+
 def beside(subject: Subject, line: Line) -> None:
     """Go on only where it takes another order while one executes.
 

@@ -31,6 +31,7 @@ from scaraspec.suite.as_controller.executing import (
     refused,
     renewed,
     shows,
+    still,
 )
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.sending import request_unless_refused
@@ -331,12 +332,12 @@ def test_unknown_codes(subject: Subject, line: Line) -> None:
     @given(st.text("0123456789ABCDEFabcdef", min_size=2, max_size=2))
     def each(code: str) -> None:
         nonlocal line
-        line = _still(subject, line)
+        line = still(subject, line)
         call = ordered(subject, line, RUN)
         line.reply(RUN.name, data=b"0|" + code.encode())
         refused(subject, call, requirement="4/13")
         _tells_no_other(call, code)
-        line = _still(subject, line)
+        line = still(subject, line)
         call = executing(subject, line, JOG)
         line.result(JOG.name, data=b"00|" + code.encode())
         failed(subject, call, requirement="4/12")
@@ -345,11 +346,6 @@ def test_unknown_codes(subject: Subject, line: Line) -> None:
     for code in _UNKNOWN:
         each = example(code)(each)
     each()
-
-
-def _still(subject: Subject, line: Line) -> Line:
-    """This connection, or another one where the client has ended it for what it was sent."""
-    return subject.open() if line.over else line
 
 
 def _tells_no_other(call: Call, code: str) -> None:

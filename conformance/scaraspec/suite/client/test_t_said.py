@@ -7,7 +7,7 @@ from hypothesis import given
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS, JointValues
 from scaraspec.protocol.payloads import FLAG, NameListPart
-from scaraspec.suite.as_controller.executing import RUN, executing, finished, goes_beside
+from scaraspec.suite.as_controller.executing import RUN, executing, finished, goes_beside, still
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import (
     accomplished,
@@ -172,7 +172,7 @@ def test_queries_behind_nonsense(subject: Subject, line: Line) -> None:
         if not subject.speaks(call, _SOON_S) and not line.over:
             line.reply(name, data=REPLIES[name])  # the nonsense was none to it
         subject.settled(call)
-        line = subject.open() if line.over else line
+        line = still(subject, line)
         tells(subject, line, name)
 
     of_each(("get_time", "list_programs", "get_motor_temperatures", "get_joint_angles"), each)

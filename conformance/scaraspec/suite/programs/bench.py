@@ -174,7 +174,9 @@ class Bench:
         with self._told():
             self.has_left(state.outputs, state.written, message)
 
-    def has_left(self, due: Bits, written: Container[int], message: str) -> None:
+    def has_left(
+        self, due: Bits, written: Container[int], message: str, *, shown: Bits | None = None
+    ) -> None:
         """Fail the subject unless the outputs are those that a program makes of them.
 
         Where it configures the ports as it begins, what it does not set may be off (A-4.32-3).
@@ -183,11 +185,12 @@ class Bench:
             due: The outputs.
             written: Those that it has set.
             message: What is wrong with others.
+            shown: What they are; by default what they are now.
 
         Raises:
             Unmet: They are others.
         """
-        shown = outputs(self._line)
+        shown = outputs(self._line) if shown is None else shown
         if shown != due and shown == tuple(on and n in written for n, on in enumerate(due, 1)):
             told = "a program switches off the outputs that it does not set"
             self._subject.tolerate("4.32/6", "A-4.32-3", "off", told)
