@@ -68,7 +68,6 @@ def render(results: Results, language: Language = Language.ENGLISH) -> str:
             first=_first(cases),
             clauses=_clauses(results, cases),
             dialect=_keys(results),
-            judged=sum(r.verdict is not Verdict.NONE for r in results.requirements),
             verdicts=[v for v in TELLING if results.counts.get(v)],
             session=session,
             latency=LatencyPlot(_by_opcode(session)) if session else None,

@@ -153,6 +153,7 @@ class Case:
         expected: What the requirement leads to expect.
         observed: What was there instead.
         duration_s: How long it took, in seconds; 0 for what was found in a capture.
+        examples: For how many values it was tried, each judged by itself; 0 for one thing.
         replay: One command line that shows it again.
         wire: The evidence, in order of time within each occurrence.
         passing: Of a failure: the last exchange of the same command that was right.
@@ -167,6 +168,7 @@ class Case:
     expected: str = ""
     observed: str = ""
     duration_s: float = 0.0
+    examples: int = 0
     replay: str = ""
     wire: tuple[Evidence, ...] = ()
     passing: tuple[Evidence, ...] = ()
@@ -333,6 +335,17 @@ class Results:
     requirements: tuple[RequirementResult, ...]
     cases: tuple[Case, ...]
     session: Session | None = None
+
+    @property
+    def judged(self) -> int:
+        """How many requirements were decided: an inconclusive one was not."""
+        decided = (Verdict.PASS, Verdict.TOLERATED, Verdict.FAIL)
+        return sum(each.verdict in decided for each in self.requirements)
+
+    @property
+    def examples(self) -> int:
+        """How many values all cases were tried for."""
+        return sum(case.examples for case in self.cases)
 
     def to_json(self) -> str:
         """The text of results.json: keys sorted, so that equal results are equal bytes."""

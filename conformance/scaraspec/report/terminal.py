@@ -92,12 +92,12 @@ def _draw(results: Results, shown: Sequence[tuple[Case, int]], console: Console)
 
 def _counts(results: Results) -> str:
     counted = [f"{results.counts[v]} {v.value}" for v in TELLING if results.counts.get(v)]
-    return ", ".join(counted) or "no cases"
+    tried = f"; {results.examples} examples" if results.examples else ""
+    return (", ".join(counted) or "no cases") + tried
 
 
 def _coverage(results: Results) -> str:
-    judged = sum(r.verdict is not Verdict.NONE for r in results.requirements)
-    return f"{judged} of {len(results.requirements)} requirements in scope judged"
+    return f"{results.judged} of {len(results.requirements)} requirements in scope judged"
 
 
 def _dialects(results: Results) -> Iterator[tuple[str, str]]:

@@ -141,6 +141,7 @@ WORDS: Final[Mapping[str, Words]] = MappingProxyType(
         "hazard_motion": Words("motion", "引起运动"),
         "hazard_destructive": Words("destructive", "破坏性"),
         "took": Words("Took", "用时"),
+        "examples": Words("Examples", "取值示例"),
         "evidence": Words("On the wire", "线路证据"),
         "place": Words(
             "connection {connection}, byte {offset}, {length} bytes",

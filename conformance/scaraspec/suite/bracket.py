@@ -19,6 +19,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
 from scaraspec.suite.case import Case, case_of, declare_mark, is_case
 from scaraspec.suite.drawing import Drawing
+from scaraspec.suite.examples import counted
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, Unreadable
 from scaraspec.suite.party import Party
 from scaraspec.suite.plan import Options, wanted, why_not
@@ -42,6 +43,7 @@ class Outcome:
         expected: What the document leads to expect.
         observed: What was there instead.
         duration_s: How long it took, on the subject's clock.
+        examples: For how many values it was tried; 0 where it is about one thing.
         frames: What passed last.
         readings: What it tolerated, by key and option.
     """
@@ -54,6 +56,7 @@ class Outcome:
     expected: str = ""
     observed: str = ""
     duration_s: float = 0.0
+    examples: int = 0
     frames: tuple[FrameSeen | Undecodable, ...] = ()
     readings: tuple[tuple[str, str], ...] = ()
 
@@ -243,7 +246,8 @@ class Bracket:
         begun_ns = subject.now_ns
         subject.tolerated.clear()
         self._raised = None
-        runtestprotocol(item, log=self._loud, nextitem=nextitem)
+        with counted() as tally:
+            runtestprotocol(item, log=self._loud, nextitem=nextitem)
         self._end_if_asked()
         outcome = self._outcome(case)
         frames = subject.observer.evidence
@@ -252,7 +256,12 @@ class Bracket:
         else:
             outcome = self._afterwards(case, outcome)
         duration_s = (subject.now_ns - begun_ns) / _NS
-        return replace(outcome, duration_s=duration_s, frames=outcome.frames or frames)
+        return replace(
+            outcome,
+            duration_s=duration_s,
+            examples=tally.examples,
+            frames=outcome.frames or frames,
+        )
 
     def _end_if_asked(self) -> None:
         """End the run where nobody did, though it was asked for.

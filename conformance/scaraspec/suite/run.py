@@ -350,6 +350,7 @@ class Run(Generic[P]):
             expected=outcome.expected,
             observed=outcome.observed,
             duration_s=outcome.duration_s,
+            examples=outcome.examples,
             replay=self._replay(case.requirements[0] if case.requirements else ""),
             wire=() if outcome.verdict in (Verdict.NONE, Verdict.PASS) else wire,
             passing=self._stats.exhibits.passing(wire) if bad else (),

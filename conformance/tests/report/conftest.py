@@ -63,6 +63,7 @@ _CASES = (
         "one final result",
         "a second one",
         1.5,
+        12,
         "scaraspec certify controller tcp://robot --only 3/18",
         (_FRAME, replace(_FRAME, frame_hex="", fields=())),
     ),

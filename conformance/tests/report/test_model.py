@@ -44,7 +44,7 @@ cases = st.builds(
     st.sampled_from(Hazard),
     *(texts, texts, texts),
     st.floats(allow_nan=False, allow_infinity=False),
-    texts,
+    *(numbers, texts),
     st.lists(evidence, max_size=2).map(tuple),
 )
 readings = st.builds(
@@ -106,7 +106,7 @@ def test_the_shape_is_the_promised_one(full: Results) -> None:
         case.keys()
         == {
             *("id", "requirements", "verdict", "cause", "hazard", "message", "expected"),
-            *("observed", "duration_s", "replay", "wire", "passing"),
+            *("observed", "duration_s", "examples", "replay", "wire", "passing"),
         }
         for case in plain["cases"]
     )

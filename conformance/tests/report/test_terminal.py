@@ -33,7 +33,7 @@ def test_where_there_is_no_terminal_there_are_plain_lines(full: Results) -> None
     compared = "(expected one final result; observed a second one)"
     assert shown(full).splitlines() == [
         "nonconformant: Cell 7 控制器",
-        f"{counts}; 5 of 7 requirements in scope judged",
+        f"{counts}; 12 examples; 3 of 7 requirements in scope judged",
         "dialect of the client: no_such_key=x",
         "dialect of the controller: endian=big+little (mixed)",
         f"fail · 3/18 · run_program ended a second time {compared} · {WHERE}",

@@ -1,10 +1,11 @@
 """Ports: what a client gives back of the states of all inputs, or all outputs."""
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
+from scaraspec.suite.examples import given
 
 
 def expect_ports(

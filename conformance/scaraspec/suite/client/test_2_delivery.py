@@ -19,6 +19,7 @@ from scaraspec.suite.as_controller.orders import (
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NotRun, Unmet
 
 _CUT_S: Final = 0.005  # longer than a segment waits to be joined with the next
@@ -50,7 +51,7 @@ def _reply(line: Line, name: str) -> bytes:
 def test_reply_cut_anywhere(subject: Subject, line: Line) -> None:
     """A reply comes in two segments, cut at every byte in turn."""
     data = _reply(line, "get_motor_temperatures")
-    for cut in range(1, len(data)):
+    for cut in examples(range(1, len(data))):
         call = subject.begin("get_motor_temperatures")
         awaited(line, call.name, call)
         _send_cut(line, data, cut)
@@ -61,7 +62,7 @@ def test_reply_cut_anywhere(subject: Subject, line: Line) -> None:
 def test_result_cut_anywhere(subject: Subject, line: Line) -> None:
     """A final result comes in two segments, cut at every byte in turn."""
     data = line.result_frame("run_program").encode()
-    for cut in range(1, len(data)):
+    for cut in examples(range(1, len(data))):
         call = order(subject, "run_program")
         line.serve(call, data=b"1")
         line.wait(_CUT_S)
@@ -137,7 +138,7 @@ def _served(subject: Subject, line: Line, name: str) -> None:
 def test_request_within_a_reply(subject: Subject, line: Line) -> None:
     """Half a reply has come when the client sends another request; then comes the rest."""
     subject.concurrent(line)
-    for name in ("get_version", "set_digital_output", "emergency_stop"):
+    for name in examples(("get_version", "set_digital_output", "emergency_stop")):
         query = subject.begin("get_joint_angles")
         awaited(line, query.name, query)
         data = _reply(line, query.name)
@@ -216,7 +217,7 @@ def test_result_among_others(subject: Subject, line: Line) -> None:
 
     def each(name: str) -> None:
         goes_beside(subject, line, name)
-        for place in range(_FRAMES):
+        for place in examples(range(_FRAMES)):
             run = executing(subject, line, RUN)
             line.wait(_CUT_S)
             with subject.at_will(), line.joining(ending, behind=place):
@@ -229,7 +230,7 @@ def test_result_among_others(subject: Subject, line: Line) -> None:
 @client_case("2/6", name="behind-others")
 def test_reply_behind_others(subject: Subject, line: Line) -> None:
     """Frames that nobody waits for come ahead of a reply, in one segment with it."""
-    for count in (1, 2, 9):
+    for count in examples((1, 2, 9)):
         call = subject.begin("get_version")
         awaited(line, call.name, call)
         late = line.result_frame("reset").encode() * count

@@ -25,6 +25,7 @@ from scaraspec.suite.as_controller.orders import (
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, expect, expect_equal
 
 _TWO_STAGE: Final = tuple(c.name for c in BY_NAME.values() if c.two_stage)
@@ -61,7 +62,7 @@ def test_marks_in_data(subject: Subject, line: Line) -> None:
 
     The last chunk comes in two segments: data may look like frames while its frame is not whole.
     """
-    for content in _MARKS:
+    for content in examples(_MARKS):
         local = subject.no_file()
         call = subject.begin("download", remote="marks.rob", local=local)
         line.request("download_name", call)
@@ -95,7 +96,7 @@ def test_results_in_data(subject: Subject, line: Line) -> None:
 def test_replies_in_data(subject: Subject, line: Line) -> None:
     """Ahead of a reply come frames that nobody awaits; another reply is within their data."""
     within = Frame(C2A, 0x09, b"01").encode()
-    for stray in (Frame(C2A, 0x08, within), Frame(C2A, 0x30, within, tagged=True)):
+    for stray in examples((Frame(C2A, 0x08, within), Frame(C2A, 0x30, within, tagged=True))):
         call = subject.begin("get_status")
         awaited(line, "get_status", call)
         why = "the data of another frame were taken for the reply"
@@ -109,7 +110,7 @@ def test_replies_in_data(subject: Subject, line: Line) -> None:
 @client_case("3/9", name="length")
 def test_marks_as_lengths(subject: Subject, line: Line) -> None:
     """The length byte of a reply is 0xAA, 0xCC, and the tag of results."""
-    for size_bytes in (0xAA, 0xCC, TAG):
+    for size_bytes in examples((0xAA, 0xCC, TAG)):
         names = [f"{number:03}.rob" for number in range((size_bytes - 2) // 8)]
         data = "|".join(["0", *names]).encode()
         names[-1] = "z" * (size_bytes - len(data)) + names[-1]
@@ -140,7 +141,7 @@ def test_cut_at_the_tag(subject: Subject, line: Line) -> None:
     """The final result of each two-stage command is cut behind its tag, opcode and length."""
 
     def each(name: str) -> None:
-        for cut in (1, 2, 3, 4):
+        for cut in examples((1, 2, 3, 4)):
             call = order(subject, name)
             line.serve(call, data=b"1")
             data = line.result_frame(name).encode()
@@ -157,7 +158,7 @@ def test_frame_behind_a_tagged_one(subject: Subject, line: Line) -> None:
     """A reply follows a tagged frame in the same segment, or is sent where that one was cut."""
     result = line.result_frame("simulate_program").encode()
     reply = line.frame("get_status", data=b"04").encode()
-    for cut in range(len(result) + 1):
+    for cut in examples(range(len(result) + 1)):
         call = subject.begin("get_status")
         awaited(line, "get_status", call)
         line.send_bytes(result[:cut])
@@ -201,7 +202,7 @@ def _given_up(subject: Subject, line: Line, requirement: str) -> Line:
 @client_case("3/22")
 def test_undefined_opcodes(subject: Subject, line: Line) -> None:
     """Frames with every undefined opcode come ahead of a reply; the client takes the reply."""
-    for data in (b"", b"1", b"00", b"0|a.rob"):
+    for data in examples((b"", b"1", b"00", b"0|a.rob")):
         call = subject.begin("get_status")
         awaited(line, "get_status", call)
         frames = [Frame(C2A, opcode, data) for opcode in _UNDEFINED]
@@ -217,7 +218,7 @@ def test_undefined_opcodes(subject: Subject, line: Line) -> None:
 def test_undefined_while_idle(subject: Subject, line: Line) -> None:
     """Frames with undefined opcodes come while nothing is asked, some with the tag."""
     for opcode in (0x02, 0x10, 0x3E, 0x46, 0x7F, 0xFF):
-        for tagged in (False, True):
+        for tagged in examples((False, True)):
             with suppress(NoAnswer):  # it has closed already
                 line.send_frame(Frame(C2A, opcode, b"11", tagged))
     call = subject.begin("get_status")
@@ -251,7 +252,7 @@ def test_late_reply(subject: Subject, line: Line) -> None:
 @client_case("3/27", name="result-of-nobody")
 def test_overtaken_by_an_old_result(subject: Subject, line: Line) -> None:
     """The final result of a command of before comes ahead of each reply, and in the midst of it."""
-    for name in _TWO_STAGE:
+    for name in examples(_TWO_STAGE):
         call = subject.begin("get_version")
         awaited(line, "get_version", call)
         line.result(name)
@@ -342,7 +343,7 @@ _OTHERS: Final = (
 @client_case("3/33")
 def test_reply_of_another(subject: Subject, line: Line) -> None:
     """Frames of other commands, and tagged ones, come ahead of the reply to get_status."""
-    for frame in _OTHERS:
+    for frame in examples(_OTHERS):
         call = subject.begin("get_status")
         awaited(line, "get_status", call)
         why = f"the client took {frame} for the reply to 09"
@@ -406,7 +407,7 @@ def test_flag_of_another(subject: Subject, line: Line) -> None:
 
     def each(name: str) -> None:
         nonlocal line
-        for opcode in _YES_TO_OTHERS[name]:
+        for opcode in examples(_YES_TO_OTHERS[name]):
             call = order(subject, name)
             awaited(line, name, call)
             why = "the client took the reply to another command for its own"

@@ -18,6 +18,7 @@ from scaraspec.suite.as_controller.orders import (
 from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NotRun, expect
 
 _OPERATIONS: Final = tuple(c.name for c in BY_NAME.values() if c.clause.startswith("4."))
@@ -66,7 +67,7 @@ def test_requests_without_data(subject: Subject, line: Line) -> None:
 @client_case("3/6", "3/7", "3/1")
 def test_lengths(subject: Subject, line: Line) -> None:
     """A pair of passwords makes a request of up to 255 bytes, unless the client refuses that."""
-    for size_bytes in _LENGTHS_BYTES:
+    for size_bytes in examples(_LENGTHS_BYTES):
         old = b"o" * ((size_bytes - 1) // 2)
         pair = PasswordChange(old, b"n" * (size_bytes - 1 - len(old)))
         call = order(subject, "set_password", pair)
@@ -95,7 +96,7 @@ def test_too_long(subject: Subject, line: Line) -> None:
     """What does not fit 255 bytes is ordered, and must not be sent; nor may a part of it."""
 
     def each(name: str) -> None:
-        for size_bytes in _TOO_LONG_BYTES:
+        for size_bytes in examples(_TOO_LONG_BYTES):
             refuses(subject, line, name, b"x" * size_bytes)
         refuses(subject, line, name, _WIDE)
 

@@ -15,6 +15,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import awaited
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, Unmet
 
 _TURN_S: Final = 0.02
@@ -95,7 +96,7 @@ def _recovers(subject: Subject, line: Line, requirement: str, *segments: bytes) 
 def test_stray_bytes(subject: Subject) -> None:
     """Bytes that begin no frame come ahead of a reply."""
     line = subject.open(judged=False)
-    for stray in _STRAYS:
+    for stray in examples(_STRAYS):
         line = _recovers(subject, line, "3/19", stray, _GOOD)
 
 
@@ -103,7 +104,7 @@ def test_stray_bytes(subject: Subject) -> None:
 def test_joined_with_a_reply(subject: Subject) -> None:
     """Bytes that begin no frame come in one segment with the reply behind them, and before one."""
     line = subject.open(judged=False)
-    for stray in _STRAYS:
+    for stray in examples(_STRAYS):
         line = _recovers(subject, line, "3/19", stray + _GOOD + stray)
 
 
@@ -111,7 +112,7 @@ def test_joined_with_a_reply(subject: Subject) -> None:
 def test_wrong_end(subject: Subject) -> None:
     """A reply with a wrong end byte comes ahead of the right one, which says something else."""
     line = subject.open(judged=False)
-    for spoilt in _SPOILT:
+    for spoilt in examples(_SPOILT):
         line = _recovers(subject, line, "3/20", spoilt, _GOOD)
 
 
@@ -119,7 +120,7 @@ def test_wrong_end(subject: Subject) -> None:
 def test_wrong_end_of_a_result(subject: Subject) -> None:
     """A final result with a wrong end byte tells of success; the right one behind it does not."""
     line = subject.open(judged=False)
-    for end in (0x00, 0xAB):
+    for end in examples((0x00, 0xAB)):
         call = executing(subject, line, RUN)
         line.wait(_TURN_S)
         spoilt = line.result_frame(RUN.name).encode()[:-1] + bytes((end,))
@@ -136,7 +137,7 @@ def test_wrong_end_of_a_result(subject: Subject) -> None:
 @client_case("3/29")
 def test_half_a_frame(subject: Subject) -> None:
     """A reply stops half-way, and then the connection ends; on the next one all is well."""
-    for number, half in enumerate(_HALVES):
+    for number, half in examples(enumerate(_HALVES)):
         line = subject.open(judged=False)
         call = subject.begin("get_status")
         awaited(line, "get_status", call)
@@ -156,7 +157,7 @@ def test_half_a_frame(subject: Subject) -> None:
 @client_case("3/29", name="silence")
 def test_silence_behind_half_a_frame(subject: Subject) -> None:
     """A reply stops half-way and nothing follows; the client can hang up and connect again."""
-    for half in _HALVES:
+    for half in examples(_HALVES):
         line = subject.open(judged=False)
         subject.concurrent(line)
         call = subject.begin("get_status")

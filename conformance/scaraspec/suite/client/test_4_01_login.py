@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.suite.as_controller.line import Line
@@ -14,6 +14,7 @@ from scaraspec.suite.as_controller.orders import (
 )
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import Unmet, expect
 
 _PRINTABLE: Final = st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_characters="|")
@@ -42,7 +43,7 @@ _NO_YES: Final = (
 @client_case("4.1/1", attended=True)
 def test_connect_logs_in(subject: Subject) -> None:
     """Several passwords are connected with, and each is sent as it is."""
-    for password in ("password", "PassWord", "p"):
+    for password in examples(("password", "PassWord", "p")):
         with subject.at_will():
             line, call = subject.dial(password=password)
             request = awaited(line, "login", call)
@@ -70,7 +71,7 @@ def test_passwords(subject: Subject, line: Line) -> None:
 @client_case("4.1/1", "T/10", name="long")
 def test_long_passwords(subject: Subject, line: Line) -> None:
     """Long passwords are sent whole, or refused by the client."""
-    for size_bytes in _LONG_BYTES:
+    for size_bytes in examples(_LONG_BYTES):
         _log_in(subject, line, b"".join(b"%d" % (i % 10) for i in range(size_bytes)))
 
 
@@ -110,7 +111,9 @@ def test_told_to_go_on(subject: Subject) -> None:
         "the client logs in with another password than the one that it was given",
         requirement="T/10",
     )
-    for name in ("get_status", "get_version", "list_programs", "delete_program", "emergency_stop"):
+    for name in examples(
+        ("get_status", "get_version", "list_programs", "delete_program", "emergency_stop")
+    ):
         call = order(subject, name)
         if line.over or sent_or_settled(subject, line, call) is None:
             subject.fails(call)
@@ -136,7 +139,7 @@ def _expect_logins(line: Line) -> None:
 @client_case("4.1/8")
 def test_anything_but_a_yes(subject: Subject) -> None:
     """The login is answered with everything but 1, and the client takes it for failed."""
-    for reply in _NO_YES:
+    for reply in examples(_NO_YES):
         line, call = subject.dial()
         line.log_in(call, reply=reply)
         subject.fails(call)
@@ -147,7 +150,7 @@ def test_anything_but_a_yes(subject: Subject) -> None:
 @client_case("4.1/8", name="unanswered")
 def test_hung_up(subject: Subject) -> None:
     """The connection ends in place of an answer to the login, which has failed then."""
-    for cut in (False, True):
+    for cut in examples((False, True)):
         line, call = subject.dial()
         awaited(line, "login", call)
         line.reset() if cut else line.close()

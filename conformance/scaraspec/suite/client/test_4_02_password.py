@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PasswordChange
@@ -10,6 +10,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask, refuses
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 
 _PRINTABLE: Final = st.characters(min_codepoint=0x21, max_codepoint=0x7E, exclude_characters="|\"'")
 _passwords: Final = st.text(_PRINTABLE, min_size=1, max_size=30).map(str.encode)
@@ -56,13 +57,13 @@ def test_pairs(subject: Subject, line: Line) -> None:
 @client_case("4.2/7")
 def test_bars(subject: Subject, line: Line) -> None:
     """A password with a bar in it is ordered, old or new; the client refuses it."""
-    for pair in _BARRED:
+    for pair in examples(_BARRED):
         refuses(subject, line, "set_password", pair)
 
 
 @client_case("4.2/7", name="long")
 def test_too_long(subject: Subject, line: Line) -> None:
     """Pairs of more than 255 bytes are ordered, one of fewer characters; the client refuses."""
-    for old, new in _TOO_LONG_BYTES:
+    for old, new in examples(_TOO_LONG_BYTES):
         refuses(subject, line, "set_password", PasswordChange(b"o" * old, b"n" * new))
     refuses(subject, line, "set_password", _WIDE)

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.suite.as_controller.line import Line
@@ -10,6 +10,7 @@ from scaraspec.suite.as_controller.orders import ask, tells
 from scaraspec.suite.as_controller.saying import same
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import given
 
 _addresses: Final = st.ip_addresses(v=4).map(str)
 _PADDED: Final = b"192.168.010.020|255.255.255.000|192.168.010.001"

@@ -3,7 +3,7 @@
 from typing import Final
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Network
@@ -11,6 +11,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import given
 
 _addresses: Final = st.ip_addresses(v=4, network="10.0.0.0/8").map(str)
 _MASKS: Final = ("255.0.0.0", "255.255.0.0", "255.255.255.0", "255.255.255.252")

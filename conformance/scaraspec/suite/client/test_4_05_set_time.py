@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import Clock, Notes
@@ -11,6 +11,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask, blame, sent_or_settled
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 
 _TIMES: Final = st.datetimes(datetime(2000, 1, 1), datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
@@ -82,7 +83,7 @@ def test_times(subject: Subject, line: Line) -> None:
 @client_case("4.5/2", name="edges")
 def test_edges_of_the_calendar(subject: Subject, line: Line) -> None:
     """The first and last times of years, months and days are sent as they are."""
-    for time in _EDGES:
+    for time in examples(_EDGES):
         call, _ = ask(subject, line, "set_time", time)
         line.reply("set_time", data=b"1")
         subject.done(call)
@@ -91,7 +92,7 @@ def test_edges_of_the_calendar(subject: Subject, line: Line) -> None:
 @client_case("4.5/2", "4.5/1")
 def test_impossible_times(subject: Subject, line: Line) -> None:
     """Times that no calendar has, or of no 14 digits, are ordered; the client sends none."""
-    for text in _IMPOSSIBLE:
+    for text in examples(_IMPOSSIBLE):
         call = subject.begin("set_time", time=text)
         if sent_or_settled(subject, line, call) is None:
             subject.fails(call)

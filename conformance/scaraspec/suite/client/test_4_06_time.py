@@ -3,13 +3,14 @@
 from datetime import datetime
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import tells
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 
 _ONE_AFTER_ANOTHER: Final = (b"20080908090808", b"20080908090809", b"20080908090909")
 """The same but for a second or a minute, and with digits that no octal number has."""
@@ -36,5 +37,5 @@ def test_times(subject: Subject, line: Line) -> None:
         tells(subject, line, "get_time", f"{time:%Y%m%d%H%M%S}".encode())
 
     each()
-    for time in _ONE_AFTER_ANOTHER:
+    for time in examples(_ONE_AFTER_ANOTHER):
         tells(subject, line, "get_time", time)

@@ -3,13 +3,14 @@
 import re
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import tells
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 
 _numbers: Final = st.lists(st.integers(0, 9999), min_size=1, max_size=5)
 _VERSIONS: Final = (
@@ -42,7 +43,7 @@ def _tells(subject: Subject, line: Line, version: str) -> None:
 @client_case("4.7/5")
 def test_versions(subject: Subject, line: Line) -> None:
     """Versions of 1 to 255 characters are handed on as they are."""
-    for version in _VERSIONS:
+    for version in examples(_VERSIONS):
         _tells(subject, line, version)
 
 

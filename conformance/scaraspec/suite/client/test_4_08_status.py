@@ -7,6 +7,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect, expect_in
 
 _STATES: Final = {Kind.IDLE: "idle", Kind.RUNNING: "running"}
@@ -31,7 +32,7 @@ def test_every_code(subject: Subject, line: Line) -> None:
     One that is no state (A-8-3, A-4.8-2), or in small letters (A-T-7), may be told as an error.
     """
     for code in TABLE_8_1.values():
-        for text in dict.fromkeys((code.text, code.text.lower())):
+        for text in examples(dict.fromkeys((code.text, code.text.lower()))):
             call, _ = ask(subject, line, "get_status")
             line.reply("get_status", data=text.encode())
             odd = _ENTRIES.get(code.kind, "" if text == code.text else "A-T-7")
@@ -62,7 +63,7 @@ def _expect_state(result: Any, code: Code) -> None:
 @client_case("4.8/11", name="states", attended=True)
 def test_states(subject: Subject, line: Line) -> None:
     """The robot is idle, runs a program, and has a fault of all its motors."""
-    for text in ("00", "01", "1F"):
+    for text in examples(("00", "01", "1F")):
         call, _ = ask(subject, line, "get_status")
         line.reply("get_status", text)
         subject.gives(call, text)
@@ -71,7 +72,7 @@ def test_states(subject: Subject, line: Line) -> None:
 @client_case("4.8/11", name="unknown")
 def test_unknown_codes(subject: Subject, line: Line) -> None:
     """Codes that table 8-1 lacks are the status; the client survives them, as idle or not."""
-    for data in _UNKNOWN:
+    for data in examples(_UNKNOWN):
         call, _ = ask(subject, line, "get_status")
         line.reply("get_status", data=data)
         subject.settled(call)

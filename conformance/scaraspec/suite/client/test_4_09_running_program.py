@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import RunningProgram
@@ -13,6 +13,7 @@ from scaraspec.suite.as_controller.orders import ask, tells
 from scaraspec.suite.as_controller.saying import spoken
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.strategies import names
 
 _DAY_S: Final = 86400
@@ -47,7 +48,7 @@ def test_running(subject: Subject, line: Line) -> None:
         _tells(subject, line, name, run_time_s)
 
     each()
-    for run_time_s in _SECONDS:
+    for run_time_s in examples(_SECONDS):
         _tells(subject, line, b"pro1.rob", run_time_s)
 
 
@@ -57,9 +58,9 @@ def test_long_names(subject: Subject, line: Line) -> None:
 
     It may have blanks and several dots, too.
     """
-    for name in (b"pick and place.rob", b"pick.v1.2.rob"):
+    for name in examples((b"pick and place.rob", b"pick.v1.2.rob")):
         _tells(subject, line, name, 90061)
-    for size_bytes in _LONG_BYTES:
+    for size_bytes in examples(_LONG_BYTES):
         _tells(subject, line, b"n" * (size_bytes - 4) + b".rob", 90061)
 
 
@@ -75,10 +76,12 @@ def test_nothing_runs(subject: Subject, line: Line) -> None:
 def test_readings(subject: Subject, line: Line) -> None:
     """No program runs, with empty fields behind the flag; and a flag is a binary byte (A-T-1)."""
     running = spoken(RunningProgram(b"pro1.rob", 3661))
-    for data, said, reading in (
-        (b"0||", None, ("runinfo_none", "0")),
-        (b"\x00", None, ("runinfo_binary", "ascii")),
-        (b"\x01|pro1.rob|00010101", running, ("runinfo_binary", "ascii")),
+    for data, said, reading in examples(
+        (
+            (b"0||", None, ("runinfo_none", "0")),
+            (b"\x00", None, ("runinfo_binary", "ascii")),
+            (b"\x01|pro1.rob|00010101", running, ("runinfo_binary", "ascii")),
+        )
     ):
         call, _ = ask(subject, line, "get_running_program")
         line.reply("get_running_program", data=data)

@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import show
@@ -11,6 +11,7 @@ from scaraspec.suite.as_controller.lists import list_of, serve_list
 from scaraspec.suite.as_controller.orders import ask, tells
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.strategies import names
 
 _LATE_S: Final = 0.1
@@ -65,7 +66,7 @@ def test_late_parts(subject: Subject, line: Line) -> None:
 def test_many(subject: Subject, line: Line) -> None:
     """Hundreds of names come in full parts, in small ones, and but for the last: that fails."""
     listed = [f"pro{number:03}.rob" for number in range(_MANY)]
-    for per_part in (22, 10):  # of 11 bytes each
+    for per_part in examples((22, 10)):  # of 11 bytes each
         _lists(subject, line, listed, per_part=per_part)
     call = subject.begin("list_programs")
     serve_list(subject, line, call, list_of(*listed, per_part=22)[:-1])
@@ -86,7 +87,7 @@ def test_order(subject: Subject, line: Line) -> None:
 @client_case("4.10/10", name="no-bar")
 def test_no_bar_behind_the_flag(subject: Subject, line: Line) -> None:
     """No bar stands between the flag and the first name (A-4.10-2)."""
-    for per_part in (3, 1):
+    for per_part in examples((3, 1)):
         call = subject.begin("list_programs")
         listed = ["pro1.rob", "2.rob", "0.rob"]
         serve_list(subject, line, call, list_of(*listed, per_part=per_part, bar=b""))
@@ -108,7 +109,7 @@ def test_empty(subject: Subject, line: Line) -> None:
 @client_case("4.10/12", name="readings")
 def test_empty_otherwise(subject: Subject, line: Line) -> None:
     """There are no programs, which is told by a flag and a bar, or by no data (A-4.10-4)."""
-    for data, option in ((b"0|", "0|"), (b"", "empty")):
+    for data, option in examples(((b"0|", "0|"), (b"", "empty"))):
         call, _ = ask(subject, line, "list_programs")
         line.reply("list_programs", data=data)
         subject.settled(call)
@@ -122,6 +123,6 @@ def test_empty_otherwise(subject: Subject, line: Line) -> None:
 @client_case("4.10/12", "T/9", name="long")
 def test_long_names(subject: Subject, line: Line) -> None:
     """Names have 30 bytes and more, up to one that fills a part; each is handed on whole."""
-    for size_bytes in _LONG_BYTES:
+    for size_bytes in examples(_LONG_BYTES):
         long = "n" * (size_bytes - 4) + ".rob"
         _lists(subject, line, [long, "a.rob"], per_part=1)

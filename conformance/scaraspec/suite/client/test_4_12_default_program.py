@@ -3,7 +3,7 @@
 from contextlib import suppress
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import NAME_MAX_BYTES
@@ -11,6 +11,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, expect
 from scaraspec.suite.strategies import names
 
@@ -66,7 +67,7 @@ def test_names(subject: Subject, line: Line) -> None:
         _tells(subject, line, name, name.decode())
 
     each()
-    for size_bytes in _LONG_BYTES:
+    for size_bytes in examples(_LONG_BYTES):
         name = "n" * (size_bytes - 4) + ".rob"
         _tells(subject, line, name.encode(), name)
     _tells(subject, line, b"", None)

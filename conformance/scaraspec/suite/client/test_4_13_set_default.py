@@ -2,12 +2,13 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.orders import ask
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import given
 from scaraspec.suite.strategies import names
 
 _NAMES: Final = (b"a", b"PRO1.TXT", b"pro1", b"my program.rob", b"pro1.2.txt", b"0123456789" * 3)

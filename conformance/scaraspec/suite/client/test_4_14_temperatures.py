@@ -4,7 +4,7 @@ import math
 from itertools import product
 from typing import Any, Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.direction import C2A
@@ -14,6 +14,7 @@ from scaraspec.suite.as_controller.orders import ask, tells
 from scaraspec.suite.as_controller.saying import same
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 
 _NAME: Final = "get_motor_temperatures"
@@ -100,7 +101,7 @@ def test_both(subject: Subject, line: Line) -> None:
     Either comes first, and either is answered first.
     """
     subject.concurrent(line)
-    for names, swapped in product(((_NAME, _SETTING), (_SETTING, _NAME)), (False, True)):
+    for names, swapped in examples(product(((_NAME, _SETTING), (_SETTING, _NAME)), (False, True))):
         calls = {name: ask(subject, line, name)[0] for name in names}
         asking, setting = calls[_NAME], calls[_SETTING]
         frames = [_AS_PRINTED, Frame(C2A, 0x0E, b"1")]

@@ -1,11 +1,12 @@
 """4.15: running a program (0x30, L304-328)."""
 
-from hypothesis import example, given
+from hypothesis import example
 
 from scaraspec.suite.as_controller.executing import Order, failed, finished, refused, run_at_will
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import given
 from scaraspec.suite.strategies import names
 
 

@@ -1,11 +1,12 @@
 """4.16: simulating a program (0x31, L330-354)."""
 
-from hypothesis import example, given
+from hypothesis import example
 
 from scaraspec.suite.as_controller.executing import Order, finished, run_at_will
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import given
 from scaraspec.suite.strategies import names
 
 

@@ -22,6 +22,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.sending import request_unless_refused
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NotRun, expect, expect_equal
 
 _WHILE_S = 1.0
@@ -47,7 +48,7 @@ def test_stop(subject: Subject, line: Line) -> None:
 @client_case("4.17/1", name="behind-others")
 def test_stop_behind_others(subject: Subject, line: Line) -> None:
     """The stop carries no data behind requests that carried some."""
-    for order in INTERRUPTIBLE:
+    for order in examples(INTERRUPTIBLE):
         call = executing(subject, line, order)
         line.result(order.name)
         finished(subject, call)
@@ -61,7 +62,7 @@ def test_stop_behind_others(subject: Subject, line: Line) -> None:
 def test_result_of_a_former_command(subject: Subject, line: Line) -> None:
     """The stop ends what nobody here has begun: its result comes first, after, or never."""
     for order in INTERRUPTIBLE:
-        for fate in _FATES:
+        for fate in examples(_FATES):
             call = executing(subject, line, STOP)
             _end(line, order, fate)
             finished(subject, call, requirement="4.17/9")
@@ -73,7 +74,7 @@ def test_result_of_a_former_command(subject: Subject, line: Line) -> None:
 def test_interrupted(subject: Subject, line: Line, order: Order) -> None:
     """The result of the stopped command comes before that of the stop, with it, after it, never."""
     beside(subject, line)
-    for fate in _FATES:
+    for fate in examples(_FATES):
         call = executing(subject, line, order)
         stop = _begun(subject, line)
         _end(line, order, fate)
@@ -105,7 +106,7 @@ def test_later_command(subject: Subject, line: Line) -> None:
 def test_stop_fails(subject: Subject, line: Line) -> None:
     """The stop is refused, and fails; what it was to stop goes on to its end each time."""
     beside(subject, line)
-    for accepted in (False, True):
+    for accepted in examples((False, True)):
         call = executing(subject, line, RUN)
         if accepted:
             stop = _begun(subject, line)
@@ -124,7 +125,7 @@ def test_stop_fails(subject: Subject, line: Line) -> None:
 def test_stop_beside_a_query(subject: Subject, line: Line) -> None:
     """The stop is sent while the reply to a query is outstanding."""
     subject.concurrent(line)
-    for name in ("get_version", "get_tool_coordinates", "list_programs"):
+    for name in examples(("get_version", "get_tool_coordinates", "list_programs")):
         query = subject.begin(name)
         line.request(name, query)
         stop = subject.begin(STOP.name)
@@ -139,7 +140,7 @@ def test_stop_beside_a_query(subject: Subject, line: Line) -> None:
 def test_stop_beside_an_order(subject: Subject, line: Line) -> None:
     """The stop is sent while the first reply to a move is outstanding."""
     subject.concurrent(line)
-    for order in (RUN, MOVE, JOG):
+    for order in examples((RUN, MOVE, JOG)):
         call = ordered(subject, line, order)
         stop = subject.begin(STOP.name)
         line.request(STOP.name, stop)
@@ -158,7 +159,7 @@ def test_stop_beside_an_execution(subject: Subject, line: Line) -> None:
     except NotRun as why:
         subject.tolerate("4.17/10", "A-4-3", "one at a time", f"{why}: no stop either")
         return
-    for order in INTERRUPTIBLE:
+    for order in examples(INTERRUPTIBLE):
         call = executing(subject, line, order)
         stop = _begun(subject, line)
         line.result(order.name, "00")

@@ -1,6 +1,6 @@
 """4.20: setting the gripper centre (0x35, L433-443)."""
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Point
@@ -8,6 +8,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.sending import expect_numbers
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import given
 
 _tenths = st.integers(-99_999, 99_999).map(lambda tenths: tenths / 10)
 

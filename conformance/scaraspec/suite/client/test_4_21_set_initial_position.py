@@ -1,6 +1,6 @@
 """4.21: setting the initial tool position (0x36, L445-455)."""
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
@@ -8,6 +8,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.poses import expect_pose
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect_equal
 
 _DRAWN = Pose(200, 300, 324, 34.6, 34.5, 0)  # L450
@@ -46,7 +47,9 @@ def test_numbers(subject: Subject, line: Line) -> None:
 @client_case("4.21/6")
 def test_length(subject: Subject, line: Line) -> None:
     """The length byte counts what is sent: 23 for the text whose row prints 25 (A-4.21-1)."""
-    for wanted in (_DRAWN, Pose(0, 0, 0, 0, 0, 0), Pose(-123.4, -234.5, 345.6, -178.9, -90.5, 0.5)):
+    for wanted in examples(
+        (_DRAWN, Pose(0, 0, 0, 0, 0, 0), Pose(-123.4, -234.5, 345.6, -178.9, -90.5, 0.5))
+    ):
         call = subject.begin("set_initial_tool_position", **wanted._asdict())
         with subject.at_will():
             request = line.serve(call)

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME, Pose
 from scaraspec.suite.as_controller.executing import MOVE, executing, finished
@@ -10,6 +10,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.poses import gives_pose
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.strategies import payload_values
 
 _REPLY: Final = BY_NAME["get_tool_coordinates"].reply
@@ -45,7 +46,9 @@ def test_values(subject: Subject, line: Line) -> None:
 def test_useless_angles(subject: Subject, line: Line) -> None:
     """Whatever stands for thetaY and thetaZ, x, y, z and thetaX are told as they are (L1006)."""
     for name in ("get_tool_coordinates", "get_initial_tool_position"):
-        for useless in ((0, 0), (34.5, 0), (0, -34.5), (90, 180), (-0.1, 720.5), (99999, -99999)):
+        for useless in examples(
+            ((0, 0), (34.5, 0), (0, -34.5), (90, 180), (-0.1, 720.5), (99999, -99999))
+        ):
             told = Pose(200, -300, 324.5, -34.6, *useless)
             call = subject.begin(name)
             line.serve(call, data=_REPLY.encode(told))

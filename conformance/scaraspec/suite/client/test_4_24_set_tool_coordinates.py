@@ -1,6 +1,6 @@
 """4.24: moving to tool coordinates (0x39, L481-516)."""
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
@@ -10,6 +10,7 @@ from scaraspec.suite.as_controller.poses import expect_pose
 from scaraspec.suite.as_controller.sending import request_unless_refused
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect_equal, expect_in
 from scaraspec.suite.wire import Answer
 
@@ -26,7 +27,7 @@ _poses = st.builds(Pose, *[_tenths] * 4, st.just(0.0), st.just(0.0))
 @client_case("4.24/1", attended=True)
 def test_move(subject: Subject, line: Line) -> None:
     """A move is begun, and comes to its end; another one fails."""
-    for code in ("", "12"):
+    for code in examples(("", "12")):
         call = subject.begin(_MOVE, speed=60, **_THERE._asdict())
         request = line.request(_MOVE, call)
         expect_pose(subject, request, _THERE, speed=60)
@@ -59,7 +60,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
 @client_case("4.24/2")
 def test_every_speed(subject: Subject, line: Line) -> None:
     """The speed goes out as a whole number, for each from 1 to 100 %."""
-    for speed in range(1, 101):
+    for speed in examples(range(1, 101)):
         call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
         sent = line.request(_MOVE, call)
         expect_equal(_speed_of(sent), speed, f"the speed of {sent}")
@@ -70,7 +71,7 @@ def test_every_speed(subject: Subject, line: Line) -> None:
 @client_case("4.24/2", name="beyond")
 def test_no_speed(subject: Subject, line: Line) -> None:
     """A speed that is no whole percentage from 1 to 100 is not sent: it is refused, or mended."""
-    for speed in _NO_SPEEDS:
+    for speed in examples(_NO_SPEEDS):
         call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
         sent = request_unless_refused(line, call)
         if sent is not None:

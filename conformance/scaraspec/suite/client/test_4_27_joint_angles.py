@@ -2,12 +2,13 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME, JointValues
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import given
 from scaraspec.suite.strategies import payload_values
 
 _REPLY: Final = BY_NAME["get_joint_angles"].reply

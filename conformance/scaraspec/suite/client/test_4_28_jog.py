@@ -7,6 +7,7 @@ from scaraspec.suite.as_controller.executing import RUN, executing, failed, fini
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect, expect_equal, told
 
 _DIRECTIONS: Final = {"+y": 1, "-y": 2, "+x": 3, "-x": 4}  # L605-608
@@ -28,7 +29,7 @@ def _expect_direction(sent: bytes, number: int) -> None:
 @client_case("4.28/1", "4.28/3", attended=True)
 def test_jog(subject: Subject, line: Line) -> None:
     """One byte tells each of the four directions."""
-    for direction, number in _DIRECTIONS.items():
+    for direction, number in examples(_DIRECTIONS.items()):
         call = subject.begin(_JOG, direction=direction)
         _expect_direction(line.request(_JOG, call).frame.data, number)
         line.reply(_JOG, data=b"1")
@@ -39,7 +40,7 @@ def test_jog(subject: Subject, line: Line) -> None:
 @client_case("4.28/3", "4.28/1", name="refused")
 def test_refused(subject: Subject, line: Line) -> None:
     """A jog that was refused, or failed, changes the direction of no other."""
-    for direction, number in _DIRECTIONS.items():
+    for direction, number in examples(_DIRECTIONS.items()):
         call = subject.begin(_JOG, direction=direction)
         _expect_direction(line.request(_JOG, call).frame.data, number)
         line.reply(_JOG, data=b"0|06")
@@ -55,7 +56,7 @@ def test_refused(subject: Subject, line: Line) -> None:
 def test_byte(subject: Subject, line: Line) -> None:
     """The byte is one of 1 to 4, always as a digit or always as a number (A-4.28-1)."""
     forms = set()
-    for direction in (*_DIRECTIONS, *reversed(_DIRECTIONS)):
+    for direction in examples((*_DIRECTIONS, *reversed(_DIRECTIONS))):
         call = subject.begin(_JOG, direction=direction)
         sent = line.request(_JOG, call).frame.data
         read = payloads.Jog().decode(sent)

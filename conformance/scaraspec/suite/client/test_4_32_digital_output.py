@@ -6,6 +6,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.sending import numbers_of, request_unless_refused
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect, expect_in, told
 from scaraspec.suite.wire import Answer
 
@@ -46,11 +47,11 @@ def test_each_port(subject: Subject, line: Line) -> None:
     A port that does not exist is refused, or asked for as it is: no other one is set for it.
     """
     for value in (1, 0, 0):  # again, too: a program may have changed it meanwhile
-        for port in _PORTS:
+        for port in examples(_PORTS):
             call = subject.begin(_SET, port=port, value=value)
             _expect_setting(line.serve(call), port, value)
             subject.done(call)
-    for port in _NO_PORTS:
+    for port in examples(_NO_PORTS):
         call = subject.begin(_SET, port=port, value=1)
         sent = request_unless_refused(line, call)
         if sent is not None:
@@ -62,7 +63,7 @@ def test_each_port(subject: Subject, line: Line) -> None:
 @client_case("4.32/2")
 def test_other_values(subject: Subject, line: Line) -> None:
     """A value other than 0 and 1 is not sent: it is refused, or mended."""
-    for value in _NO_VALUES:
+    for value in examples(_NO_VALUES):
         call = subject.begin(_SET, port=3, value=value)
         sent = request_unless_refused(line, call)
         if sent is not None:

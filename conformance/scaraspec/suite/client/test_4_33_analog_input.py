@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import BY_NAME
@@ -10,6 +10,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.sending import expect_no_value, request_unless_refused
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect, told
 
 _GET: Final = "get_analog_input"
@@ -31,11 +32,11 @@ def test_asked(subject: Subject, line: Line) -> None:
 @client_case("4.33/1", name="each")
 def test_each_port(subject: Subject, line: Line) -> None:
     """Each of the forty ports is asked for in two characters, if it is asked for at all."""
-    for port in _SURE_PORTS:
+    for port in examples(_SURE_PORTS):
         call = subject.begin(_GET, port=port)
         line.serve(call, port, sent=b"%02d" % port)
         subject.gives(call, port)
-    for port in _ALL_PORTS:  # a client may know of eight (A-4.32-2)
+    for port in examples(_ALL_PORTS):  # a client may know of eight (A-4.32-2)
         call = subject.begin(_GET, port=port)
         with subject.at_will():
             line.serve(call, port, sent=b"%02d" % port)
@@ -45,7 +46,7 @@ def test_each_port(subject: Subject, line: Line) -> None:
 @client_case("4.33/1", name="beyond")
 def test_beyond(subject: Subject, line: Line) -> None:
     """A port number that does not fit two characters is not sent."""
-    for port in _NO_PORTS:
+    for port in examples(_NO_PORTS):
         call = subject.begin(_GET, port=port)
         sent = request_unless_refused(line, call)
         if sent is not None:
@@ -96,7 +97,7 @@ def test_values(subject: Subject, line: Line) -> None:
 @client_case("4.33/4", name="forms")
 def test_forms(subject: Subject, line: Line) -> None:
     """The value 0 is told in each of its forms."""
-    for form in (b"1|0", b"1|0.0", b"1|0.000", b"1|-0", b"1|00"):
+    for form in examples((b"1|0", b"1|0.0", b"1|0.000", b"1|-0", b"1|00")):
         call = subject.begin(_GET, port=3)
         line.serve(call, data=form)
         subject.gives(call, 0)

@@ -5,6 +5,7 @@ from scaraspec.suite.as_controller.ports import expect_each_port, expect_ports
 from scaraspec.suite.as_controller.sending import expect_no_value
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 
 _GET = "get_digital_outputs"
 _COUNT = 16
@@ -25,7 +26,7 @@ def test_each_port(subject: Subject, line: Line) -> None:
 @client_case("4.34/1", name="error")
 def test_error(subject: Subject, line: Line) -> None:
     """The single 0 is an error and no output; no request carries data, nor behind a setting."""
-    for port in (8, 16):
+    for port in examples((8, 16)):
         call = subject.begin("set_digital_output", port=port, value=0)
         line.serve(call)
         subject.done(call)

@@ -6,6 +6,7 @@ from scaraspec.suite.as_controller.executing import MOVE, executing, finished
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect
 
 _OFF = "shutdown"
@@ -26,7 +27,7 @@ def test_refused(subject: Subject, line: Line) -> None:
 @client_case("4.35/1", name="behind-others")
 def test_behind_others(subject: Subject, line: Line) -> None:
     """The request carries no data behind one that carried some; its refusals are told."""
-    for code in ("01", "03", "12", "1F"):
+    for code in examples(("01", "03", "12", "1F")):
         call = executing(subject, line, MOVE)
         line.result(MOVE.name)
         finished(subject, call)

@@ -5,7 +5,7 @@ from itertools import cycle
 from typing import Final
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol import errors
@@ -37,6 +37,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.sending import request_unless_refused
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, expect
 
 _LATE_S: Final = 10.5
@@ -71,14 +72,14 @@ def test_eleven(subject: Subject, line: Line) -> None:
 @client_case("4/9", "4/13", name="stages")
 def test_stages(subject: Subject, line: Line) -> None:
     """Refusal, failure and success are told apart for every command, whatever the code."""
-    for order, code in zip(REASONED, cycle(("11", "01", "10", "06")), strict=False):
+    for order, code in examples(zip(REASONED, cycle(("11", "01", "10", "06")), strict=False)):
         call = ordered(subject, line, order)
         line.reply(order.name, data=b"0|" + code.encode())
         refused(subject, call, code)
         call = executing(subject, line, order)
         line.result(order.name, code)
         failed(subject, call, code)
-    for order in ORDERS:
+    for order in examples(ORDERS):
         call = executing(subject, line, order)
         line.result(order.name)
         finished(subject, call)
@@ -91,7 +92,7 @@ def test_stages(subject: Subject, line: Line) -> None:
 @client_case("4/9", name="untagged")
 def test_untagged(subject: Subject, line: Line) -> None:
     """What bears no tag is no final result, even if its data are those of one."""
-    for order in ORDERS:
+    for order in examples(ORDERS):
         call = executing(subject, line, order)
         stray = line.frame(order.name, data=b"11")
         line.send_bytes(stray.encode() + line.result_frame(order.name, "12").encode())
@@ -113,7 +114,7 @@ def test_untagged(subject: Subject, line: Line) -> None:
 @client_case("4/9", name="waits")
 def test_waits(subject: Subject, line: Line) -> None:
     """The first reply alone ends no order, whichever it is."""
-    for order in ORDERS:
+    for order in examples(ORDERS):
         call = executing(subject, line, order)
         line.wait(_SHORT_S)
         subject.undone(call, f"{order.name} is said to be over behind its first reply")
@@ -124,7 +125,7 @@ def test_waits(subject: Subject, line: Line) -> None:
 @client_case("4/9", name="of-another")
 def test_result_of_another(subject: Subject, line: Line) -> None:
     """The tagged result of another command ends no order."""
-    for order, other in zip(ORDERS, (*ORDERS[1:], ORDERS[0]), strict=True):
+    for order, other in examples(zip(ORDERS, (*ORDERS[1:], ORDERS[0]), strict=True)):
         call = executing(subject, line, order)
         stray = line.result_frame(other.name)
         line.send_bytes(stray.encode() + line.result_frame(order.name, "05").encode())
@@ -158,7 +159,7 @@ def test_second_order(subject: Subject, line: Line) -> None:
 def test_together(subject: Subject, line: Line) -> None:
     """First reply and final result come in one segment, for every command, done and failed."""
     for order in ORDERS:
-        for code in ("", "12"):
+        for code in examples(("", "12")):
             call = ordered(subject, line, order)
             both = line.frame(order.name, data=b"1"), line.result_frame(order.name, code)
             line.send_bytes(b"".join(frame.encode() for frame in both))
@@ -172,7 +173,7 @@ def test_together(subject: Subject, line: Line) -> None:
 def test_split(subject: Subject, line: Line) -> None:
     """First reply and final result come one behind the other, cut at every byte."""
     both = line.frame(RESET.name, data=b"1").encode() + line.result_frame(RESET.name, "14").encode()
-    for cut in range(1, len(both)):
+    for cut in examples(range(1, len(both))):
         call = ordered(subject, line, RESET)
         line.send_bytes(both[:cut])
         line.wait(_MOMENT_S)
@@ -185,7 +186,7 @@ def test_among_other_replies(subject: Subject, line: Line) -> None:
     """The final result comes in one segment with a query's reply, ahead of it and behind it."""
     beside(subject, line)
     for order in (RUN, MOVE, JOG):
-        for ahead in (True, False):
+        for ahead in examples((True, False)):
             call = executing(subject, line, order)
             query = subject.begin("get_version")
             line.request("get_version", query)
@@ -212,7 +213,7 @@ def test_late(subject: Subject, line: Line) -> None:
 @client_case("4/16", name="at-once")
 def test_not_repeated(subject: Subject, line: Line) -> None:
     """No request is sent again while its command executes, but a jog's (A-4.28-3)."""
-    for order in ORDERS:
+    for order in examples(ORDERS):
         call = executing(subject, line, order)
         line.wait(_SHORT_S)
         if order is not JOG:
@@ -224,7 +225,7 @@ def test_not_repeated(subject: Subject, line: Line) -> None:
 @client_case("4/16", name="late-reply")
 def test_not_repeated_before_its_reply(subject: Subject, line: Line) -> None:
     """No request is sent again because its first reply is late; a client may give it up."""
-    for order in (RUN, MOVE):
+    for order in examples((RUN, MOVE)):
         call = ordered(subject, line, order)
         line.wait(_LATE_REPLY_S)
         _not_sent(line, order)
@@ -245,7 +246,7 @@ def test_not_repeated_when_idle(subject: Subject, line: Line) -> None:
     What came of it is known only from its result, for which a client need not wait any longer.
     """
     beside(subject, line)
-    for status in ("00", "12", RUN.status):
+    for status in examples(("00", "12", RUN.status)):
         call = executing(subject, line, RUN)
         query = subject.begin("get_status")
         line.serve(query, status)
@@ -260,7 +261,7 @@ def test_not_repeated_when_idle(subject: Subject, line: Line) -> None:
 @client_case("4/16", name="reconnected")
 def test_not_repeated_on_a_new_connection(subject: Subject, line: Line) -> None:
     """A request whose result was lost with the link is not sent again, nor said to be done."""
-    for order in (MOVE, STOP):
+    for order in examples((MOVE, STOP)):
         call = executing(subject, line, order)
         line.wait(_SHORT_S)
         line.close()
@@ -299,7 +300,7 @@ def test_refused(subject: Subject, line: Line) -> None:
 @client_case("4/13", name="every-order")
 def test_every_order_refused(subject: Subject, line: Line) -> None:
     """Every command is refused, then accepted: the refusal leaves nothing behind."""
-    for order in ORDERS:
+    for order in examples(ORDERS):
         call = ordered(subject, line, order)
         line.reply(order.name, data=b"0|06" if order in REASONED else b"0")
         refused(subject, call)
@@ -311,7 +312,7 @@ def test_every_order_refused(subject: Subject, line: Line) -> None:
 @client_case("4/13", name="bare")
 def test_bare_refusal(subject: Subject, line: Line) -> None:
     """A move is refused with 0 alone, as its row prints the length (A-4.24-3), behind a reason."""
-    for data, code in ((b"0|05", "05"), (b"0", "")):
+    for data, code in examples(((b"0|05", "05"), (b"0", ""))):
         call = ordered(subject, line, MOVE)
         line.reply(MOVE.name, data=data)
         refused(subject, call, code)
@@ -367,7 +368,7 @@ def _tells_no_other(call: Call, code: str) -> None:
 def test_codes(subject: Subject, line: Line, stage: str) -> None:
     """Every code of table 8-1 is told as it was sent, for the commands in turn."""
     silent = []
-    for order, code in zip(cycle(REASONED), _CODES, strict=False):
+    for order, code in examples(zip(cycle(REASONED), _CODES, strict=False)):
         if stage == "refusals":
             call = ordered(subject, line, order)
             line.reply(order.name, data=b"0|" + code.encode())
@@ -386,7 +387,7 @@ def test_codes(subject: Subject, line: Line, stage: str) -> None:
 @client_case("4/12", name="interrupted")
 def test_interrupted(subject: Subject, line: Line) -> None:
     """The code 00 in a failure, of a command that was stopped, makes it no success (A-4.17-4)."""
-    for order in (RUN, SIMULATE, RESET, MOVE, JOG):
+    for order in examples((RUN, SIMULATE, RESET, MOVE, JOG)):
         call = executing(subject, line, order)
         line.result(order.name, "00")
         failed(subject, call, "00")

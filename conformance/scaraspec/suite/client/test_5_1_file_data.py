@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import (
@@ -31,6 +31,7 @@ from scaraspec.suite.chunks import (
     expect_within,
 )
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect, expect_equal
 from scaraspec.suite.wire import Answer
 
@@ -58,7 +59,7 @@ def _chunks(subject: Subject, line: Line, content: bytes) -> Iterator[Chunk]:
 @client_case("5.1/1")
 def test_structure(subject: Subject, line: Line) -> None:
     """Every chunk of an upload is one fileData."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         for frame in _frames(subject, line, content_of(size)):
             chunk_of(frame)
 
@@ -66,7 +67,7 @@ def test_structure(subject: Subject, line: Line) -> None:
 @client_case("5.1/2")
 def test_size_of_the_structure(subject: Subject, line: Line) -> None:
     """A chunk of an upload has 212 data bytes; the last may be cut off behind its content."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         for frame in _frames(subject, line, content_of(size)):
             chunk, sent_bytes = frame.value, len(frame.frame.data)
             if sent_bytes == FILE_DATA_BYTES:
@@ -84,7 +85,7 @@ def test_size_of_the_structure(subject: Subject, line: Line) -> None:
 @client_case("5.1/3")
 def test_file_size(subject: Subject, line: Line) -> None:
     """Every chunk of an upload tells the size of the whole file."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_equal(chunk.file_size, size, "fileSize is not the size of the file")
 
@@ -99,7 +100,7 @@ def test_position(subject: Subject, line: Line) -> None:
 @client_case("5.1/5")
 def test_length(subject: Subject, line: Line) -> None:
     """Every chunk of an upload tells how many bytes of its buffer are the file's: 1 to 200."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         content = content_of(size)
         for chunk in _chunks(subject, line, content):
             expect_length(chunk)
@@ -109,7 +110,7 @@ def test_length(subject: Subject, line: Line) -> None:
 @client_case("5.1/6")
 def test_within_the_file(subject: Subject, line: Line) -> None:
     """No chunk of an upload reaches beyond its fileSize."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_within(chunk, size)
 
@@ -117,7 +118,7 @@ def test_within_the_file(subject: Subject, line: Line) -> None:
 @client_case("5.1/7", name="upload")
 def test_end_of_an_upload(subject: Subject, line: Line) -> None:
     """With the answer to its last chunk, and not before, an upload is done; another may begin."""
-    for size in (1, 200, 201):
+    for size in examples((1, 200, 201)):
         upload = Upload(subject, line, content_of(size))
         upload.accept()
         while upload.received_bytes < size:
@@ -144,7 +145,7 @@ def test_ascending(subject: Subject, line: Line, size: int) -> None:
 def test_one_byte_order(subject: Subject, line: Line) -> None:
     """Chunks of all uploads of a session are in one byte order."""
     orders = set()
-    for size in (1, 450, 70):
+    for size in examples((1, 450, 70)):
         for frame in _frames(subject, line, content_of(size)):
             parsed = frame.seen.parsed
             orders |= {v for k, v in parsed.decoded.readings if k == "endian"} if parsed else set()
@@ -171,7 +172,7 @@ def test_name_first(subject: Subject, line: Line) -> None:
 def test_torn_structure(subject: Subject, line: Line) -> None:
     """A chunk that says 200 bytes and holds fewer, or not even its numbers, is not taken."""
     chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
-    for size in (HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1):
+    for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
         download = fetch(subject, line)
         taken = download.offer(chunk, data=download.frame(chunk).data[:size])
         message = f"{size} bytes were taken as a fileData"
@@ -183,7 +184,7 @@ def test_torn_structure(subject: Subject, line: Line) -> None:
 @client_case("5.1/2", name="truncated")
 def test_truncated_last_chunk(subject: Subject, line: Line) -> None:
     """A last chunk of a download that is cut off behind its content is taken, or refused."""
-    for size in (1, 237, 450):
+    for size in examples((1, 237, 450)):
         download = fetch(subject, line)
         *full, last = chunks_of(content_of(size))
         for chunk in full:
@@ -210,7 +211,7 @@ def test_positions_taken(subject: Subject, line: Line, lengths: Sequence[int]) -
 @client_case("5.1/7", name="download")
 def test_end_of_a_download(subject: Subject, line: Line) -> None:
     """With its last chunk, and not before, a download is done; another may begin at once."""
-    for size in (1, 200, 201):
+    for size in examples((1, 200, 201)):
         download = fetch(subject, line)
         for chunk in chunks_of(content_of(size)):
             line.wait(_SHORT_S if chunk.last else 0)
@@ -223,7 +224,7 @@ def test_end_of_a_download(subject: Subject, line: Line) -> None:
 def test_other_byte_order(subject: Subject, line: Line) -> None:
     """A download in the other byte order is understood, or fails."""
     order = "little" if subject.dialect["endian"] == "big" else "big"
-    for size in (1, 256, 450):
+    for size in examples((1, 256, 450)):
         download = fetch(subject, line)
         if all(download.offer(chunk, order=order) for chunk in chunks_of(content_of(size))):
             download.expect_done("5.1/9")

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.judgement.happenings import FrameSeen
@@ -40,6 +40,7 @@ from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, expect, expect_equal, expect_in
 from scaraspec.suite.limits import limits_of
 from scaraspec.suite.strategies import NAME_CHARACTERS
@@ -112,7 +113,7 @@ def test_chinese_name(subject: Subject, line: Line) -> None:
 @client_case("5.2/18")
 def test_long_names(subject: Subject, line: Line) -> None:
     """A name of 30 bytes is sent; a longer one is refused by the client, or sent whole."""
-    for size in (29, 30, 31, 60, 255, 256, 300):
+    for size in examples((29, 30, 31, 60, 255, 256, 300)):
         name = "n" * (size - 4) + ".rob"
         call = subject.begin("upload", local=subject.file(b"!"), remote=name)
         asked = reaction(subject, line, call, "upload_name")
@@ -160,7 +161,7 @@ def test_existing_file_between_others(subject: Subject, line: Line) -> None:
 def test_one_structure_a_frame(subject: Subject, line: Line) -> None:
     """Each chunk frame carries one fileData, also of a file that looks like frames."""
     frame = Frame(C2A, BY_NAME["upload_chunk"].opcode, b"1").encode()
-    for content in (frame * 100, frame[::-1] * 100, b"\xcc\xaa" * 137):
+    for content in examples((frame * 100, frame[::-1] * 100, b"\xcc\xaa" * 137)):
         upload = Upload(subject, line, content)
         upload.accept()
         for answer in upload.frames():
@@ -198,7 +199,7 @@ def test_refused_chunk(subject: Subject, line: Line) -> None:
 @client_case("5.2/13")
 def test_nothing_after_the_end(subject: Subject, line: Line) -> None:
     """After the answer to the last chunk nothing more of the upload is sent."""
-    for size in (1, 199, 200, 201, 400, 600):
+    for size in examples((1, 199, 200, 201, 400, 600)):
         take(subject, line, content_of(size))
         line = serving(subject, line, "an upload")
         message = f"something was sent after an upload of {size} bytes was complete"
@@ -240,7 +241,7 @@ def test_no_file(subject: Subject, line: Line) -> None:
 @client_case("5.2/17", name="full-chunks")
 def test_no_empty_chunk_behind_full_ones(subject: Subject, line: Line) -> None:
     """A file that fills its last chunk ends with that, not with a chunk of length 0."""
-    for size in (200, 400, 600):
+    for size in examples((200, 400, 600)):
         upload = Upload(subject, line, content_of(size))
         upload.accept()
         for frame in upload.frames():
@@ -326,7 +327,7 @@ def _there_and_back(subject: Subject, line: Line, content: bytes) -> None:
 @pytest.mark.parametrize("size", [1, 199, 200, 201, 400], ids=str)
 def test_sizes(subject: Subject, line: Line, size: int) -> None:
     """A file of this size gets there and back, full of one byte or of all of them."""
-    for content in (*(filling * size for filling in _FILLINGS), content_of(size)):
+    for content in examples((*(filling * size for filling in _FILLINGS), content_of(size))):
         _there_and_back(subject, line, content)
 
 
@@ -367,7 +368,7 @@ def test_refusals_are_failures(subject: Subject, line: Line) -> None:
     upload = Upload(subject, line, _WHOLE)
     line.reply("upload_name", value=False)
     upload.expect_failed()
-    for number in (0, 1, _LAST):
+    for number in examples((0, 1, _LAST)):
         line = serving(subject, line, "a refused upload")
         upload, chunk = _up_to(subject, line, number)
         upload.refuse(chunk)
@@ -417,7 +418,7 @@ _ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10", b"01", b"", b"01", b"10", b"\
 @client_case("5.2/19", name="odd-answers")
 def test_odd_answers(subject: Subject) -> None:
     """An answer that does not say 1 is no yes, to a name, a chunk or the last one."""
-    for number, data in zip(itertools.cycle((None, 1, _LAST)), _ODD, strict=False):
+    for number, data in examples(zip(itertools.cycle((None, 1, _LAST)), _ODD, strict=False)):
         line = subject.open(judged=False)
         chunk = None
         if number is None:
@@ -471,7 +472,7 @@ def _offer_wrong(line: Line, command: str) -> None:
 
 def _lost(subject: Subject, end: Callable[[Line], None]) -> None:
     """Let the link end at the name and at every chunk of an upload."""
-    for number in (None, 0, 1, 2, _LAST):
+    for number in examples((None, 0, 1, 2, _LAST)):
         line = subject.open()
         if number is None:
             upload = Upload(subject, line, _WHOLE)
@@ -496,13 +497,13 @@ def test_link_reset(subject: Subject) -> None:
 @client_case("5.2/19", name="download-cut-off")
 def test_link_lost_in_a_download(subject: Subject) -> None:
     """A download whose connection ends, before or behind any chunk, is not told as done."""
-    for end in (Line.close, Line.reset):
+    for end in examples((Line.close, Line.reset)):
         line = subject.open()
         download = Download(subject, line)
         end(line)
         download.expect_failed()
         chunks = tuple(chunks_of(_WHOLE))
-        for count in range(len(chunks)):
+        for count in examples(range(len(chunks))):
             line = subject.open()
             download = fetch(subject, line)
             for chunk in chunks[:count]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, chunks_of
@@ -23,6 +23,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect, expect_equal
 from scaraspec.suite.strategies import NAME_CHARACTERS
 
@@ -81,7 +82,7 @@ def test_one_answer_each(subject: Subject, line: Line) -> None:
 @client_case("5.3/5", name="together")
 def test_chunk_behind_its_promise(subject: Subject, line: Line) -> None:
     """A first chunk that comes in one segment with the answer to the name is answered too."""
-    for size in (1, 200, 450):
+    for size in examples((1, 200, 450)):
         download = Download(subject, line)
         first, *rest = chunks_of(content_of(size))
         line.send_bytes(line.frame("download_name").encode() + download.frame(first).encode())
@@ -95,7 +96,7 @@ def test_chunk_behind_its_promise(subject: Subject, line: Line) -> None:
 def test_chunk_in_pieces(subject: Subject, line: Line) -> None:
     """A chunk whose frame comes in two or three pieces, split anywhere, is answered once."""
     chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
-    for at in (*range(1, HEAD_BYTES + 4), 100, 213, 214, 215):
+    for at in examples((*range(1, HEAD_BYTES + 4), 100, 213, 214, 215)):
         download = fetch(subject, line)
         data = download.frame(chunk).encode()
         for piece in (data[:at], data[at : at + 1], data[at + 1 :]):
@@ -109,7 +110,7 @@ def test_chunk_in_pieces(subject: Subject, line: Line) -> None:
 @client_case("5.3/5", name="refused")
 def test_refusal_is_an_answer(subject: Subject, line: Line) -> None:
     """A chunk that cannot be taken is answered 0, unless the client ends the connection."""
-    for count in range(3):
+    for count in examples(range(3)):
         download = _sent(subject, line, count)
         answered = download.offer(Chunk(650, 200 * count, 201, bytes(200)))
         expect(
@@ -166,7 +167,7 @@ def test_error_signals(subject: Subject, line: Line, signal: str) -> None:
 
     Its position may be that of the end (L737): bytes are missing all the same.
     """
-    for count in range(4):
+    for count in examples(range(4)):
         download = _sent(subject, line, count)
         chunk = Chunk(650, 650 if count % 2 else 200 * count, 0, b"")
         whole = download.frame(chunk).data
@@ -241,7 +242,7 @@ def test_large_file(subject: Subject, line: Line) -> None:
 @client_case("5.3/11", name="one-after-another")
 def test_one_after_another(subject: Subject, line: Line) -> None:
     """A short file that comes after a long one has nothing of that, be it called the same."""
-    for size in (650, 10, 400, 1):
+    for size in examples((650, 10, 400, 1)):
         serve(subject, line, content_of(size, size), remote="zs-each-time.rob")
 
 
@@ -310,7 +311,9 @@ def test_first_chunk_out_of_bounds(subject: Subject, line: Line, chunk: Chunk) -
 @client_case("5.3/13", name="later")
 def test_later_chunk_out_of_bounds(subject: Subject, line: Line) -> None:
     """A later chunk that is longer than the buffer, or reaches beyond fileSize, is rejected."""
-    for count, size, length in ((1, 650, 201), (2, 650, 243), (3, 650, 51), (3, 650, 200)):
+    for count, size, length in examples(
+        ((1, 650, 201), (2, 650, 243), (3, 650, 51), (3, 650, 200))
+    ):
         download = _sent(subject, line, count)
         position = 200 * count
         _rejected(download, Chunk(size, position, length, content_of(max(length, 200))))

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, chunks_of
@@ -22,6 +22,7 @@ from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 
 _WHOLE = content_of(650)
@@ -31,7 +32,7 @@ _CHUNKS = tuple(chunks_of(_WHOLE))
 @client_case("5.4/3")
 def test_buffer_is_not_exceeded(subject: Subject, line: Line) -> None:
     """No chunk of an upload holds more than 200 bytes."""
-    for size in (200, 201, 243, 255, 256, 400, 1000):
+    for size in examples((200, 201, 243, 255, 256, 400, 1000)):
         upload = Upload(subject, line, content_of(size))
         upload.accept()
         for frame in upload.frames():
@@ -47,7 +48,7 @@ def test_buffer_is_not_exceeded(subject: Subject, line: Line) -> None:
 @client_case("5.4/4")
 def test_end_is_found(subject: Subject, line: Line) -> None:
     """With its last chunk a download is done, whatever its size, and its file is there."""
-    for size in (1, 199, 200, 201, 400, 401):
+    for size in examples((1, 199, 200, 201, 400, 401)):
         serve(subject, line, content_of(size), "5.4/4")
 
 
@@ -132,7 +133,7 @@ def test_served_after_a_broken_upload(subject: Subject, line: Line) -> None:
 
     What broke off is sent once more, and begins anew.
     """
-    for count in (None, 0, 2):
+    for count in examples((None, 0, 2)):
         name = "" if count is None else f"again{count}.rob"
         upload = Upload(subject, line, _WHOLE, name)
         if count is None:
@@ -156,7 +157,7 @@ def test_served_after_a_broken_download(subject: Subject, line: Line) -> None:
     line.reply("download_name", value=False)
     expect_failed(subject, download.call)
     line = _next_transfers(subject, line, "a refused download")
-    for bad in (Chunk(650, 200, 0, b""), Chunk(650, 200, 201, bytes(200)), _CHUNKS[3]):
+    for bad in examples((Chunk(650, 200, 0, b""), Chunk(650, 200, 201, bytes(200)), _CHUNKS[3])):
         download = fetch(subject, line, "again.rob")
         download.give(_CHUNKS[0])
         download.offer(bad)

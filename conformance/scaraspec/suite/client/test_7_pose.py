@@ -6,6 +6,7 @@ from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.poses import expect_pose, gives_pose
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 
 _POSES = (
     Pose(200, 300, 324, 34.6, 0, 0),
@@ -18,7 +19,7 @@ _POSES = (
 @client_case("7/2")
 def test_four_of_six(subject: Subject, line: Line) -> None:
     """What is meant by a pose goes out, and comes in, as x, y, z and thetaX."""
-    for pose in _POSES:
+    for pose in examples(_POSES):
         call = subject.begin("set_initial_tool_position", **pose._asdict())
         with subject.at_will():
             expect_pose(subject, line.serve(call), pose)

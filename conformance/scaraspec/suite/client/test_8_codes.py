@@ -15,6 +15,7 @@ from scaraspec.suite.as_controller.executing import (
 from scaraspec.suite.as_controller.line import Line
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect_equal, expect_in
 
 _MOTORS: Final = tuple(f"{0x10 + mask:02X}" for mask in range(1, 16))
@@ -24,7 +25,7 @@ _LETTERS: Final = tuple(code for code in _MOTORS if not code.isdigit())
 @client_case("8/4", attended=True)
 def test_joints(subject: Subject, line: Line) -> None:
     """A fault of the inner arm, the outer arm, the wrist, the gripper and of all is told."""
-    for code in ("11", "12", "14", "18", "1F"):
+    for code in examples(("11", "12", "14", "18", "1F")):
         call = subject.begin("get_status")
         line.serve(call, code)
         subject.gives(call, code)
@@ -33,7 +34,7 @@ def test_joints(subject: Subject, line: Line) -> None:
 @client_case("8/4", name="all")
 def test_every_mask(subject: Subject, line: Line) -> None:
     """Each set of faulty joints is told, as the status, in a refusal and in a failure."""
-    for order, code in zip(cycle(REASONED), _MOTORS, strict=False):
+    for order, code in examples(zip(cycle(REASONED), _MOTORS, strict=False)):
         call = subject.begin("get_status")
         line.serve(call, code)
         said = f"{subject.done(call)}"
@@ -51,7 +52,7 @@ def test_every_mask(subject: Subject, line: Line) -> None:
 def test_small_letters(subject: Subject, line: Line) -> None:
     """Codes in small letters are taken for those in capitals: for no other one, and for no yes."""
     unknown = ""
-    for order, code in zip(cycle(REASONED), _LETTERS, strict=False):
+    for order, code in examples(zip(cycle(REASONED), _LETTERS, strict=False)):
         sent = code.lower()
         call = subject.begin("get_status")
         line.serve(call, data=sent.encode())

@@ -2,8 +2,6 @@
 
 from typing import Any, Final
 
-from hypothesis import given
-
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS, JointValues
 from scaraspec.protocol.payloads import FLAG, NameListPart
@@ -20,6 +18,7 @@ from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.sending import expect_no_value
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect, expect_in
 from scaraspec.suite.strategies import payload_values
 
@@ -79,14 +78,16 @@ def test_queries(subject: Subject, line: Line) -> None:
 @client_case("T/9", "T/5", name="numbers")
 def test_numbers(subject: Subject, line: Line) -> None:
     """Numbers come with as many decimals as the controller likes, or none (A-T-5)."""
-    for data in _NUMBERS:
+    for data in examples(_NUMBERS):
         tells(subject, line, "get_gripper_center", data)
 
 
 @client_case("T/5", name="decimals-received")
 def test_decimals(subject: Subject, line: Line) -> None:
     """The joint angles are as the document prints them, negative, and with three decimals."""
-    for data in (REPLIES["get_joint_angles"], b"-20.4|0|-38.0|-0.5", b"20.125|30.250|38.000|0.001"):
+    for data in examples(
+        (REPLIES["get_joint_angles"], b"-20.4|0|-38.0|-0.5", b"20.125|30.250|38.000|0.001")
+    ):
         tells(subject, line, "get_joint_angles", data)
 
 
@@ -200,7 +201,7 @@ def test_outcomes_of_both_stages(subject: Subject, line: Line) -> None:
         call, _ = ask(subject, line, name)
         line.reply(name, data=b"0|1A" if name != "emergency_stop" else b"0")
         subject.fails(call)
-        for code in ("1A", "05"):
+        for code in examples(("1A", "05")):
             call, _ = ask(subject, line, name)
             line.reply(name, data=b"1")
             line.result(name, code)
@@ -218,7 +219,7 @@ def test_outcomes_of_both_stages(subject: Subject, line: Line) -> None:
 def test_codes(subject: Subject, line: Line) -> None:
     """A program is refused for every reason, in upper and lower case; the reason is handed on."""
     for code in sorted(each.text for each in errors.REFUSALS):
-        for text in dict.fromkeys((code, code.lower())):
+        for text in examples(dict.fromkeys((code, code.lower()))):
             call, _ = ask(subject, line, "run_program")
             line.reply("run_program", data=f"0|{text}".encode())
             subject.fails(call)

@@ -3,7 +3,7 @@
 import math
 from typing import Any, Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import (
@@ -31,6 +31,7 @@ from scaraspec.suite.as_controller.orders import (
 )
 from scaraspec.suite.as_controller.subject import Subject
 from scaraspec.suite.case import client_case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 from scaraspec.suite.strategies import payload_values
 from scaraspec.suite.wire import Answer
@@ -88,13 +89,15 @@ def test_bars(subject: Subject, line: Line) -> None:
 @client_case("T/1", name="values")
 def test_bars_between_short_and_long(subject: Subject, line: Line) -> None:
     """The fields are as short as can be, or long; one bar stands between them all the same."""
-    for name, value in (
-        ("set_password", PasswordChange(b"o", b"n")),
-        ("set_password", PasswordChange(b"o" * 60, b"n" * 60)),
-        ("set_network", Network("1.1.1.1", "255.0.0.0", "1.1.1.2")),
-        ("set_initial_tool_position", Pose(0, 0, 0, 0, 0, 0)),
-        ("set_initial_tool_position", Pose(-100.5, 200.5, -300.5, -90.5, 0, 0)),
-        ("set_tool_coordinates", MoveTarget(1, 0, 0, 0, 0, 0, 0)),
+    for name, value in examples(
+        (
+            ("set_password", PasswordChange(b"o", b"n")),
+            ("set_password", PasswordChange(b"o" * 60, b"n" * 60)),
+            ("set_network", Network("1.1.1.1", "255.0.0.0", "1.1.1.2")),
+            ("set_initial_tool_position", Pose(0, 0, 0, 0, 0, 0)),
+            ("set_initial_tool_position", Pose(-100.5, 200.5, -300.5, -90.5, 0, 0)),
+            ("set_tool_coordinates", MoveTarget(1, 0, 0, 0, 0, 0, 0)),
+        )
     ):
         with subject.at_will():
             _sends(subject, line, name, value, requirement="T/1")
@@ -147,7 +150,7 @@ def test_ends_of_texts(subject: Subject, line: Line) -> None:
 @client_case("T/5", "T/10")
 def test_numbers(subject: Subject, line: Line) -> None:
     """Numbers small and large, whole and broken, are sent as plain decimal text, undiminished."""
-    for number in _NUMBERS:
+    for number in examples(_NUMBERS):
         point = Point(number, -number, 0)
         with subject.at_will():
             _sends(subject, line, "set_gripper_center", point, requirement="T/10")
@@ -183,7 +186,7 @@ def test_bars_in_names(subject: Subject, line: Line) -> None:
     """Names and passwords with bars in them are ordered everywhere; none is sent."""
 
     def each(name: str) -> None:
-        for barred in _BARRED:
+        for barred in examples(_BARRED):
             refuses(subject, line, name, barred)
 
     of_each(("login", *_NAMED), each)
@@ -238,7 +241,7 @@ def test_long_names(subject: Subject, line: Line) -> None:
     """Long names are sent whole, or refused by the client."""
 
     def each(name: str) -> None:
-        for size_bytes in _LONG_BYTES:
+        for size_bytes in examples(_LONG_BYTES):
             value = b"".join(b"%d" % (i % 10) for i in range(size_bytes - 4)) + b".rob"
             call = order(subject, name, value)
             if sent_or_settled(subject, line, call) is None:
@@ -261,7 +264,7 @@ def test_outer_blanks(subject: Subject, line: Line) -> None:
     """A name with blanks at its ends, or as odd, is sent as it is, or refused by the client."""
 
     def each(name: str) -> None:
-        for value in _TIDIED:
+        for value in examples(_TIDIED):
             call = order(subject, name, value)
             if sent_or_settled(subject, line, call) is None:
                 continue  # refused

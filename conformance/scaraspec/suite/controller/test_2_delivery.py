@@ -4,8 +4,6 @@ import itertools
 from collections.abc import Mapping
 from typing import Final
 
-from hypothesis import given
-
 from scaraspec.suite.as_client.asking.queries import Query, known_to, some_queries
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.carriers import GET_STATUS, GET_TIME, GET_VERSION
@@ -20,6 +18,7 @@ from scaraspec.suite.as_client.spoiling.delivery import (
 )
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer
 
 _BURST: Final = 250  # more than a kilobyte, which a small buffer holds; the judge follows 256
@@ -32,7 +31,7 @@ def test_cut_at_every_byte(subject: Subject) -> None:
     line = subject.open()
     for name in ("get_time", "get_version", "get_status"):
         frame = line.request(name).encode()
-        for cut in range(1, len(frame)):
+        for cut in examples(range(1, len(frame))):
             send_in(line, (frame[:cut], frame[cut:]), subject, SEGMENT_S)
             line.reply(name)
     line.close()
@@ -40,7 +39,7 @@ def test_cut_at_every_byte(subject: Subject) -> None:
         return
     login = _login(subject, line)
     halves = [(login[:cut], login[cut:]) for cut in range(1, len(login))]
-    for parts in (*halves, pieces(login, [1] * len(login))):
+    for parts in examples((*halves, pieces(login, [1] * len(login)))):
         line = subject.open(login=False)
         send_in(line, parts, subject, SEGMENT_S)
         line.reply("login")
@@ -88,7 +87,7 @@ def test_random_cuts(subject: Subject, queries: list[Query], sizes: list[int]) -
 @case("2/5", "2/6", name="across")
 def test_segments_across_frames(subject: Subject, line: Line) -> None:
     """Each segment ends one frame and begins the next, at every byte."""
-    for cut in range(1, 4):
+    for cut in examples(range(1, 4)):
         parts = pieces(b"".join(_CARRIERS * 2), (cut, *[4] * 5))
         send_in(line, parts, subject, SEGMENT_S)
         for name in ("get_time", "get_version", "get_status") * 2:

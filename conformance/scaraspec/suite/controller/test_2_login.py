@@ -23,6 +23,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
 from scaraspec.suite.as_client.two_stage.tasks import RUN, lasting, stored
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
 from scaraspec.suite.programs.layout import short_program
 
@@ -53,7 +54,7 @@ class _Stranger:
     def ask(self, *requests: tuple[str, Any]) -> None:
         """Connect, send requests, and listen for a moment."""
         line = self._connect()
-        for name, value in requests:
+        for name, value in examples(requests):
             try:
                 line.send(name, value)
             except NoAnswer:
@@ -114,7 +115,7 @@ def _unchanged(subject: Subject, *settings: tuple[str, str]) -> Iterator[dict[st
     yield before
     after = _values(subject, settings)
     line = subject.open()
-    for name, setter in settings:
+    for name, setter in examples(settings):
         if after[name] != before[name]:
             line.ask(setter, before[name])
     line.close()
@@ -207,7 +208,7 @@ def test_behind_another(subject: Subject) -> None:
     """Another client leaves in the midst of an upload, or is cut off; the next tries a setting."""
     stranger = _Stranger(subject)
     with _unchanged(subject, _GRIPPER):
-        for cut in (False, True):
+        for cut in examples((False, True)):
             line = subject.open()
             begin(line, subject.new_name())
             line.reset() if cut else line.close()

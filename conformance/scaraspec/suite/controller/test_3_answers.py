@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import given, settings
+from hypothesis import settings
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import show
@@ -13,6 +13,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
 from scaraspec.suite.wire import Answer
 
@@ -39,7 +40,7 @@ _SETTINGS: Final = (
 @case("3/11")
 def test_opcodes_of_queries(subject: Subject, line: Line) -> None:
     """Every query is answered under the opcode that it has."""
-    for query in known_to(subject):
+    for query in examples(known_to(subject)):
         _ask_under_its_opcode(line, *query)
     _ask_under_its_opcode(line, "download_name", subject.new_name())
 
@@ -47,7 +48,7 @@ def test_opcodes_of_queries(subject: Subject, line: Line) -> None:
 @case("3/11", name="settings", hazards=_STATE)
 def test_opcodes_of_settings(subject: Subject, line: Line) -> None:
     """Settings, which are set to what they are, and an upload are answered under their opcodes."""
-    for name, setter in _SETTINGS:
+    for name, setter in examples(_SETTINGS):
         value = line.ask(name).value
         if value is not None and setter not in subject.statement.lacks:
             _ask_under_its_opcode(line, setter, value)
@@ -99,7 +100,7 @@ def test_queries_one_by_one(subject: Subject, queries: list[Query]) -> None:
 @case("3/31", name="twice")
 def test_queries_twice(subject: Subject, line: Line) -> None:
     """Every query is asked twice in a row, and is answered twice."""
-    for query in known_to(subject):
+    for query in examples(known_to(subject)):
         line.ask(*query)
         line.ask(*query)
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Final
 
-from hypothesis import assume, example, given
+from hypothesis import assume, example
 from hypothesis import strategies as st
 
 from scaraspec.judgement.happenings import FrameSeen
@@ -25,6 +25,7 @@ from scaraspec.suite.as_client.spoiling.carriers import (
 )
 from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
 from scaraspec.suite.programs.layout import short_program
 
@@ -58,7 +59,7 @@ _LENGTHS: Final = (
 @case("3/1", "3/4", "3/5", "3/6", "3/7", "3/8", "3/32")
 def test_replies_are_frames(subject: Subject, line: Line) -> None:
     """Every query is answered with a frame: its bytes, its length, and nothing around it."""
-    for query in known_to(subject):
+    for query in examples(known_to(subject)):
         with _told_apart(line, query.name):
             line.ask(*query)
         line.fence()
@@ -215,7 +216,7 @@ def test_data_on_a_query(subject: Subject, data: bytes) -> None:
 def test_every_length(subject: Subject, line: Line) -> None:
     """A query has up to 255 bytes of data, and none of them is a frame, however many there are."""
     pushed = OPCODES - {GET_TIME[1]}  # some send such things unasked (A-3-16)
-    for length_bytes in _LENGTHS:
+    for length_bytes in examples(_LENGTHS):
         many, rest = divmod(length_bytes, len(GET_TIME))
         line.send_bytes(Frame(A2C, 0x08, b"0" * rest + GET_TIME * many).encode())
         others = [seen for seen in _came(subject, line) if seen.frame.opcode not in pushed]
@@ -248,7 +249,7 @@ _FULL_OF_MARKS: Final = (
 def test_marks_in_files(subject: Subject, line: Line) -> None:
     """Files full of start and end bytes are sent, and come back as they are."""
     expect_round_trip(subject, line, b"plain" * 50)
-    for content in _FULL_OF_MARKS:
+    for content in examples(_FULL_OF_MARKS):
         expect_round_trip(subject, line, content, "3/9")
         expect(not line.fence(), "bytes of a file were taken for a frame", observed="a reply")
 
@@ -256,7 +257,7 @@ def test_marks_in_files(subject: Subject, line: Line) -> None:
 @case("3/9", name="name", hazards=(Hazard.STATE,))
 def test_marks_in_names(line: Line) -> None:
     """A name with 0xAA and 0xCC in it is asked for; it is refused or served, in one frame."""
-    for data in (b"\xaa.rob", b"\xcc.rob", b"a\xcc\xaab.rob", b"\xb0\xcc\xaa\xcc.rob"):
+    for data in examples((b"\xaa.rob", b"\xcc.rob", b"a\xcc\xaab.rob", b"\xb0\xcc\xaa\xcc.rob")):
         answer = line.ask("download_name", data=data)
         expect(answer.accepted is False, "a file is sent that is not there", requirement="5.3/3")
         expect(not line.fence(), "bytes of a name were taken for a frame", observed="a reply")

@@ -13,6 +13,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.carriers import GET_STATUS
 from scaraspec.suite.as_client.subject import MOMENT_S, Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, expect, expect_equal
 
 _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
@@ -58,7 +59,7 @@ def test_undefined_opcodes_alone(subject: Subject) -> None:
 def _send(subject: Subject, frames: Iterable[Frame]) -> None:
     """Send each, with a query behind it, on a new connection where the subject closes."""
     line = subject.open(judged=False)
-    for frame in frames:
+    for frame in examples(frames):
         line.send_frame(frame)
         try:
             line.send_bytes(GET_STATUS)

@@ -8,8 +8,6 @@ from datetime import datetime, timedelta
 from itertools import pairwise
 from typing import Final
 
-from hypothesis import given
-
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
@@ -24,6 +22,7 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import finish, has, jog_somewhere
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import given
 from scaraspec.suite.expect import NotRun, Undecided, expect, expect_equal
 from scaraspec.suite.wire import Answer
 

@@ -37,6 +37,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     start_program,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
@@ -190,7 +191,7 @@ def test_no_result_of_what_is_refused(subject: Subject, line: Line) -> None:
         (STOP, None, None),
     ]
     refused = []
-    for name, value, data in requests:
+    for name, value, data in examples(requests):
         if name in subject.statement.lacks:
             continue
         line = alive(subject, line)

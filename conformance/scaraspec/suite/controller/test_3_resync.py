@@ -8,7 +8,7 @@ from contextlib import suppress
 from itertools import product
 from typing import Final
 
-from hypothesis import assume, given
+from hypothesis import assume
 from hypothesis import strategies as st
 
 from scaraspec.protocol.direction import A2C, C2A
@@ -32,6 +32,7 @@ from scaraspec.suite.as_client.spoiling.carriers import (
 )
 from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect
 
 _LONG_BYTES: Final = 5000
@@ -70,9 +71,7 @@ def _tell(subject: Subject, requirement: str, how: Recovery) -> None:
 def test_wrong_start(subject: Subject) -> None:
     """A request begins with every byte that is no start byte."""
     line = subject.open(judged=False)
-    for start in range(256):
-        if start in (A2C.start, C2A.start):
-            continue
+    for start in examples({*range(256)} - {A2C.start, C2A.start}):
         try:
             line.send_bytes(bytes((start,)) + GET_TIME[1:])
         except NoAnswer:
@@ -117,7 +116,9 @@ def test_joined_with_requests(subject: Subject, garbage: bytes, carrier: bytes) 
 def test_much_garbage(subject: Subject) -> None:
     """Thousands of bytes come none of which begins a frame, and then text as a person types it."""
     line = subject.open(judged=False)
-    for data in (b"\x55" * _LONG_BYTES, b"\x00" * _LONG_BYTES, b"\xff" * 300, b"help\r\n" * 50):
+    for data in examples(
+        (b"\x55" * _LONG_BYTES, b"\x00" * _LONG_BYTES, b"\xff" * 300, b"help\r\n" * 50)
+    ):
         try:
             line.send_bytes(data)
         except NoAnswer:
@@ -140,7 +141,7 @@ def test_spoiled_frames(subject: Subject, frame: bytes) -> None:
 @case("3/20", name="end")
 def test_every_wrong_end(subject: Subject) -> None:
     """A request ends with each of many wrong bytes; that it is answered is only warned of."""
-    for end in (0x00, 0x0D, 0x33, 0xAB, 0xAC, 0xCB, 0xCD, 0xEC, 0xFF):
+    for end in examples((0x00, 0x0D, 0x33, 0xAB, 0xAC, 0xCB, 0xCD, 0xEC, 0xFF)):
         data = GET_STATUS[:-1] + bytes((end,))
         _tell(subject, "3/20", survives(subject, data, requirement="3/20"))
     line = subject.open(judged=False)
@@ -154,7 +155,7 @@ def test_every_wrong_end(subject: Subject) -> None:
 @case("3/20", name="length")
 def test_wrong_lengths(subject: Subject) -> None:
     """The length is one too small or too great, or that which counts the whole frame."""
-    for size_bytes, wrong in product((0, 1, 8), (-1, 1, 3, 4)):
+    for size_bytes, wrong in examples(product((0, 1, 8), (-1, 1, 3, 4))):
         declared = (size_bytes + wrong) % 256
         data = bytes((A2C.start, 0x08, declared)) + b"0" * size_bytes + bytes((A2C.end,))
         _tell(subject, "3/20", survives(subject, data, requirement="3/20"))
@@ -182,7 +183,7 @@ def test_printed_lengths(subject: Subject) -> None:
         0x54: subject.new_name(),
     }
     line.close()
-    for row in WRONG_LENGTHS:
+    for row in examples(WRONG_LENGTHS):
         if row.frame.direction is A2C:
             data = values[row.frame.opcode].rstrip(b"\0")
             off_by = row.declared - len(row.frame.data)
@@ -197,7 +198,7 @@ def test_printed_lengths(subject: Subject) -> None:
 def test_truncated(subject: Subject) -> None:
     """A request with data stops at every byte, and the next one follows at once."""
     frame = Frame(A2C, 0x08, b"0123456").encode()
-    for cut in range(1, len(frame)):
+    for cut in examples(range(1, len(frame))):
         _tell(subject, "3/20", survives(subject, frame[:cut], requirement="3/20"))
 
 
@@ -270,7 +271,7 @@ def test_bystander(subject: Subject) -> None:
     """No damage on one connection ends another, as it would where the program dies and restarts."""
     subject.several()
     bystander = subject.open()
-    for data in _DAMAGED:
+    for data in examples(_DAMAGED):
         survives(subject, data, requirement="3/20")
         bystander.pump()
         expect(
@@ -289,7 +290,7 @@ def test_bystander(subject: Subject) -> None:
 def test_half_frames(subject: Subject) -> None:
     """A connection stops in the middle of a frame; the next is served, and gets none of it."""
     subject.notices_leaving()
-    for part in _PARTS:
+    for part in examples(_PARTS):
         line = subject.open(judged=False)
         line.send_bytes(part)
         if subject.takes_several:
@@ -305,7 +306,7 @@ def test_half_frames(subject: Subject) -> None:
 def test_cut_off_in_a_frame(subject: Subject) -> None:
     """A connection is cut off in the middle of a frame; the next is served."""
     subject.notices_leaving()
-    for part in _PARTS:
+    for part in examples(_PARTS):
         line = subject.open(judged=False)
         line.send_bytes(part)
         line.reset()
@@ -317,7 +318,7 @@ def test_half_close_in_a_frame(subject: Subject) -> None:
     """A client in the middle of a frame sends no more but listens on; the next is served."""
     if subject.access.port is None:
         raise NotRun("only a network link can be half closed")
-    for part in _PARTS:
+    for part in examples(_PARTS):
         line = subject.open(judged=False)
         line.send_bytes(part)
         line.half_close()

@@ -6,6 +6,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.state.keeping import needs_login, password_kept
 from scaraspec.suite.as_client.subject import LONG_PASSWORD, Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, Unmet, expect
 from scaraspec.suite.wire import Answer
 
@@ -122,7 +123,7 @@ def test_near_misses(subject: Subject) -> None:
         tried: list[tuple[bytes, str, bytes | None]] = [(right[:-1] + last, behind, right)]
         if len(right) > 1:
             tried.append((right[:-1], "the right password without its last letter", None))
-        for wrong, what, before in tried:
+        for wrong, what, before in examples(tried):
             _expect_refused(subject, wrong, what, before).close()
             line = subject.open(login=False)  # three wrong ones in a row may lock us out (A-4.1-2)
             subject.log_in(line, right)

@@ -8,6 +8,7 @@ from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
 from scaraspec.suite.as_client.state.keeping import password_kept
 from scaraspec.suite.as_client.subject import ODD_PASSWORDS, PLAIN_PASSWORD, Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect
 
 _EMPTY_FIELDS = ("empty in old", "empty in new")
@@ -36,7 +37,7 @@ def test_changed(subject: Subject) -> None:
     """A new password opens the next login and the old one does not, change after change."""
     first = old = subject.password
     with password_kept(subject):
-        for new in (PLAIN_PASSWORD, *ODD_PASSWORDS, first):
+        for new in examples((PLAIN_PASSWORD, *ODD_PASSWORDS, first)):
             line = subject.open(login=False)
             subject.log_in(line, old)
             changed = expect_changed(line, old, new)
@@ -70,7 +71,7 @@ def test_wrong_old_password(subject: Subject, line: Line) -> None:
     """With a wrong old password the change is refused and the password remains."""
     right = subject.password
     with password_kept(subject):
-        for wrong in filter(None, (altered(right), right[:-1])):
+        for wrong in examples(filter(None, (altered(right), right[:-1]))):
             _expect_refused(subject, line, wrong, PLAIN_PASSWORD, right)
             line = subject.open()
 
@@ -100,9 +101,8 @@ def test_malformed(subject: Subject, line: Line) -> None:
     """A pair without separator or with an empty field changes nothing."""
     right = subject.password
     with password_kept(subject):
-        for wrong in malformed("set_password", PasswordChange(right, PLAIN_PASSWORD)):
-            if f"{wrong}" not in _TRIED:
-                continue
+        wrongs = malformed("set_password", PasswordChange(right, PLAIN_PASSWORD))
+        for wrong in examples(each for each in wrongs if f"{each}" in _TRIED):
             offered = offer(subject, line, "set_password", wrong)
             line = offered.line
             if not offered.accepted:

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from ipaddress import IPv4Network
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Network
@@ -18,6 +18,7 @@ from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
 from scaraspec.suite.as_client.state.keeping import alive, kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, expect
 
 _MASKS: Final = ("255.255.255.0", "255.255.0.0")
@@ -136,7 +137,7 @@ def test_mask_and_gateway(subject: Subject, line: Line) -> None:
     """Another mask and another gateway are set and shown, the address remains."""
     others = _others(_read(line))
     with _network_kept(subject, line):
-        for wanted in others:
+        for wanted in examples(others):
             line = _expect_set(subject, line, wanted, again=wanted != others[0])
 
 
@@ -164,7 +165,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
     if subject.access.readdressable:
         other = other._replace(ip=_LONGEST.ip)
     with _network_kept(subject, line):
-        for wrong in malformed("set_network", other, subject.dialect):
+        for wrong in examples(malformed("set_network", other, subject.dialect)):
             offered = offer(subject, line, "set_network", wrong)
             line = offered.line
             expect(

@@ -3,7 +3,7 @@
 from datetime import datetime, timedelta
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.suite.as_client.asking.clock import Reading, expect_ran, read, set_to, shifted
@@ -12,6 +12,7 @@ from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
 from scaraspec.suite.as_client.state.keeping import kept, patient
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.bench import PROGRAMS, running
 from scaraspec.suite.strategies import payload_values
@@ -71,7 +72,7 @@ _LATER_S: Final = 2.1
 def test_set(subject: Subject, line: Line) -> None:
     """The clock shows the time that was set, whatever it showed before."""
     with kept(subject, line, "clock"):
-        for time in (_NOON, _NOON - timedelta(days=400)):
+        for time in examples((_NOON, _NOON - timedelta(days=400))):
             first = set_to(subject, line, time)
             message = "the clock does not show the time that was set"
             expect_ran(subject, first, read(subject, line), message)
@@ -119,7 +120,7 @@ def _expect_rollover(subject: Subject, line: Line, time: datetime) -> Reading:
 def test_new_year(subject: Subject, line: Line) -> None:
     """The clock goes over into a new year, onto 29 February, past 28 February, and goes on."""
     with kept(subject, line, "clock"):
-        for time in _GRAVEST:
+        for time in examples(_GRAVEST):
             first = _expect_rollover(subject, line, time)
         line.wait((_LATER_S - _AFTER_S) / subject.statement.time_scale)
         message = "the clock did not go on from the time that was set"
@@ -131,7 +132,7 @@ def test_rollovers(subject: Subject, line: Line) -> None:
     """The clock goes over into minutes, hours, days and months of every kind."""
     patient(subject, len(_OTHERS) * _AFTER_S)
     with kept(subject, line, "clock"):
-        for time in _OTHERS:
+        for time in examples(_OTHERS):
             _expect_rollover(subject, line, time)
 
 
@@ -140,7 +141,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
     """A time that no calendar has, or that is none, is not answered 1, and the clock goes on."""
     with kept(subject, line, "clock"):
         first = set_to(subject, line, _NOON)
-        for wrong in malformed("set_time", _NOON + timedelta(days=700), subject.dialect):
+        for wrong in examples(malformed("set_time", _NOON + timedelta(days=700), subject.dialect)):
             offered = offer(subject, line, "set_time", wrong)
             line = offered.line
             expect(

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
@@ -13,6 +13,7 @@ from scaraspec.suite.as_client.asking.files import NameRefused, upload
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import given
 from scaraspec.suite.expect import NotRun, Unmet, expect, expect_in
 from scaraspec.suite.programs.layout import layout_in_use
 from scaraspec.suite.programs.listed import (

@@ -15,6 +15,7 @@ from scaraspec.suite.as_client.spoiling.malformed import Malformed, malformed, o
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import RUN, lasting, offered
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NotRun, expect
 from scaraspec.suite.programs.layout import short_program
 from scaraspec.suite.programs.listed import INHERITED, long_name, program_names, store_program
@@ -114,7 +115,7 @@ def test_not_run(subject: Subject, line: Line) -> None:
     name = store_program(subject, line)
     _delete(line, name)
     try:
-        for command in ("run_program", "simulate_program"):
+        for command in examples(("run_program", "simulate_program")):
             subject.moved = True
             answer = line.ask(command, name)
             if answer.accepted:  # it may fail late (A-4.15-1)
@@ -164,17 +165,19 @@ def test_missing(subject: Subject, line: Line) -> None:
     stem, dot, extension = name.rpartition(b".")
     free = subject.new_name()
     subject.created.remove(free)
-    for wrong in (
-        free,
-        name[:-1],
-        stem,
-        stem[:-1] + dot + extension,
-        name + b"x",
-        name[1:],
-        stem + b"*" + dot + extension,
-        stem[:-1] + b"?" + dot + extension,
-        name[:1] + name[2:0:-1] + name[3:],  # of the same letters, and nobody's
-        INHERITED,
+    for wrong in examples(
+        (
+            free,
+            name[:-1],
+            stem,
+            stem[:-1] + dot + extension,
+            name + b"x",
+            name[1:],
+            stem + b"*" + dot + extension,
+            stem[:-1] + b"?" + dot + extension,
+            name[:1] + name[2:0:-1] + name[3:],  # of the same letters, and nobody's
+            INHERITED,
+        )
     ):
         line = _expect_refused(
             subject, line, Malformed("a program that is not stored", wrong), "4.11/4"
@@ -190,15 +193,17 @@ def test_paths(subject: Subject, line: Line) -> None:
         short_program(subject),
     )
     before = _state(line)
-    for wrong in (
-        b"../" + name,
-        b"./" + name,
-        b"..\\" + name,
-        b"/" + name,
-        b"programs/" + name,
-        b"../../../" + name,
-        b"zs/../" + name,
-        name + b"/",
+    for wrong in examples(
+        (
+            b"../" + name,
+            b"./" + name,
+            b"..\\" + name,
+            b"/" + name,
+            b"programs/" + name,
+            b"../../../" + name,
+            b"zs/../" + name,
+            name + b"/",
+        )
     ):
         line = _expect_refused(
             subject, line, Malformed("a name with path elements", wrong), "4.11/6"
@@ -224,7 +229,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
         store_program(subject, line),
         short_program(subject),
     )
-    for wrong in malformed("delete_program", name):
+    for wrong in examples(malformed("delete_program", name)):
         if b".." in wrong.data or wrong.data == b".":
             continue  # what is there is not the suite's
         line = _expect_refused(subject, line, wrong._replace(kind=f"a name with {wrong}"), "4.11/4")

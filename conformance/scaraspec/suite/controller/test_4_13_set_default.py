@@ -15,6 +15,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     start_program,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import Unmet, expect
 from scaraspec.suite.programs.listed import long_name, program_names, store_program
 
@@ -78,7 +79,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
     with default_kept(subject, line):
         name = store_program(subject, line)
         _set(line, name)
-        for wrong in malformed("set_default_program", name):
+        for wrong in examples(malformed("set_default_program", name)):
             offered = offer(subject, line, "set_default_program", wrong)
             line = offered.line
             if offered.accepted:

@@ -1,6 +1,6 @@
 """Clause 4.15: a program is run (0x30, L304-328)."""
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
@@ -25,6 +25,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     stored_as,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.listed import INHERITED, long_name
 from scaraspec.suite.strategies import names
@@ -185,7 +186,7 @@ def _expect_near_ones_missing(subject: Subject, line: Line, program: bytes) -> N
         b"zsm" + b"i" * 22 + b"s" + dot + extension,
         INHERITED,
     ]
-    for name in near:
+    for name in examples(near):
         expect_missing(subject, line, RUN, name, "4.15/7")
 
     @given(st.text("abcxyzABC0123456789_-", min_size=8, max_size=20))

@@ -19,6 +19,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     stored,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.layout import configured, layout_in_use
 from scaraspec.suite.programs.writing import program_file, set_output, wait
@@ -45,7 +46,7 @@ def test_first_reply(subject: Subject, line: Line) -> None:
 def test_missing_program(subject: Subject, line: Line) -> None:
     """A program that is not stored is not simulated; code 20 says so."""
     program = stored(subject, line, 0)
-    for name in (subject.new_name(), program + b"x", program[:-1]):
+    for name in examples((subject.new_name(), program + b"x", program[:-1])):
         expect_missing(subject, line, SIMULATE, name, "8/5")
     line.ask("delete_program", program)
     expect_missing(subject, line, SIMULATE, program, "8/5")

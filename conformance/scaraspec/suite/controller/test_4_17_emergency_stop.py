@@ -45,6 +45,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     stored,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, expect
 from scaraspec.suite.wire import Answer
 
@@ -273,7 +274,7 @@ def test_standstill(subject: Subject, line: Line, name: str) -> None:
 @case("4.17/8", name="results", hazards=_MOTION)
 def test_interrupted_results(subject: Subject, line: Line) -> None:
     """What a stop interrupts fails, or has no result; time passes and none comes as success."""
-    for name in (RUN, RESET, MOVE):
+    for name in examples((RUN, RESET, MOVE)):
         with lasting(subject, line, name, queries=False) as task:
             answer = line.ask(STOP)
             if not answer.accepted:

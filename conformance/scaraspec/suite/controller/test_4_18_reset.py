@@ -29,6 +29,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     start_program,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
@@ -74,7 +75,7 @@ def test_idle_robot_is_reset(subject: Subject, line: Line) -> None:
     """An idle robot accepts the reset with "1", at first and when something was stopped before."""
     has(subject, RESET)
     with returning(subject, line):
-        for stopped in (False, True, False):
+        for stopped in examples((False, True, False)):
             if stopped:
                 start_program(subject, line, RUN)
                 stop(subject, line)

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.judgement.places import STANDSTILL, farthest
@@ -17,6 +17,7 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.executing import unless_others_run
 from scaraspec.suite.as_client.two_stage.tasks import RESET, begin, done, has, home_at
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.bench import PROGRAMS, running
 
@@ -95,7 +96,7 @@ def test_decimals(subject: Subject, line: Line) -> None:
 def test_set_while_running(subject: Subject, line: Line) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
     with kept(subject, line, "gripper centre"), running(subject, line):
-        for wanted in (_PLAIN, _OTHER):
+        for wanted in examples((_PLAIN, _OTHER)):
             before = gripper_of(line)
             answer = line.ask("set_gripper_center", wanted)
             message = f"a setting while a program ran was answered {answer}, and 0x34 gives another"
@@ -126,7 +127,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
     with kept(subject, line, "gripper centre"):
         _set(subject, line, _PLAIN)
         _expect_shown(line, _PLAIN)
-        for wrong in malformed("set_gripper_center", _OTHER, subject.dialect):
+        for wrong in examples(malformed("set_gripper_center", _OTHER, subject.dialect)):
             offered = offer(subject, line, "set_gripper_center", wrong)
             line = offered.line
             expect(
@@ -145,7 +146,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
 def test_moves_nothing(subject: Subject, line: Line) -> None:
     """To set the gripper centre moves no joint."""
     with kept(subject, line, "gripper centre"):
-        for wanted in (Point(0, 0, 50), Point(20, -20, 0)):
+        for wanted in examples((Point(0, 0, 50), Point(20, -20, 0))):
             before = joints_of(line)
             subject.moved = True
             _set(subject, line, wanted)

@@ -5,7 +5,6 @@ Where the arm can go is not known: what is set lies close to where it stands.
 
 from typing import Final
 
-from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.judgement.places import STANDSTILL, farthest
@@ -18,6 +17,7 @@ from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
 from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import Unmet, expect
 from scaraspec.suite.programs.bench import PROGRAMS, running
 from scaraspec.suite.wire import Answer
@@ -107,7 +107,7 @@ def test_set_while_running(subject: Subject, line: Line) -> None:
     with kept(subject, line, "gripper centre", "initial tool position"):
         near = _near(line)
         with running(subject, line):
-            for step in (_ASIDE, -_ASIDE):
+            for step in examples((_ASIDE, -_ASIDE)):
                 wanted, before = near._replace(z=near.z + step), initial_of(line)
                 answer = _set(line, wanted)
                 message = f"a setting while a program ran was answered {answer}, and 0x37 differs"
@@ -121,7 +121,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
         near = _near(line)
         _expect_shown(line, near, "0x37 does not give the initial position that was set")
         other = _at(Pose(*(value + _ASIDE for value in near)), 3)
-        for wrong in malformed("set_initial_tool_position", other, subject.dialect):
+        for wrong in examples(malformed("set_initial_tool_position", other, subject.dialect)):
             offered = offer(subject, line, "set_initial_tool_position", wrong)
             line = offered.line
             expect(

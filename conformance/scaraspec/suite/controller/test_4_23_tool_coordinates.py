@@ -13,6 +13,7 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.performing import expect_stays
 from scaraspec.suite.as_client.two_stage.tasks import MOVE, accepted, done, has
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NotRun, expect
 
 _TIMES: Final = 8
@@ -65,7 +66,7 @@ def test_screw_end(subject: Subject, line: Line) -> None:
         if not line.ask("set_gripper_center", Point(0, 0, 0)).accepted:
             raise NotRun("the gripper centre cannot be set")
         screw_end = pose_of(line)
-        for offset in _OFFSETS:
+        for offset in examples(_OFFSETS):
             if not line.ask("set_gripper_center", offset).accepted:
                 continue
             shown = pose_of(line)

@@ -3,7 +3,6 @@
 from typing import Final
 
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.judgement.places import STANDSTILL, farthest
@@ -42,6 +41,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     offered,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 from scaraspec.suite.wire import Answer
 
@@ -71,7 +71,7 @@ def test_impossible_moves(subject: Subject, line: Line) -> None:
     """An impossible move is refused with "0|code", four bytes in a frame of that length."""
     has(subject, MOVE)
     with returning(subject, line) as pose:
-        for pose_beyond in _far(pose):
+        for pose_beyond in examples(_far(pose)):
             answer = ask_move(subject, line, pose_beyond, SLOWEST_PERCENT)
             expect(
                 not line.noise,
@@ -102,7 +102,7 @@ def test_beyond_all_reach(subject: Subject, line: Line) -> None:
     """A target a kilometre away is refused or fails, with 05 or 06, and the arm stays."""
     has(subject, MOVE)
     with returning(subject, line) as pose:
-        for pose_beyond in _far(pose):
+        for pose_beyond in examples(_far(pose)):
             answer = _told(subject, line, ask_move(subject, line, pose_beyond, SLOWEST_PERCENT))
             bare = answer.accepted is False and text_of(answer) == b"0"  # err_bare0
             expect(
@@ -136,7 +136,7 @@ def test_every_speed(subject: Subject, line: Line) -> None:
             )
             done(subject, line, MOVE)
 
-        for speed_percent in (1, 2, 9, 10, 99, 100):
+        for speed_percent in examples((1, 2, 9, 10, 99, 100)):
             go(speed_percent)
         given(st.integers(1, 100))(go)()
 
@@ -195,7 +195,7 @@ def test_fractions(subject: Subject, line: Line) -> None:
         there, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-        for part in (0.25, 0.5, 0.875, 1.0):
+        for part in examples((0.25, 0.5, 0.875, 1.0)):
             between = part_way(pose, there, part)
             accepted(MOVE, ask_move(subject, line, between))
             done(subject, line, MOVE)
@@ -212,7 +212,7 @@ def test_malformed_requests(subject: Subject, line: Line) -> None:
         wrongs = [
             w for w in malformed(MOVE, target(here, SLOWEST_PERCENT), subject.dialect) if w.firm
         ]
-        for wrong in wrongs:
+        for wrong in examples(wrongs):
             line = alive(subject, line)
             answer = offered(line, MOVE, data=wrong.data)
             if answer is None:

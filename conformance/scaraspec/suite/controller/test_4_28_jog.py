@@ -38,6 +38,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     offered,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NotRun, expect
 
 _MOTION = (Hazard.MOTION,)
@@ -259,7 +260,7 @@ def test_no_direction(subject: Subject, line: Line) -> None:
     subject.moved = True
     with returning(subject, line):
         before = joints_of(line)
-        for wrong in _NO_DIRECTION:
+        for wrong in examples(_NO_DIRECTION):
             line = alive(subject, line)
             answer = offered(line, JOG, data=wrong.data)
             expect(
@@ -297,7 +298,7 @@ def test_notations(subject: Subject, line: Line) -> None:
         request, dialect = BY_NAME[JOG].request, subject.dialect
         taken, ways = [], dict[JogDirection, tuple[float, float]]()
         for notation in ("ascii", "binary"):
-            for direction in (JogDirection.MINUS_X, JogDirection.PLUS_X):
+            for direction in examples((JogDirection.MINUS_X, JogDirection.PLUS_X)):
                 data = request.encode(direction, dialect.replace(jog_byte=notation))
                 before = pose_of(line)
                 answer = offered(line, JOG, data=data)

@@ -2,13 +2,13 @@
 
 from typing import Final
 
-from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.suite.as_client.asking.ports import Bits, expect_form, expect_inputs, inputs_driven
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import given
 from scaraspec.suite.programs.bench import PROGRAMS, running
 
 _INPUTS: Final = 8

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Final
 
-from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PortValue
@@ -33,6 +32,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     release,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NotRun, expect, expect_equal, expect_in
 from scaraspec.suite.programs.bench import PROGRAMS, running
 
@@ -52,7 +52,7 @@ def test_each_output(line: Line) -> None:
     with outputs_kept(line) as before:
         now = before
         for port in ALL_OUTPUTS:
-            for on in (not now[port - 1], now[port - 1]):
+            for on in examples((not now[port - 1], now[port - 1])):
                 answer = set_output(line, port, on=on)
                 if answer.accepted:
                     now = with_port(now, port, on=on)
@@ -85,7 +85,7 @@ def test_all_on_and_off(subject: Subject, line: Line) -> None:
     with outputs_kept(line) as before:
         now = before
         for on in (True, False):
-            for port in ports:
+            for port in examples(ports):
                 if set_output(line, port, on=on).accepted:
                     now = with_port(now, port, on=on)
                 told = f"output {port} was set to {on:d} as all before it were"
@@ -144,7 +144,7 @@ def test_while_moving(subject: Subject, line: Line) -> None:
         raise NotRun("the subject has no command that moves or releases the arm")
     port = settable(line)[-1]
     with outputs_kept(line):
-        for name in moves:
+        for name in examples(moves):
             with lasting(subject, line, name):
                 _set_meanwhile(line, port, f"during a {name}")
         if releases:
@@ -179,7 +179,7 @@ def test_flags(subject: Subject, line: Line) -> None:
             expect_in(data, _FLAGS, f"port {port} is answered with something else than a flag")
             told = f"output {port} was set to {on:d}, as it was"
             expect_outputs(line, now, told, requirement="4.32/6")
-        for port in range(ALL_OUTPUTS.stop, 41):
+        for port in examples(range(ALL_OUTPUTS.stop, 41)):
             said, after, line = _try(subject, line, Malformed("no output", b"%d|0" % port))
             message = f"port {port} is answered with something else than a flag"
             expect_in(said, (*_FLAGS, None), message)
@@ -192,7 +192,7 @@ def test_no_such_port(subject: Subject, line: Line) -> None:
     """A port 0, or one above 40, is not set, and no output changes in its place."""
     with outputs_kept(line) as before:
         for port in _NO_PORTS:
-            for value in (b"1", b"0"):
+            for value in examples((b"1", b"0")):
                 wrong = Malformed("no such port", port + b"|" + value)
                 said, now, line = _try(subject, line, wrong)
                 told = f"port {port.decode()} set to {value.decode()}"
@@ -209,7 +209,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
         set_output(line, other, on=True)  # so that there is something to switch off
         before = outputs(line)
         value = PortValue(port, int(not before[port - 1]))
-        for wrong in malformed("set_digital_output", value, subject.dialect):
+        for wrong in examples(malformed("set_digital_output", value, subject.dialect)):
             said, now, line = _try(subject, line, wrong)
             if not wrong.firm and now != before:  # what is taken for the good one sets its port
                 set_output(line, port, on=before[port - 1])
@@ -240,7 +240,7 @@ def test_other_values(subject: Subject, line: Line) -> None:
         for on in (True, False):
             set_output(line, port, on=on)
             due = with_port(before, port, on=on)
-            for value in (b"2", b"9", b"10", b"255", b"256"):
+            for value in examples((b"2", b"9", b"10", b"255", b"256")):
                 wrong = Malformed("no such value", b"%d|" % port + value)
                 _, now, line = _try(subject, line, wrong)
                 if not on and now != due:

@@ -8,6 +8,7 @@ from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import offered
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect
 
 _FORM: Final = re.compile(rb"1\|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)")
@@ -35,7 +36,7 @@ def _value(line: Line, port: int) -> float | None:
 @case("4.33/2")
 def test_form(line: Line) -> None:
     """Every port from 1 to 40 is answered "1|" and a number, or "0"."""
-    for port in range(1, 41):
+    for port in examples(range(1, 41)):
         _value(line, port)
 
 
@@ -64,7 +65,7 @@ def _shows(subject: Subject, line: Line, port: int) -> bool:
     other = _ANALOG[port % len(_ANALOG)]
     unmoved = _value(line, other)
     said = []
-    for value in _VALUES:
+    for value in examples(_VALUES):
         subject.hook("set_analog", port=port, value=value)
         said.append(_value(line, port))
     if not any(value is not None for value in said):
@@ -97,7 +98,7 @@ def _shows(subject: Subject, line: Line, port: int) -> bool:
 @case("4.33/3")
 def test_no_such_port(subject: Subject, line: Line) -> None:
     """A port 0, or one above 40, is answered "0"; or not, as a wrong argument may be (A-3-9)."""
-    for port in _NO_PORTS:
+    for port in examples(_NO_PORTS):
         line = alive(subject, line)
         answer = offered(line, "get_analog_input", data=port)
         if answer is None:

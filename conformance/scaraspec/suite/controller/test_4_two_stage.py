@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import pytest
-from hypothesis import given
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
@@ -69,6 +68,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
 )
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect, expect_equal, expect_in
 from scaraspec.suite.programs.bench import bench
 from scaraspec.suite.programs.writing import wait
@@ -115,7 +115,7 @@ def test_result_in_transfers(subject: Subject, line: Line) -> None:
         pause_s = 2 * robot.ours_s(1) / len(content) * BUFFER_BYTES
         name, tried = subject.new_name(), False
         upload(line, name, content)
-        for fetches in (False, True):
+        for fetches in examples((False, True)):
             robot.start(wait(1))
             go_on_if_it_listens(subject, line)
             opening = "download_name" if fetches else "upload_name"
@@ -140,7 +140,7 @@ def test_refusals_end_it(subject: Subject, line: Line) -> None:
     """What is refused is answered "0|code", the stop with "0", and nothing follows."""
     subject.moved = True
     refused = []
-    for name in (RUN, SIMULATE, STOP):
+    for name in examples((RUN, SIMULATE, STOP)):
         answer = line.ask(name, None if name == STOP else subject.new_name())
         expect_first_reply(name, answer)
         if answer.accepted:  # A-4.15-1, A-4.17-1
@@ -161,7 +161,7 @@ def test_refusals_end_it(subject: Subject, line: Line) -> None:
 @case("4/3", "4/5", name="stopped", hazards=_MOTION)
 def test_stopped_commands_fail(subject: Subject, line: Line) -> None:
     """What an emergency stop has ended fails with "00|code", where it has a result of its own."""
-    for name in (name for name in STATES if name not in {JOG, *subject.statement.lacks}):
+    for name in examples(name for name in STATES if name not in {JOG, *subject.statement.lacks}):
         with lasting(subject, line, name, queries=False) as task:
             task.lasts()
             stop(subject, line)
@@ -251,7 +251,7 @@ def test_faults_refuse(subject: Subject, line: Line, fault: str, code: str) -> N
 @case("4/4", name="missing", hazards=_MOTION)
 def test_code_of_a_refusal(subject: Subject, line: Line) -> None:
     """A refusal bears a code of table 8-1 that can refuse."""
-    for name in (RUN, SIMULATE):
+    for name in examples((RUN, SIMULATE)):
         answer = line.ask(name, subject.new_name())
         if answer.accepted:
             finish(subject, line, name)
@@ -272,7 +272,7 @@ def test_busy(subject: Subject, line: Line, name: str) -> None:
     values = harmless(subject, line)
     beside = subject.open() if subject.takes_several else line
     with lasting(subject, line, name) as task:
-        for other, value in values.items():
+        for other, value in examples(values.items()):
             if subject.dialect["busy_reply"] != "queue":
                 expect_busy(subject, line, task, other, value)
                 expect_busy(subject, beside, task, other, value)
@@ -378,7 +378,7 @@ def _answered_late(subject: Subject, line: Line, query: Query, name: str) -> Non
 def test_results_between_replies(subject: Subject, line: Line) -> None:
     """A final result that comes between the replies to queries is one frame among whole others."""
     attentive(subject, line)
-    for name, seconds in ((RUN, 1), (SIMULATE, 0)):
+    for name, seconds in examples(((RUN, 1), (SIMULATE, 0))):
         start_program(subject, line, name, seconds)
         opcode, answered = BY_NAME[name].opcode, 0
         results: list[Answer] = []
@@ -521,7 +521,7 @@ def test_free_again(subject: Subject, line: Line) -> None:
     accepted(RUN, start_program(subject, line, RUN).answer)
     stop(subject, line)
     quieten(subject, line)
-    for name in (SIMULATE, RUN):
+    for name in examples((SIMULATE, RUN)):
         start_program(subject, line, name, seconds=0)
         done(subject, line, name)
     perform(subject, line, MOVE)
@@ -561,7 +561,7 @@ def test_lost_link(subject: Subject, line: Line) -> None:
     """
     subject.notices_leaving()
     attentive(subject, line)
-    for end in (line.close, None):
+    for end in examples((line.close, None)):
         lone = line if end else subject.open()
         start_program(subject, lone, RUN)
         (end or lone.reset)()

@@ -1,6 +1,6 @@
 """Clause 5.1: the structure fileData, as the controller sends and takes it (L710-739)."""
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, FILE_DATA_BYTES, HEAD_BYTES, Chunk
@@ -27,6 +27,7 @@ from scaraspec.suite.chunks import (
     expect_within,
 )
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import Unmet, expect, expect_equal
 
 _SIZES = (1, 200, 201, 400, 450)
@@ -46,7 +47,7 @@ def _chunks(subject: Subject, line: Line, content: bytes = _WHOLE) -> list[Chunk
 @case("5.1/1")
 def test_structure(subject: Subject, line: Line) -> None:
     """Every chunk of a download is one fileData."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         _chunks(subject, line, content_of(size))
 
 
@@ -54,7 +55,7 @@ def test_structure(subject: Subject, line: Line) -> None:
 def test_torn_structure(subject: Subject, line: Line) -> None:
     """A chunk that says 200 bytes and holds 50, or not even its numbers, is not taken."""
     whole = FILE_DATA.encode(Chunk(200, 0, BUFFER_BYTES, content_of(200)), subject.dialect)
-    for size in (HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1):
+    for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
         begin(line, subject.new_name())
         patience_s = SILENCE_S if size <= HEAD_BYTES else None  # it may be the signal of L787
         taken = offer(line, data=whole[:size], within_s=patience_s)
@@ -65,7 +66,7 @@ def test_torn_structure(subject: Subject, line: Line) -> None:
 @case("5.1/2")
 def test_size_of_the_structure(subject: Subject, line: Line) -> None:
     """A chunk of a download has 212 data bytes; the last may be cut off behind its content."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         name = subject.new_name()
         upload(line, name, content_of(size))
         for frame in course_of(line, name):
@@ -87,7 +88,7 @@ def test_size_of_the_structure(subject: Subject, line: Line) -> None:
 @case("5.1/3")
 def test_file_size(subject: Subject, line: Line) -> None:
     """Every chunk of a download tells the size of the whole file."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_equal(chunk.file_size, size, "fileSize is not the size of the file")
 
@@ -102,7 +103,7 @@ def test_position(subject: Subject, line: Line) -> None:
 @case("5.1/5")
 def test_length(subject: Subject, line: Line) -> None:
     """Every chunk of a download tells how many bytes of its buffer are the file's: 1 to 200."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_length(chunk)
             expect_content(chunk, content_of(size))
@@ -111,7 +112,7 @@ def test_length(subject: Subject, line: Line) -> None:
 @case("5.1/6")
 def test_within_the_file(subject: Subject, line: Line) -> None:
     """No chunk of a download reaches beyond its fileSize."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
             expect_within(chunk, size)
 
@@ -119,7 +120,7 @@ def test_within_the_file(subject: Subject, line: Line) -> None:
 @case("5.1/7", name="download")
 def test_end_of_a_download(subject: Subject, line: Line) -> None:
     """With the answer to its last chunk a download is over: nothing follows, another may begin."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         name = subject.new_name()
         upload(line, name, content_of(size))
         for _ in range(2):
@@ -136,7 +137,7 @@ def test_end_of_a_download(subject: Subject, line: Line) -> None:
 @case("5.1/7", name="upload")
 def test_end_of_an_upload(subject: Subject, line: Line) -> None:
     """With the answer to its last chunk an upload is over: another transfer may begin at once."""
-    for size in _SIZES:
+    for size in examples(_SIZES):
         first, second = subject.new_name(), subject.new_name()
         upload(line, first, content_of(size))
         answer = line.ask("upload_name", data=second)
@@ -164,7 +165,7 @@ def test_ascending(subject: Subject, line: Line, size: int) -> None:
 def test_one_byte_order(subject: Subject, line: Line) -> None:
     """Chunks of all downloads of a session are in one byte order."""
     orders = set()
-    for size in (1, 450, 70):
+    for size in examples((1, 450, 70)):
         name = subject.new_name()
         upload(line, name, content_of(size))
         for frame in course_of(line, name):

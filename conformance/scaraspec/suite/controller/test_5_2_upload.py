@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
@@ -32,6 +32,7 @@ from scaraspec.suite.as_client.subject import SILENCE_S, Subject
 from scaraspec.suite.as_client.two_stage.tasks import offered
 from scaraspec.suite.case import case
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, expect
 from scaraspec.suite.strategies import NAME_CHARACTERS
 
@@ -79,7 +80,7 @@ def test_new_name(subject: Subject, line: Line, stem: str) -> None:
 @case("5.2/2", name="long")
 def test_long_names(subject: Subject, line: Line) -> None:
     """A name of 30 bytes is taken; a longer one is refused, or kept whole."""
-    for size in (29, 30, 31, 60, 120, 200):
+    for size in examples((29, 30, 31, 60, 120, 200)):
         short = subject.new_name()
         name = short[:-4] + b"n" * (size - len(short)) + short[-4:]
         subject.created.append(name)
@@ -144,7 +145,7 @@ def test_name_that_another_connection_took(subject: Subject, line: Line) -> None
 def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
     """A new name with a slash or dots that lead elsewhere is not accepted."""
     plain = subject.new_name()
-    for path in (b"../%s", b"../../%s", b"a/../%s", b"./%s", b"/%s", b"/tmp/%s", b"a/%s"):
+    for path in examples((b"../%s", b"../../%s", b"a/../%s", b"./%s", b"/%s", b"/tmp/%s", b"a/%s")):
         name = path % plain
         offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
         line = offered.line
@@ -157,7 +158,7 @@ def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
 @case("5.2/15", name="backslash", hazards=_DESTRUCTIVE)
 def test_backslash_in_a_new_name(subject: Subject, line: Line) -> None:
     """A new name with a backslash is not accepted, or nothing is stored where it would lead."""
-    for path in (b".\\%s", b"a\\..\\%s", b"..\\%s"):
+    for path in examples((b".\\%s", b"a\\..\\%s", b"..\\%s")):
         plain = subject.new_name()
         name = path % plain
         offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
@@ -175,7 +176,9 @@ def test_path_to_a_file(subject: Subject, line: Line) -> None:
     """A path that would lead to a stored file does not fetch it."""
     plain = subject.new_name()
     upload(line, plain, b"!")
-    for path in (b"./%s", b"a/../%s", b"/%s", b".\\%s", b"a\\..\\%s", b"../programs/../%s"):
+    for path in examples(
+        (b"./%s", b"a/../%s", b"/%s", b".\\%s", b"a\\..\\%s", b"../programs/../%s")
+    ):
         name = path % plain
         offered = malformed.offer(subject, line, "download_name", Malformed("a path", name))
         line = offered.line
@@ -187,7 +190,9 @@ def test_path_to_a_file(subject: Subject, line: Line) -> None:
 def test_path_to_the_system(subject: Subject, line: Line) -> None:
     """A path that would lead out of the store fetches nothing."""
     up = (b"../" * 8, b"/", b"..\\" * 8, b"C:\\", b"/proc/self/cwd/../../../../")
-    for name in [way + file for way in up for file in (b"etc/passwd", b"windows\\win.ini")]:
+    for name in examples(
+        [way + file for way in up for file in (b"etc/passwd", b"windows\\win.ini")]
+    ):
         offered = malformed.offer(subject, line, "download_name", Malformed("a path", name))
         line = offered.line
         message = f"{name.decode()} was fetched"
@@ -200,7 +205,7 @@ def test_path_to_the_system(subject: Subject, line: Line) -> None:
 @case("5.2/6")
 def test_every_chunk_is_answered(subject: Subject, line: Line) -> None:
     """Every chunk of an upload is answered 1, once."""
-    for size in (1, 200, 1000):
+    for size in examples((1, 200, 1000)):
         begin(line, subject.new_name())
         for chunk in chunks_of(content_of(size)):
             send(line, chunk)
@@ -210,7 +215,7 @@ def test_every_chunk_is_answered(subject: Subject, line: Line) -> None:
 @case("5.2/6", name="refused")
 def test_refused_chunks_are_answered(subject: Subject, line: Line) -> None:
     """A chunk that cannot be taken is answered 0, or ends the link (A-5-6, A-5-26)."""
-    for chunk in (Chunk(600, 0, 201, bytes(200)), Chunk(100, 0, 101, bytes(200))):
+    for chunk in examples((Chunk(600, 0, 201, bytes(200)), Chunk(100, 0, 101, bytes(200)))):
         begin(line, subject.new_name())
         try:
             answer = line.ask("upload_chunk", chunk)
@@ -264,7 +269,7 @@ def test_length_over_the_buffer(subject: Subject, length: int, before: int) -> N
 @case("5.2/10", name="long-frame")
 def test_more_than_the_buffer(subject: Subject) -> None:
     """A chunk that really brings more than 200 bytes is not taken."""
-    for length in (201, 220, 243):
+    for length in examples((201, 220, 243)):
         line = subject.open()
         begin(line, subject.new_name())
         head = FILE_DATA.encode(Chunk(1000, 0, length, b""), subject.dialect)[:HEAD_BYTES]
@@ -297,14 +302,14 @@ def test_position_beyond_the_file(subject: Subject) -> None:
     """
     for position in (600, 601, 65_536, 65_736, 100_000, 2**31 - 1, 2**32 - 200, 2**32 - 100, _MOST):
         head = Chunk(600, position, BUFFER_BYTES, bytes(BUFFER_BYTES))
-        for before in (0, 1):
+        for before in examples((0, 1)):
             _out_of_bounds(subject, subject.open(), head, before)
 
 
 @case("5.2/11")
 def test_chunk_without_a_name(subject: Subject, line: Line) -> None:
     """A chunk before any name is not taken; nor is one after an upload was over."""
-    for content in (b"abc", content_of(200)):
+    for content in examples((b"abc", content_of(200))):
         taken = offer(line, Chunk(len(content), 0, len(content), content))
         expect(not taken, "a chunk was taken without a name", expected="0", observed="1")
         upload(line, subject.new_name(), content)
@@ -316,7 +321,7 @@ def test_chunk_after_the_end(subject: Subject, line: Line) -> None:
     name, content = subject.new_name(), content_of(250)
     upload(line, name, content)
     last = Chunk(250, 200, 50, content[200:])
-    for more in (last, Chunk(450, 250, 200, bytes(200)), Chunk(3, 0, 3, b"new")):
+    for more in examples((last, Chunk(450, 250, 200, bytes(200)), Chunk(3, 0, 3, b"new"))):
         expect(not offer(line, more), "a chunk behind the last was taken", expected="0")
         expect_stored(line, name, content, "5.2/11")
 
@@ -361,7 +366,7 @@ def test_chunk_on_another_connection(subject: Subject, line: Line) -> None:
 def test_chunk_after_the_connection_was_lost(subject: Subject, line: Line) -> None:
     """A chunk on a new connection is not taken: the upload ended with the old one."""
     subject.notices_leaving()
-    for end in (Line.close, Line.reset):
+    for end in examples((Line.close, Line.reset)):
         begin(line, subject.new_name())
         send(line, Chunk(450, 0, 200, bytes(200)))
         end(line)
@@ -374,7 +379,7 @@ def test_chunk_after_the_connection_was_lost(subject: Subject, line: Line) -> No
 @case("5.2/13")
 def test_nothing_after_the_last_answer(subject: Subject, line: Line) -> None:
     """Behind the answer to the last chunk nothing more is sent, up or down."""
-    for size in (1, 200, 450):
+    for size in examples((1, 200, 450)):
         name = subject.new_name()
         upload(line, name, content_of(size))
         nothing_more(line, "something followed on the last answer of an upload", "5.2/13")
@@ -487,7 +492,7 @@ def test_delimiters_in_the_content(subject: Subject, line: Line) -> None:
         b"0",  # which is nothing in some languages
         b"\\\"'%s%n&amp;" * 20,
     )
-    for content in contents:
+    for content in examples(contents):
         expect_round_trip(subject, line, content, "5.2/14")
     for sizes in _BEGINNING_OTHERWISE:
         _in_segments(subject, line, b"\xaa\xcc" * 100, sizes)
@@ -519,7 +524,7 @@ def test_any_content(subject: Subject, line: Line, content: bytes) -> None:
 @case("5.2/16", name="edges")
 def test_sizes_at_the_edges(subject: Subject, line: Line) -> None:
     """Files around multiples of 200 and of powers of two arrive intact."""
-    for size in _EDGES:
+    for size in examples(_EDGES):
         expect_round_trip(subject, line, content_of(size), "5.2/16")
 
 

@@ -33,6 +33,7 @@ from scaraspec.suite.as_client.subject import MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect, expect_equal
 from scaraspec.suite.limits import Silence, limits_of
 from scaraspec.suite.programs.listed import INHERITED
@@ -88,7 +89,7 @@ def test_file_that_is_not_there(subject: Subject, line: Line) -> None:
     near_ones = [name + b"x", name[:-1], b"x" + name, name[1:], name + b".bak"]
     if name in subject.created:  # else somebody's other file may be called so
         near_ones.append(name.partition(b".")[0])
-    for near in (*near_ones, b"*", b"*.rob", INHERITED):
+    for near in examples((*near_ones, b"*", b"*.rob", INHERITED)):
         _absent(line, near, f"{near.decode(errors='replace')} is not there and was promised")
     line.send("download_name", data=b"")
     came = transfer_frames(line)
@@ -158,7 +159,7 @@ def test_content_follows(subject: Subject, line: Line) -> None:
 @case("5.3/4", name="edges", hazards=(Hazard.STATE,))
 def test_content_at_the_edges(subject: Subject, line: Line) -> None:
     """Files of one byte, of one full chunk and of one more come in as many chunks as they need."""
-    for size in (1, 200, 201, 400):
+    for size in examples((1, 200, 201, 400)):
         name, content = subject.new_name(), content_of(size)
         upload(line, name, content)
         chunks = [chunk_of(frame) for frame in course_of(line, name)]
@@ -370,7 +371,7 @@ def test_last_chunk_refused(subject: Subject, line: Line) -> None:
 @case("5.3/10")
 def test_nothing_after_a_refusal(line: Line) -> None:
     """Behind the 0 to a name no chunk comes."""
-    for name in (b"absent.rob", b"absent.txt", b"a"):
+    for name in examples((b"absent.rob", b"absent.txt", b"a")):
         _absent(line, name, "a file that is not there was promised")
         nothing_more(line, "a chunk came although the file had been refused", "5.3/10")
     line.wait(MOMENT_S)
@@ -382,7 +383,7 @@ def test_answer_without_a_download(subject: Subject, line: Line) -> None:
     """An answer to a chunk that nobody sent brings no chunk, before or after a transfer."""
     name = some_file(subject, line, _CONTENT)
     for _ in range(2):
-        for flag in (b"1", b"0"):
+        for flag in examples((b"1", b"0")):
             _absent(line, b"absent-" + name, "a file that is not there was promised")
             line.send("download_chunk", data=flag)
             nothing_more(line, "a chunk came that nobody had asked for", "5.3/10", stray=True)

@@ -7,7 +7,6 @@ a chunk that is refused, by the error signal of L787, by silence.
 from collections.abc import Callable
 from datetime import timedelta
 
-from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import Chunk, chunks_of
@@ -39,6 +38,7 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.chunks import chunk_of
 from scaraspec.suite.contents import content_of
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import NoAnswer, Unmet, expect, expect_equal
 from scaraspec.suite.limits import Limits, Silence, limits_of
 from scaraspec.suite.programs.listed import program_names, store_program
@@ -119,7 +119,7 @@ def test_each_of_many_names(subject: Subject, line: Line) -> None:
 @case("5.4/3")
 def test_buffer_is_not_exceeded(subject: Subject, line: Line) -> None:
     """No chunk of a download holds more than 200 bytes."""
-    for size in (200, 201, 255, 400, 1000):
+    for size in examples((200, 201, 255, 400, 1000)):
         name = subject.new_name()
         upload(line, name, content_of(size))
         for frame in course_of(line, name):
@@ -134,7 +134,7 @@ def test_buffer_is_not_exceeded(subject: Subject, line: Line) -> None:
 @case("5.4/4")
 def test_end_is_found(subject: Subject, line: Line) -> None:
     """With its last chunk a file is there, whatever its size, for every connection."""
-    for size in (1, 199, 200, 201, 400):
+    for size in examples((1, 199, 200, 201, 400)):
         name = subject.new_name()
         upload(line, name, content_of(size))
         line = again(subject, line)
@@ -335,7 +335,7 @@ def _nothing_left(subject: Subject, line: Line, name: bytes, part: bytes) -> Lin
 
 def _broken_off(subject: Subject, end: Callable[[Line], None]) -> None:
     """Let an upload break off at every chunk."""
-    for count in range(len(_CHUNKS)):
+    for count in examples(range(len(_CHUNKS))):
         name, start = _sent(subject, count)
         line = subject.open()
         start(line)
@@ -378,7 +378,7 @@ def _offer_bad(line: Line) -> None:
 @case("5.4/6", name="refused-chunk")
 def test_served_after_a_refused_chunk(subject: Subject, line: Line) -> None:
     """After a chunk was refused, other commands are served, and another transfer works."""
-    for chunk in (Chunk(650, 200, 201, bytes(200)), Chunk(650, 600, 200, bytes(200))):
+    for chunk in examples((Chunk(650, 200, 201, bytes(200)), Chunk(650, 600, 200, bytes(200)))):
         start = _sent(subject, 1)[1]
         start(line)
         offer(line, chunk)
@@ -389,7 +389,7 @@ def test_served_after_a_refused_chunk(subject: Subject, line: Line) -> None:
 def test_served_after_the_error_signal(subject: Subject, line: Line) -> None:
     """After a chunk of length 0, with or without numbers, other commands are served."""
     for count in (0, 1, 3):
-        for data in (None, b""):
+        for data in examples((None, b"")):
             start = _sent(subject, count)[1]
             start(line)
             line.send("upload_chunk", Chunk(650, 200 * count, 0, b""), data=data)
@@ -436,7 +436,7 @@ _OTHERS = ("get_status", "get_time", "get_version", "list_programs", "get_joint_
 
 def _others(subject: Subject, line: Line, status: str) -> None:
     """Ask for other things; the status has to be this one."""
-    for name in (each for each in _OTHERS if each not in subject.statement.lacks):
+    for name in examples(each for each in _OTHERS if each not in subject.statement.lacks):
         try:
             answer = line.ask(name)
         except NoAnswer as error:

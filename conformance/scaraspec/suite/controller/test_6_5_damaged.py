@@ -7,7 +7,6 @@ they set an output to what it is, or go to where the arm stands.
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.programs import Layout, Node, NodeType, Opt, Variable, detect
@@ -16,6 +15,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.arm import arm
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench
 from scaraspec.suite.programs.layout import CODE_20
@@ -64,10 +64,10 @@ def test_wrong_marks(subject: Subject, line: Line) -> None:
     """A file that does not begin with SCARA, or does not end with ARACS, is not run."""
     with bench(subject, line) as robot:
         good = _good(robot, [_harmless(robot)])
-        for mark in (b"scara", FOOTER, b"ACARS", b"SCAR\0", b"\0CARA"):
+        for mark in examples((b"scara", FOOTER, b"ACARS", b"SCAR\0", b"\0CARA")):
             content = mark + good[len(MAGIC) :]
             _never_run(subject, robot, content, f"a file that begins with {mark.decode()!r}")
-        for mark in (b"aracs", MAGIC, b"ACARS", b"ARAC\0", b"\0RACS"):
+        for mark in examples((b"aracs", MAGIC, b"ACARS", b"ARAC\0", b"\0RACS")):
             content = good[: -len(FOOTER)] + mark
             _never_run(subject, robot, content, f"a file that ends with {mark.decode()!r}")
         long = _good(robot, [_harmless(robot)] * _MANY)
@@ -98,7 +98,7 @@ def test_wrong_sizes(subject: Subject, line: Line) -> None:
     with bench(subject, line) as robot:
         nodes = [_harmless(robot), *wait(0)]
         good = _good(robot, nodes, [Variable(1, b"a", 5)])
-        for told, content in _missized(good, robot.layout):
+        for told, content in examples(_missized(good, robot.layout)):
             if not detect(content):
                 _never_run(subject, robot, content, told)
 
@@ -131,7 +131,7 @@ def test_key_twice(subject: Subject, line: Line) -> None:
     with bench(subject, line) as robot:
         nodes = [_harmless(robot)]
         _good(robot, nodes, _keyed(1, 2, 3, 4))
-        for keys in ((1, 1), (0, 0), (7, 8, 9, 7), (1, -2, -2, 3)):
+        for keys in examples(((1, 1), (0, 0), (7, 8, 9, 7), (1, -2, -2, 3))):
             content = robot.file(nodes, _keyed(*keys))
             _never_run(subject, robot, content, f"a file with the keys {keys}")
 
@@ -146,20 +146,22 @@ def test_unbalanced_markers(subject: Subject, line: Line) -> None:
     with bench(subject, line) as robot:
         node = _harmless(robot)
         _good(robot, [_IF, node, _ELSE, node, _ENDIF, node])
-        for told, nodes in (
-            ("a loop without an end", [_LOOP, node]),
-            ("an end of a loop without its start", [node, _END_LOOP]),
-            ("an IF without an ENDIF", [_IF, node]),
-            ("an IF and ELSE without an ENDIF", [_IF, node, _ELSE, node]),
-            ("an ENDIF without an IF", [node, _ENDIF]),
-            ("an ELSE without an IF", [node, _ELSE, node]),
-            ("an ELSE and ENDIF without an IF", [_ELSE, node, _ENDIF]),
-            ("an IF with two ELSE", [_IF, node, _ELSE, node, _ELSE, node, _ENDIF]),
-            ("two IF with one ENDIF", [_IF, node, _IF, node, _ENDIF]),
-            ("an IF with two ENDIF", [_IF, node, _ENDIF, _ENDIF]),
-            ("a loop that an ENDIF ends", [_LOOP, node, _ENDIF]),
-            ("an IF that the end of a loop ends", [_IF, node, _END_LOOP]),
-            ("an IF that ends inside a loop", [_IF, _LOOP, _ENDIF, node, _END_LOOP]),
+        for told, nodes in examples(
+            (
+                ("a loop without an end", [_LOOP, node]),
+                ("an end of a loop without its start", [node, _END_LOOP]),
+                ("an IF without an ENDIF", [_IF, node]),
+                ("an IF and ELSE without an ENDIF", [_IF, node, _ELSE, node]),
+                ("an ENDIF without an IF", [node, _ENDIF]),
+                ("an ELSE without an IF", [node, _ELSE, node]),
+                ("an ELSE and ENDIF without an IF", [_ELSE, node, _ENDIF]),
+                ("an IF with two ELSE", [_IF, node, _ELSE, node, _ELSE, node, _ENDIF]),
+                ("two IF with one ENDIF", [_IF, node, _IF, node, _ENDIF]),
+                ("an IF with two ENDIF", [_IF, node, _ENDIF, _ENDIF]),
+                ("a loop that an ENDIF ends", [_LOOP, node, _ENDIF]),
+                ("an IF that the end of a loop ends", [_IF, node, _END_LOOP]),
+                ("an IF that ends inside a loop", [_IF, _LOOP, _ENDIF, node, _END_LOOP]),
+            )
         ):
             _never_run(subject, robot, robot.file(nodes), told)
 
@@ -170,15 +172,23 @@ def test_wrong_curves(subject: Subject, line: Line) -> None:
     with bench(subject, line) as robot, arm(subject, line, robot) as still:
         speed, home = still.speed_percent, still.home
         move, *points = curve(speed, [home] * 3)
-        for told, nodes in (
-            ("a curve of no point", curve(speed, [])),
-            ("a curve of one point", curve(speed, [home])),
-            ("a curve of two points", curve(speed, [home] * 2)),
-            ("a curve that counts a point more than there are nodes", [move, *points[:2]]),
-            ("a curve of two points and an output", [move, *points[:2], _harmless(robot)]),
-            ("a curve with a wait in it", [move, points[0], *wait(0), points[1]]),
-            ("a curve that begins with a wait", [move, *wait(0), *points[:2]]),
-            ("a curve of four that ends with a wait", [*curve(speed, [home] * 4)[:-1], *wait(0)]),
-            ("a curve of six that ends with a wait", [*curve(speed, [home] * 6)[:-1], *wait(0)]),
+        for told, nodes in examples(
+            (
+                ("a curve of no point", curve(speed, [])),
+                ("a curve of one point", curve(speed, [home])),
+                ("a curve of two points", curve(speed, [home] * 2)),
+                ("a curve that counts a point more than there are nodes", [move, *points[:2]]),
+                ("a curve of two points and an output", [move, *points[:2], _harmless(robot)]),
+                ("a curve with a wait in it", [move, points[0], *wait(0), points[1]]),
+                ("a curve that begins with a wait", [move, *wait(0), *points[:2]]),
+                (
+                    "a curve of four that ends with a wait",
+                    [*curve(speed, [home] * 4)[:-1], *wait(0)],
+                ),
+                (
+                    "a curve of six that ends with a wait",
+                    [*curve(speed, [home] * 6)[:-1], *wait(0)],
+                ),
+            )
         ):
             _never_run(subject, robot, robot.file(nodes), told)

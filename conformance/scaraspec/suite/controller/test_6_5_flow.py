@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from hypothesis import Phase, assume, given, settings
+from hypothesis import Phase, assume, settings
 
 from scaraspec.protocol.programs import Opt
 from scaraspec.protocol.transfer import chunks_of
@@ -16,6 +16,7 @@ from scaraspec.suite.as_client.asking.ports import (
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import Undecided, expect, expect_equal
 from scaraspec.suite.programs.bench import EARLY_S, PROGRAMS, bench
 from scaraspec.suite.programs.model import (
@@ -61,7 +62,7 @@ def test_output_nodes(subject: Subject, line: Line) -> None:
 def test_output_node_alone(subject: Subject, line: Line) -> None:
     """A program of one output node sets that port alone; 0x43 sets it as it was before."""
     with bench(subject, line) as robot:
-        for port in (OUTPUTS[0], OUTPUTS[-1]):
+        for port in examples((OUTPUTS[0], OUTPUTS[-1])):
             before = outputs(line)
             on = before[port - 1]
             set_output(line, port, on=on)
@@ -220,7 +221,7 @@ def test_branches_apart(subject: Subject, line: Line) -> None:
 def test_every_node(subject: Subject, line: Line) -> None:
     """The last node of a program is executed as the first is, be they one, two or seven."""
     with bench(subject, line) as robot:
-        for count in (1, 2, len(OUTPUTS)):
+        for count in examples((1, 2, len(OUTPUTS))):
             robot.performs([Flip(port) for port in OUTPUTS[:count]])
 
 

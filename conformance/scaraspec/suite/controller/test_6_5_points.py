@@ -11,6 +11,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.arm import Arm, arm, near
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import Undecided, expect
 from scaraspec.suite.programs.bench import PROGRAMS, bench
 from scaraspec.suite.programs.writing import Values, curve, straight
@@ -42,7 +43,7 @@ def test_point(subject: Subject, line: Line) -> None:
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         done = []
         for index in _VALUES:
-            for share in (1, -1):  # a limit may be near
+            for share in examples((1, -1)):  # a limit may be near
                 target = moved.step(moved.home, index, share)
                 back = [] if near(moved.place(), moved.home) else [moved.home]
                 if moved.goes(straight(moved.speed_percent, [*back, target])):

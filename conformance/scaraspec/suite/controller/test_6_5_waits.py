@@ -19,6 +19,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import find_out_whether_it_listens
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect
 from scaraspec.suite.programs.bench import EARLY_S, PROGRAMS, Bench, bench
 from scaraspec.suite.programs.layout import twin_of
@@ -258,7 +259,7 @@ def _pass_and_stand(line: Line, robot: Bench) -> None:
         raise Undecided("no input is still, by which a program could wait")
     with inputs_steady(line, still) as states:
         ports = {states[port - 1]: port for port in still}
-        for condition, value, on, holds in _waits():
+        for condition, value, on, holds in examples(_waits()):
             if on not in ports:
                 continue
             waiting = wait_input(ports[on], condition, value)
@@ -287,7 +288,7 @@ def test_goes_on(subject: Subject, line: Line) -> None:
             ]
         robot.start(nodes)
         due = robot.before
-        for (condition, value), port, output in steps:
+        for (condition, value), port, output in examples(steps):
             told = f"input {port} does not meet condition {condition} with {value}"
             _stands_still(line, robot, due, told)
             drive(port, on=not drive.now[port - 1])
@@ -332,7 +333,7 @@ def test_hundredths(subject: Subject, line: Line) -> None:
     port = INPUTS[0]
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         drive(port, on=True)
-        for value, reading in ((100, "all"), (1, "analog")):
+        for value, reading in examples(((100, "all"), (1, "analog"))):
             robot.start([wait_input(port, Condition.EQUAL, value)])
             result = robot.ended(within_s=robot.ours_s(_SOON_S))
             if result is not None:
@@ -368,7 +369,7 @@ def test_analog_conditions(subject: Subject, line: Line) -> None:
             if line.ask("get_analog_input", ANALOG).value not in (2.5, 250):
                 raise NotRun("in which unit the hook drives analog inputs is not known")
             robot.start([wait_input(ANALOG, condition, value) for condition, value, _ in steps])
-            for condition, value, drives in steps:
+            for condition, value, drives in examples(steps):
                 told = f"the analog input does not meet condition {condition} with {value}"
                 _stands_still(line, robot, robot.before, told)
                 subject.hook("set_analog", port=ANALOG, value=drives)

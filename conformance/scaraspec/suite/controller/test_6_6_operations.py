@@ -17,6 +17,7 @@ from scaraspec.suite.as_client.asking.ports import (
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect
 from scaraspec.suite.programs import writing as programs
 from scaraspec.suite.programs.bench import PROGRAMS, Bench, bench
@@ -147,7 +148,7 @@ def test_port_settings(subject: Subject, line: Line) -> None:
     The second program has the bytes of the first one, in another order.
     """
     with bench(subject, line) as robot:
-        for values in ((0, 1), (1, 0)):
+        for values in examples(((0, 1), (1, 0))):
             robot.performs([Put(port, number(value)) for value in values for port in OUTPUTS])
 
 
@@ -184,7 +185,7 @@ def test_input_operands(subject: Subject, line: Line) -> None:
 def test_driven_input_operands(subject: Subject, line: Line) -> None:
     """The same for inputs that are driven, one after the other."""
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
-        for pattern in (0b101001, 0b010110):
+        for pattern in examples((0b101001, 0b010110)):
             for index, port in enumerate(INPUTS):
                 drive(port, on=bool(pattern >> index & 1))
             _reads_inputs(robot, line)
@@ -213,7 +214,7 @@ def test_result_of_a_comparison(subject: Subject, line: Line) -> None:
             observed=digits(outputs(line)),
         )
         seen = set()
-        for result in (1, -1, 256):
+        for result in examples((1, -1, 256)):
             before = outputs(line)
             if not robot.accepts(robot.file(_two_branches(before, result))):
                 subject.tolerate(

@@ -19,6 +19,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import MOVE, accepted, done, has
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NotRun, Undecided, Unmet, expect
 
 _STATE = (Hazard.STATE,)
@@ -86,7 +87,7 @@ def test_meaningless_angles(subject: Subject, line: Line) -> None:
     """Whatever thetaY and thetaZ a move names, x, y, z and thetaX are where it goes."""
     has(subject, MOVE)
     with returning(subject, line) as pose:
-        for theta_y, theta_z in ((7.0, 0.0), (0.0, 7.0), (-3.5, 3.5)):
+        for theta_y, theta_z in examples(((7.0, 0.0), (0.0, 7.0), (-3.5, 3.5))):
             named = pose._replace(theta_y=theta_y, theta_z=theta_z)
             answer = ask_move(subject, line, named)
             if not answer.accepted:

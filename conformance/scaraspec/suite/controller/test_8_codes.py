@@ -23,6 +23,7 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     start_program,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import expect, expect_equal
 from scaraspec.suite.wire import Answer
 
@@ -71,7 +72,7 @@ def test_refusals(subject: Subject, line: Line) -> None:
     """What cannot be done is refused with codes of the table."""
     subject.moved = True
     missing = subject.new_name()
-    for name, data in ((RUN, missing), (SIMULATE, missing), (MOVE, _FAR)):
+    for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, _FAR))):
         if name not in subject.statement.lacks:
             answer = line.ask(name, data=data)
             if answer.accepted:  # what is wrong may be found out late (A-4.15-1, A-4.24-5)
@@ -94,7 +95,7 @@ def test_refusals_of_a_busy_robot(subject: Subject, line: Line) -> None:
 def test_missing_program(subject: Subject, line: Line) -> None:
     """Programs that are not there are run and simulated; the code says 20, at either stage."""
     subject.moved = True
-    for name in (RUN, SIMULATE):
+    for name in examples((RUN, SIMULATE)):
         has(subject, name)
         answer = line.ask(name, subject.new_name())
         if answer.accepted:
@@ -137,7 +138,7 @@ def test_codes_of_faults(subject: Subject, line: Line) -> None:
     """
     subject.moved = True
     for count in range(1, len(Joint) + 1):
-        for joints in combinations(Joint, count):
+        for joints in examples(combinations(Joint, count)):
             with _broken(subject, joints):
                 status = line.ask("get_status")
                 _expect_code(subject, status.frame.data)

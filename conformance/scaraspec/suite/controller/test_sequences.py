@@ -8,7 +8,7 @@ import itertools
 from functools import partial
 from typing import Final
 
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, settings
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
@@ -24,6 +24,7 @@ from scaraspec.suite.as_client.sequences import (
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.executing import unless_others_run
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import given
 from scaraspec.suite.shortening import shortened
 
 _ASKING: Final = (Hazard.READ_ONLY,)

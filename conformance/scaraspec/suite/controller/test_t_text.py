@@ -3,7 +3,7 @@
 import re
 from typing import Final
 
-from hypothesis import example, given
+from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol import errors
@@ -17,6 +17,7 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import MOVE, RUN, SIMULATE, finish, has
 from scaraspec.suite.case import case
+from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import Unmet, expect, expect_equal
 from scaraspec.suite.programs.layout import short_program
 from scaraspec.suite.wire import Answer
@@ -57,7 +58,7 @@ def test_bars(subject: Subject, line: Line) -> None:
 @case("T/1", name="refusal", hazards=_MOTION)
 def test_bar_before_a_code(subject: Subject, line: Line) -> None:
     """The run of a missing program is refused, with one bar before the code (A-0-2)."""
-    for name in (RUN, SIMULATE):
+    for name in examples((RUN, SIMULATE)):
         has(subject, name)
         answer = line.ask(name, subject.new_name())
         said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
@@ -195,7 +196,7 @@ def test_decimals_are_taken(subject: Subject, line: Line) -> None:
     has(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     try:
-        for data in (b"20|30|40", b"20.0|30.0|40.0", b"20.000|30.00|40", b"-20|-30.5|0"):
+        for data in examples((b"20|30|40", b"20.0|30.0|40.0", b"20.000|30.00|40", b"-20|-30.5|0")):
             said = line.ask("set_gripper_center", data=data)
             if not said.accepted and subject.dialect["num_format"] == "one-decimal":
                 subject.tolerate("T/5", "num_format", "one-decimal", f"{show(data)} was refused")
@@ -230,7 +231,7 @@ def test_codes_of_refusals(subject: Subject, line: Line) -> None:
     subject.moved = True
     missing = subject.new_name()
     far = b"1|900000|900000|900000|0|0|0"
-    for name, data in ((RUN, missing), (SIMULATE, missing), (MOVE, far)):
+    for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, far))):
         if name in subject.statement.lacks:
             continue
         answer = line.ask(name, data=data)
@@ -248,7 +249,7 @@ def test_names_beyond_ascii(subject: Subject, line: Line) -> None:
     """Files have names in UTF-8 and in GBK; where they are taken, they are kept byte by byte."""
     content = short_program(subject)
     taken: dict[bytes, bool] = {}
-    for stem in _NAMES:
+    for stem in examples(_NAMES):
         name = subject.new_name().replace(b".", stem + b".")
         subject.created[-1] = name
         taken[name] = line.ask("upload_name", data=name).accepted is True
