@@ -38,8 +38,10 @@ SCARASPEC: Final = (sys.executable, "-m", "scaraspec")
 OPTIONS: Final = Options(allowed=ALL, undefined=True)
 EVERYTHING: Final = ("--allow", "state,motion,destructive", "--undefined-opcodes")
 TRANSFER_S: Final = 1
-FAST: Final = 4
+FAST: Final = 8
 """How many of its seconds pass in one of ours where a simulator is fast."""
+PATIENCE_S: Final = 10 / FAST
+"""It is granted as many of its seconds for a case as any other controller is."""
 
 ROOMS: Final = {
     "scaraspec.judgement": "judgement",
@@ -116,7 +118,8 @@ def over_tcp(folder: Path) -> None:
         f'[subject]\nname = "virtual, {FAST} times as fast"\ntime_scale = {FAST}\n'
     )
     with _virtual_controller(folder, FAST) as url:
-        asked = (url, *EVERYTHING, "--ics", str(statement), "--out", str(folder / "fast"))
+        granted = ("--ics", str(statement), "--patience", f"{PATIENCE_S}")
+        asked = (url, *EVERYTHING, *granted, "--out", str(folder / "fast"))
         _say(f"a controller whose seconds are {FAST} times as short:")
         _certify("controller", *asked)
 

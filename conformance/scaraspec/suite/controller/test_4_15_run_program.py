@@ -11,6 +11,7 @@ from scaraspec.suite.as_client.state.defaults import default_kept
 from scaraspec.suite.as_client.subject import STEM, Subject
 from scaraspec.suite.as_client.two_stage.refusals import expect_missing
 from scaraspec.suite.as_client.two_stage.tasks import (
+    BRIEFLY_S,
     RUN,
     accepted,
     attentive,
@@ -137,7 +138,7 @@ def test_end_of_a_run(subject: Subject, line: Line) -> None:
     """
     attentive(subject, line)
     stop_nothing(subject, line)
-    begun = start_program(subject, line, RUN, seconds=1)
+    begun = start_program(subject, line, RUN, BRIEFLY_S)
     line.wait(0.2)
     if line.ask("get_status").value == "01":
         early = [seen for seen in line.heard if seen.frame.tagged]

@@ -42,6 +42,7 @@ from scaraspec.suite.as_client.two_stage.refusals import (
     text_of,
 )
 from scaraspec.suite.as_client.two_stage.tasks import (
+    BRIEFLY_S,
     JOG,
     LOCK,
     MOVE,
@@ -79,6 +80,7 @@ _SOON_S = 0.5
 _CHUNKS_BYTES = 450
 _LONG_BYTES = 2_000
 _OVER_S = 10.0
+_POLL_S = 0.1
 _POLLS = 10
 _AT_ONCE_S = 0.05
 _BRIEF_S = 0.01  # no way home is shorter
@@ -319,7 +321,7 @@ def test_refused_moves_stay_refused(subject: Subject, line: Line) -> None:
         nearby = [each for axis in ("y", "x") for each in neighbours(subject, pose, axis)]
         if not nearby:
             raise NotRun("there is no room for a step")
-        start_program(subject, line, RUN, seconds=1)
+        start_program(subject, line, RUN, BRIEFLY_S)
         answer = offered(line, MOVE, target(nearby[0], subject.statement.motion.speed_percent))
         done(subject, line, RUN)
         if answer is not None and answer.accepted:
@@ -378,7 +380,7 @@ def _answered_late(subject: Subject, line: Line, query: Query, name: str) -> Non
 def test_results_between_replies(subject: Subject, line: Line) -> None:
     """A final result that comes between the replies to queries is one frame among whole others."""
     attentive(subject, line)
-    for name, seconds in examples(((RUN, 1), (SIMULATE, 0))):
+    for name, seconds in examples(((RUN, BRIEFLY_S), (SIMULATE, 0))):
         start_program(subject, line, name, seconds)
         opcode, answered = BY_NAME[name].opcode, 0
         results: list[Answer] = []
@@ -548,7 +550,7 @@ def test_second_client(subject: Subject, line: Line) -> None:
         )
         finish(subject, other, STOP)
     other.fence()
-    start_program(subject, line, RUN, seconds=1)
+    start_program(subject, line, RUN, BRIEFLY_S)
     other.close()
     finish(subject, line, RUN)
 
@@ -580,7 +582,7 @@ def test_lost_link(subject: Subject, line: Line) -> None:
         quieten(subject, other)
         start_program(subject, other, RUN, seconds=0)
         done(subject, other, RUN)
-        start_program(subject, other, RUN, seconds=1)
+        start_program(subject, other, RUN, BRIEFLY_S)
         other.close()
         _expect_free(subject.open())
         subject.close_lines()
@@ -596,8 +598,8 @@ def _expect_free(line: Line) -> None:
             expected=IDLE,
             observed=f"{status}",
         )
-        line.wait(_SOON_S)
-        left_s -= _SOON_S
+        line.wait(_POLL_S)
+        left_s -= _POLL_S
 
 
 @case("4/15", "3/18", "4.15/5", name="many", hazards=_MOTION)

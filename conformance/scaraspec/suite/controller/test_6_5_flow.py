@@ -15,6 +15,7 @@ from scaraspec.suite.as_client.asking.ports import (
 )
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.two_stage.tasks import BRIEFLY_S
 from scaraspec.suite.case import case
 from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import Undecided, expect, expect_equal
@@ -80,7 +81,7 @@ def test_output_node_in_time(subject: Subject, line: Line) -> None:
     """
     first, second = OUTPUTS[:2]
     with bench(subject, line) as robot:
-        pause_s = robot.theirs_s(1)
+        pause_s = robot.theirs_s(BRIEFLY_S)
         robot.start(nodes_of([Flip(first), Wait(pause_s), Flip(second)], robot.before))
         on = not robot.before[first - 1]
         expect(

@@ -61,6 +61,8 @@ ACCEPTANCE: Final[Mapping[str, str]] = {
 
 LASTS_S: Final = 5
 """How long a program waits that is to be interrupted, in seconds of our clock."""
+BRIEFLY_S: Final = 0.5
+"""As long as one whose end is awaited: a second, unless the robot's are shorter than ours."""
 _ASKED: Final = 20
 """How many requests, one behind the other, such a program outlasts."""
 
@@ -110,8 +112,8 @@ def accepted(name: str, answer: Answer) -> Answer:
     )
 
 
-def stored(subject: Subject, line: Line, seconds: int | None = None, name: bytes = b"") -> bytes:
-    """Upload a program that waits for so many seconds, by our clock; its name.
+def stored(subject: Subject, line: Line, seconds: float | None = None, name: bytes = b"") -> bytes:
+    """Upload a program that waits for at least so many seconds, by our clock; its name.
 
     Without a number it waits for longer than is asked meanwhile, however slow the replies are;
     without a name it gets a new one.
@@ -145,7 +147,7 @@ class Started(NamedTuple):
     answer: Answer
 
 
-def start_program(subject: Subject, line: Line, name: str, seconds: int | None = None) -> Started:
+def start_program(subject: Subject, line: Line, name: str, seconds: float | None = None) -> Started:
     """Run or simulate a program that waits for so many seconds, or for long enough (`stored`).
 
     The layout of program files is found out first (A-6.1-2).
