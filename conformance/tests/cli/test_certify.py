@@ -176,12 +176,13 @@ def test_a_serial_line(processes: Any, null_modem: tuple[str, str]) -> None:
 
 
 def test_an_absent_subject(processes: Any) -> None:
-    """A port where nobody listens is inconclusive, never a pass; told once, and at the end."""
+    """A port where nobody listens: inconclusive, nothing judged; told once, and at the end."""
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
         port = listener.getsockname()[1]
     done = processes.run("certify", "controller", f"tcp://127.0.0.1:{port}", "--only", "4.8")
     assert done.returncode == 3
     assert done.stdout.count("was not there") == 2
+    assert "; 0 of " in done.stdout
 
 
 def _hang(connection: socket.socket) -> None:
