@@ -55,6 +55,9 @@ WORDS: Final[Mapping[str, Words]] = MappingProxyType(
             "{judged} of {total} requirements in scope were judged.",
             "范围内共 {total} 项要求，已判定 {judged} 项。",
         ),
+        "tried_share": Words(
+            "The cases were tried for {count} values.", "各用例共试过 {count} 个取值。"
+        ),
         "look_first": Words("To be looked at first", "首先查看"),
         "and_more": Words("and {count} more", "及另外 {count} 项"),
         # Verdicts of a case

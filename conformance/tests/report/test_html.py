@@ -135,7 +135,7 @@ def test_the_verdict_stands_first(page: Page) -> None:
     assert verdict.has_class("is-nonconformant")
     assert said(verdict, "en").startswith(
         "Nonconformant Cell 7 控制器 At least one requirement of the document is violated. "
-        "3 of 7 requirements in scope were judged. 1 ✕ fail"
+        "3 of 7 requirements in scope were judged. The cases were tried for 12 values. 1 ✕ fail"
     )
     assert said(verdict, "zh").startswith("不符合 Cell 7 控制器 至少有一项协议文档的要求被违反。")
 
