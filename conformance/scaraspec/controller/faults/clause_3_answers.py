@@ -154,6 +154,49 @@ class DefaultsOnUnknown(_Undefined):
 
 
 @fault("3/21", subtle=True)
+class ClearsOnUnknown(_Undefined):
+    """0x10 leaves no default program."""
+
+    def undefined(self, session: Session, frame: Frame, now_s: float) -> None:  # noqa: ARG002 - one signature
+        """Clear it."""
+        if frame.opcode == 0x10:
+            self.save(default_program=b"")
+
+
+@fault("3/21", subtle=True)
+class CancelsOnUnknown(_Undefined):
+    """0x51 ends the upload that is open on its connection."""
+
+    def undefined(self, session: Session, frame: Frame, now_s: float) -> None:  # noqa: ARG002 - one signature
+        """End it."""
+        if frame.opcode == 0x51:
+            session.transfer = None
+
+
+@fault("3/21", subtle=True)
+class StopsOnUnknown(_Undefined):
+    """0xFF ends what executes."""
+
+    def undefined(self, session: Session, frame: Frame, now_s: float) -> None:  # noqa: ARG002 - one signature
+        """End it."""
+        task = self.robot.task
+        if frame.opcode == 0xFF and task is not None:
+            self.robot.stop(now_s)
+            self.conclude(task.request, task.stopped)
+
+
+@fault("3/21", subtle=True)
+class SwitchesOffOnUnknown(_Undefined):
+    """0x48 switches every digital output off."""
+
+    def undefined(self, session: Session, frame: Frame, now_s: float) -> None:  # noqa: ARG002 - one signature
+        """Switch them off."""
+        if frame.opcode == 0x48:
+            for port in range(1, 17):
+                self.plant.digital_outputs[port] = False
+
+
+@fault("3/21", subtle=True)
 class DiesOfHighOpcodes(_Undefined):
     """An opcode beyond the table of commands, with 255 bytes of data, ends the program."""
 

@@ -8,6 +8,7 @@ from scaraspec.controller.faults import fault
 from scaraspec.controller.faults.replying import AltersLengths, AltersReplies
 from scaraspec.controller.session import Request
 from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.payloads import Acceptance
 
 _RUNNING: Final = 0x0A
 _NAME_BYTES: Final = 12
@@ -196,6 +197,26 @@ class SimulatedNameIsMissing(_TellsOtherwise):
         task = self.robot.task
         simulated = task is not None and task.request.command.name == "simulate_program"
         return told._replace(name=b"SIMULATION") if simulated else told
+
+
+@fault("4.9/4", subtle=True)
+class SimulatedNameIsTheLastRun(_TellsOtherwise):
+    """While a program is simulated the name of the one that was run last is told."""
+
+    _ran = b""
+
+    def wrong(self, told: RunningProgram, request: Request) -> RunningProgram:  # noqa: ARG002 - whoever asks
+        """Tell that, where one was run."""
+        task = self.robot.task
+        simulated = task is not None and task.request.command.name == "simulate_program"
+        return told._replace(name=self._ran) if simulated and self._ran else told
+
+    def run_program(self, request: Request) -> Acceptance:
+        """Keep its name."""
+        answer = super().run_program(request)
+        if answer.accepted:
+            self._ran = request.value
+        return answer
 
 
 @fault("4.9/9")

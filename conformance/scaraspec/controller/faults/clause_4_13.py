@@ -9,6 +9,7 @@ from scaraspec.controller.faults.replying import AltersReplies
 from scaraspec.controller.session import Request
 from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Acceptance
 
 _SET_DEFAULT: Final = 0x0E
 
@@ -52,6 +53,18 @@ class FirstDefaultRemains(Brain):
         if self.is_program(self.store.settings.default_program):
             return self.is_program(request.value)
         return super().set_default_program(request)
+
+
+@fault("4.13/3", subtle=True)
+class ResetForgetsTheDefault(Brain):
+    """A reset leaves no default program."""
+
+    def reset(self, request: Request) -> Acceptance:
+        """Forget it."""
+        answer: Acceptance = super().reset(request)
+        if answer.accepted:
+            self.save(default_program=b"")
+        return answer
 
 
 @fault("4.13/3", subtle=True)

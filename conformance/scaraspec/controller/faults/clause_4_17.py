@@ -11,6 +11,7 @@ from scaraspec.controller.robot import DONE
 from scaraspec.controller.session import Request, Session
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, JogDirection, Outcome
+from scaraspec.protocol.transfer import Receiver, Sender
 
 _REFUSED = Acceptance(accepted=False)
 
@@ -119,6 +120,32 @@ class OnlyTheStarterStops(Brain):
         if task is not None and task.request.session is not request.session:
             return _REFUSED
         return super().emergency_stop(request)
+
+
+@fault("4.17/6", "4.17/3", subtle=True)
+class StopIsRefusedInUploads(Brain):
+    """A stop is refused on a connection on which a file is being sent."""
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        """Look whether chunks are due."""
+        transfer = request.session.transfer
+        if transfer is not None and isinstance(transfer.end, Receiver):
+            return _REFUSED
+        return super().emergency_stop(request)
+
+
+@fault("4.17/4", subtle=True)
+class StopInDownloadsStopsNothing(Brain):
+    """A stop on a connection on which a file is being fetched is done, and the program goes on."""
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        """Stop nothing."""
+        task = self.robot.task
+        answer = super().emergency_stop(request)
+        transfer = request.session.transfer
+        if transfer is not None and isinstance(transfer.end, Sender):
+            self.robot.task = task
+        return answer
 
 
 @fault("4.17/6", "4.17/3", subtle=True)

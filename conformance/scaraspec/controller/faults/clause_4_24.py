@@ -33,6 +33,15 @@ class _Retargeted(Brain):
         return target
 
 
+@fault("4.24/8", subtle=True)
+class FullSpeedOvershoots(_Retargeted):
+    """A move at full speed goes a millimetre and a half too far along X."""
+
+    def instead(self, target: MoveTarget, request: Request) -> MoveTarget:  # noqa: ARG002 - of all
+        """Look at the speed."""
+        return target._replace(x=target.x + 1.5) if target.speed >= 100 else target
+
+
 @fault("4.24/3")
 class ImpossibleMoveIsRefusedLikeAResult(Brain):
     """An impossible move is refused with "00|05"."""

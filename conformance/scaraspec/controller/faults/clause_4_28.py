@@ -61,6 +61,17 @@ class JogTwoIsOne(_Otherwise):
     instead = {JogDirection.MINUS_Y: JogDirection.PLUS_Y}  # noqa: RUF012 - read alone
 
 
+@fault("4.28/3", "4.28/4", subtle=True)
+class JogByBinaryTwoIsOne(_Otherwise):
+    """2 as a binary byte jogs like 1, which no client does that sends digits."""
+
+    instead = {JogDirection.MINUS_Y: JogDirection.PLUS_Y}  # noqa: RUF012 - read alone
+
+    def jog(self, request: Request) -> Acceptance:
+        """Look at the notation."""
+        return super().jog(request) if request.frame.data < b"0" else Brain.jog(self, request)
+
+
 @fault("4.28/4", "4/1")
 class JogIsAnsweredWithItsDirection(Brain):
     """The first reply to a jog repeats the direction behind the 1."""

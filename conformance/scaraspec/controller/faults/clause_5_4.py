@@ -439,6 +439,18 @@ class ListsNothingDuringUploads(Brain):
         )
 
 
+@fault("5.4/8", subtle=True)
+class ListsNothingDuringDownloads(Brain):
+    """Who asks for the programs while he fetches one is told of none."""
+
+    def list_programs(self, request: Request) -> NameListPart:
+        """Tell of none."""
+        transfer = request.session.transfer
+        if transfer is not None and isinstance(transfer.end, Sender):
+            return NameListPart(more=False, names=())
+        return super().list_programs(request)
+
+
 @fault("5.4/8")
 class DeafToOthersDuringUploads(Brain):
     """During an upload the other connections are not served."""

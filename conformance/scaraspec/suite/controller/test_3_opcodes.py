@@ -4,21 +4,33 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from scaraspec.judgement.places import STANDSTILL, farthest
-from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.commands import BY_OPCODE, Point
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG, Frame
-from scaraspec.suite.as_client.asking.motion import joints_of
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.as_client.asking.files import again, begin, expect_stored, send
+from scaraspec.suite.as_client.asking.motion import await_rest, joints_of
+from scaraspec.suite.as_client.asking.ports import ALL_OUTPUTS, outputs_kept, set_output
 from scaraspec.suite.as_client.asking.queries import known_to
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.carriers import GET_STATUS
+from scaraspec.suite.as_client.state.defaults import default_kept, expect_default
+from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import MOMENT_S, Subject
+from scaraspec.suite.as_client.two_stage.tasks import RUN, has, interrupted, lasting
 from scaraspec.suite.case import case
+from scaraspec.suite.contents import content_of
 from scaraspec.suite.examples import examples
-from scaraspec.suite.expect import NoAnswer, expect, expect_equal
+from scaraspec.suite.expect import NoAnswer, NotRun, expect, expect_equal
+from scaraspec.suite.programs.listed import store_program
 
 _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
 """No reply can bear the tag for its opcode (A-3-5), so what follows it is read on no connection."""
 _DATA: Final = (b"", b"1", b"1|1", b"0" * MAX_DATA_BYTES)
+_MOTION: Final = (Hazard.STATE, Hazard.MOTION)
+_CENTRE: Final = Point(10, -20, 30)
+_FILE_BYTES: Final = 450
 _RESTLESS: Final = (
     "get_time",
     "get_motor_temperatures",
@@ -56,25 +68,88 @@ def test_undefined_opcodes_alone(subject: Subject) -> None:
     _expect_unchanged(subject, before)
 
 
+@case("3/21", name="settings", hazards=_MOTION, undefined=True)
+def test_settings_behind_undefined_opcodes(subject: Subject, line: Line) -> None:
+    """A gripper centre, a default program and outputs that are on stay behind all of them."""
+    for name in ("set_gripper_center", "set_default_program", "set_digital_output"):
+        has(subject, name)
+    subject.moved = True
+    program = store_program(subject, line)
+    with kept(subject, line, "gripper centre"), default_kept(subject, line), outputs_kept(line):
+        line.ask("set_gripper_center", _CENTRE)
+        named = line.ask("set_default_program", program).accepted
+        for port in ALL_OUTPUTS:
+            set_output(line, port, on=True)
+        await_rest(subject, line)  # the default program may be run once it is set (A-4.12-3)
+        before = _state(subject)
+        _send(subject, (Frame(A2C, opcode) for opcode in _UNDEFINED))
+        _expect_unchanged(subject, before)
+        if named:
+            expect_default(subject, subject.open(), program, "3/21")
+
+
+@case("3/21", name="in-an-upload", hazards=(Hazard.STATE,), undefined=True)
+def test_undefined_opcodes_in_an_upload(subject: Subject) -> None:
+    """Between two chunks of a file all of them are sent, and it arrives whole."""
+    name, content = subject.new_name(), content_of(_FILE_BYTES)
+    first, *rest = chunks_of(content)
+    line = subject.open(judged=False)
+    begin(line, name)
+    send(line, first)
+    for opcode in examples(_UNDEFINED):
+        _send_one(subject, line, Frame(A2C, opcode))
+        if line.ending is not None:
+            return
+    for chunk in rest:
+        send(line, chunk, "3/21", "behind undefined opcodes a chunk of the upload is not taken")
+    expect_stored(again(subject, line), name, content, "3/21")
+
+
+@case("3/21", name="running", hazards=_MOTION, undefined=True)
+def test_undefined_opcodes_beside_a_program(subject: Subject, line: Line) -> None:
+    """A program that runs goes on behind all of them, which come in one segment."""
+    line.close()
+    line = subject.open(judged=False)
+    with lasting(subject, line, RUN) as task:
+        line.send_bytes(b"".join(Frame(A2C, opcode).encode() for opcode in _UNDEFINED))
+        line.wait(MOMENT_S)
+        if line.ending is not None:
+            raise NotRun("the subject ends the connection behind an undefined opcode")
+        status = line.ask("get_status")
+        own = None if status.value == task.state else interrupted(line, RUN)
+        expect(
+            status.value == task.state or (own is not None and own.done),
+            "a program that ran is gone behind undefined opcodes",
+            expected=task.state,
+            observed=f"{own or status}",
+        )
+        _only_themselves(subject, line, frozenset(_UNDEFINED))
+
+
 def _send(subject: Subject, frames: Iterable[Frame]) -> None:
-    """Send each, with a query behind it, on a new connection where the subject closes."""
+    """Send each, on a new connection where the subject closes."""
     line = subject.open(judged=False)
     for frame in examples(frames):
-        line.send_frame(frame)
-        try:
-            line.send_bytes(GET_STATUS)
-            line.reply("get_status")
-        except NoAnswer:
-            expect(
-                line.ending is not None,
-                "behind a request with an undefined opcode nothing is answered any more",
-                expected="a reply to 0x09, or the end of the connection",
-                observed=f"silence behind opcode {frame.opcode:02X}",
-            )
-        _only_themselves(subject, line, frozenset({frame.opcode}))
+        _send_one(subject, line, frame)
         if line.ending is not None:
             line = subject.open(judged=False)
     line.close()
+
+
+def _send_one(subject: Subject, line: Line, frame: Frame) -> None:
+    """Send a request with an undefined opcode, and a query behind it."""
+    line.send_frame(frame)
+    try:
+        line.send_bytes(GET_STATUS)
+        line.reply("get_status")
+    except NoAnswer:
+        expect(
+            line.ending is not None,
+            "behind a request with an undefined opcode nothing is answered any more",
+            expected="a reply to 0x09, or the end of the connection",
+            observed=f"silence behind opcode {frame.opcode:02X}",
+        )
+    _only_themselves(subject, line, frozenset({frame.opcode}))
 
 
 def _only_themselves(subject: Subject, line: Line, opcodes: frozenset[int]) -> None:

@@ -7,6 +7,8 @@ import pytest
 from scaraspec.judgement.places import STANDSTILL, farthest
 from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.as_client.asking.files import again, incoming, send, upload
 from scaraspec.suite.as_client.asking.motion import (
     BUSY,
     SLOWEST_PERCENT,
@@ -45,13 +47,15 @@ from scaraspec.suite.as_client.two_stage.tasks import (
     stored,
 )
 from scaraspec.suite.case import case
+from scaraspec.suite.contents import content_of
 from scaraspec.suite.examples import examples
-from scaraspec.suite.expect import NoAnswer, expect
+from scaraspec.suite.expect import NoAnswer, NotRun, expect
 from scaraspec.suite.wire import Answer
 
 _BARELY_S: Final = 0.02  # a step may take but a fifth of a second
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _AGAIN = 15
+_FILE_BYTES: Final = 450
 _LOOKS_S: Final = (0.05, 0.05, 0.1, 0.8)
 """Between two looks at an arm that was stopped: a slow one needs a while to show."""
 
@@ -196,6 +200,36 @@ def _step_there_and_back(subject: Subject, line: Line) -> MoveTarget:
         accepted(MOVE, answer)
         done(subject, line, MOVE)
     return target(there, SLOWEST_PERCENT)
+
+
+@case("4.17/6", "4.17/3", "4.17/4", name="in-transfers", hazards=_MOTION)
+def test_stop_within_a_transfer(subject: Subject, line: Line) -> None:
+    """A program is stopped between two chunks of a file, of one sent and of one fetched."""
+    name, tried = subject.new_name(), False
+    upload(line, name, content_of(_FILE_BYTES))
+    for fetches in examples((False, True)):
+        with lasting(subject, line, RUN) as task:
+            opening = "download_name" if fetches else "upload_name"
+            if line.ask(opening, data=name if fetches else subject.new_name()).accepted:
+                if fetches:
+                    next(incoming(line))
+                else:
+                    send(line, next(chunks_of(content_of(_FILE_BYTES))))
+                answer = line.ask(STOP)
+                if not answer.accepted and task.over:
+                    task.lasts()
+                expect(
+                    answer.accepted,
+                    "the stop of a program is refused between two chunks of a file",
+                    expected="1",
+                    observed=f"{answer}",
+                )
+                expect_stopped(subject, line, answer)
+                _expect_interrupted(line, task)
+                tried = True
+        line = again(subject, line)
+    if not tried:
+        raise NotRun("no file is sent or fetched while a program runs")
 
 
 @case("4.17/4", "3/18", name="twice", hazards=_MOTION)

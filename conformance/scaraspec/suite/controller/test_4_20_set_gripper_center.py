@@ -12,6 +12,7 @@ from scaraspec.suite.as_client.asking.motion import joints_of
 from scaraspec.suite.as_client.asking.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
+from scaraspec.suite.as_client.state.defaults import default_kept, expect_default
 from scaraspec.suite.as_client.state.keeping import kept
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.executing import unless_others_run
@@ -20,6 +21,7 @@ from scaraspec.suite.case import case
 from scaraspec.suite.examples import examples, given
 from scaraspec.suite.expect import expect
 from scaraspec.suite.programs.bench import PROGRAMS, running
+from scaraspec.suite.programs.listed import store_program
 
 _EXAMPLE: Final = Point(200, 300, 456)  # L438
 _PLAIN: Final = Point(1.5, -2, 30.5)
@@ -105,12 +107,15 @@ def test_set_while_running(subject: Subject, line: Line) -> None:
             )
 
 
-@case("4.20/3", "4.21/3", name="behind-resets", hazards=PROGRAMS)
+@case("4.20/3", "4.21/3", "4.13/3", name="behind-resets", hazards=PROGRAMS)
 def test_behind_resets(subject: Subject, line: Line) -> None:
-    """A reset leaves the gripper centre and the initial position as they are, and another one."""
+    """Gripper centre, initial position and default program stay behind a reset, and another."""
     has(subject, RESET)
-    with kept(subject, line, "gripper centre"):
+    program = store_program(subject, line)
+    with kept(subject, line, "gripper centre"), default_kept(subject, line):
         _set(subject, line, _SLIGHT)
+        names = "set_default_program" not in subject.statement.lacks
+        named = names and line.ask("set_default_program", program).accepted
         with home_at(subject, line):
             home = initial_of(line)
             for _ in range(2):
@@ -119,6 +124,8 @@ def test_behind_resets(subject: Subject, line: Line) -> None:
                 _expect_shown(line, _SLIGHT)
                 message = "a reset has changed the initial tool position"
                 expect_numbers(initial_of(line)[:_MEANT], home[:_MEANT], message, "4.21/3")
+                if named:
+                    expect_default(subject, line, program, "4.13/3")
 
 
 @case("4.20/4", "4.20/3")

@@ -120,10 +120,11 @@ def test_beyond_all_reach(subject: Subject, line: Line) -> None:
         )
 
 
-@case("4.24/5", "4.24/6", hazards=_MOTION)
+@case("4.24/5", "4.24/6", "4.24/8", hazards=_MOTION)
 def test_every_speed(subject: Subject, line: Line) -> None:
-    """A move to where the arm stands is accepted at every speed from 1 to 100 %, and ends."""
+    """A move to where the arm stands is accepted at every speed from 1 to 100 %, and ends there."""
     has(subject, MOVE)
+    gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
 
         def go(speed_percent: int) -> None:
@@ -135,6 +136,7 @@ def test_every_speed(subject: Subject, line: Line) -> None:
                 observed=f"{answer}",
             )
             done(subject, line, MOVE)
+            _expect_reached(subject, line, pose, gripper)
 
         for speed_percent in examples((1, 2, 9, 10, 99, 100)):
             go(speed_percent)

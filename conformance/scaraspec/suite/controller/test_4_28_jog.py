@@ -298,7 +298,7 @@ def test_notations(subject: Subject, line: Line) -> None:
         request, dialect = BY_NAME[JOG].request, subject.dialect
         taken, ways = [], dict[JogDirection, tuple[float, float]]()
         for notation in ("ascii", "binary"):
-            for direction in examples((JogDirection.MINUS_X, JogDirection.PLUS_X)):
+            for direction in examples(JogDirection):
                 data = request.encode(direction, dialect.replace(jog_byte=notation))
                 before = pose_of(line)
                 answer = offered(line, JOG, data=data)

@@ -486,6 +486,7 @@ def _listed(subject: Subject, line: Line, *but: bytes) -> list[bytes]:
 def test_commands_during_a_download(subject: Subject, line: Line) -> None:
     """Between the chunks of a download other commands are answered, and the file comes whole."""
     name = some_file(subject, line, _CONTENT)
+    listed = _listed(subject, line)
     status = line.ask("get_status").value
     line.ask("download_name", data=name)
     content = b""
@@ -493,6 +494,8 @@ def test_commands_during_a_download(subject: Subject, line: Line) -> None:
         for chunk in incoming(line):
             content += chunk.data
             _others(subject, line, status)
+            message = "the list is another one within a download"
+            expect_equal(_listed(subject, line), listed, message)
     except Unmet as error:
         error.requirement = "5.4/8"
         raise
