@@ -91,6 +91,20 @@ def test_a_claim_of_opcodes_is_wrong_where_others_are_found(
     assert ("claim.op_get_default" not in cases) is right
 
 
+def test_the_printed_opcode_is_found_where_there_is_no_default(tried: Try) -> None:
+    """Who serves 0x13 alone, and says nothing of none, shows it where one has been set."""
+    spoken = DEFAULT.replace(op_get_default="0x13", default_none="silence")
+    cases = tried(Brain, "4.13/3", "4.20/3", spoken=spoken)
+    assert cases.alarms == []
+    assert cases.readings["op_get_default"].options == ("0x13",)
+
+
+def test_one_client_may_be_served(tried: Try) -> None:
+    """Where one connection is served, nobody looks from another at what undefined opcodes do."""
+    cases = tried(Brain, "3/21", spoken=DEFAULT.replace(max_clients="one"))
+    assert cases.alarms == []
+
+
 def test_an_opcode_that_may_be_unknown_proves_no_claim(tried: Try) -> None:
     """Without a default program the other opcode is answered 0, as an undefined one is (A-3-9)."""
     silent = DEFAULT.replace(on_unknown="0", op_get_default="0x13", default_none="silence")

@@ -71,19 +71,32 @@ def says_nothing(reply: FrameSeen) -> bool:
     return reply.frame.data == _ZERO
 
 
+def _by_the_other_opcode(subject: Subject, line: Line) -> FrameSeen | None:
+    """The default program, where the other opcode than was asked with is the one that tells it."""
+    asked = line.request("get_default_program").opcode
+    other = next(opcode for opcode in OPCODES if opcode != asked)
+    told = ask_default(subject, line, other)
+    if told is None or says_nothing(told):
+        return None
+    subject.follows("op_get_default", f"0x{other:02X}")
+    return told
+
+
 def expect_default(subject: Subject, line: Line, name: bytes, requirement: str) -> None:
     """Fail the subject unless this is its default program.
 
     Raises:
         Unmet: It is another one.
     """
-    answer: Answer | FrameSeen = line.ask("get_default_program")
+    answer: Answer | FrameSeen | None
+    try:
+        answer = line.ask("get_default_program")
+    except NoAnswer:
+        answer = _by_the_other_opcode(subject, line)
+        if answer is None:
+            raise
     if answer.frame.data == _ZERO:  # perhaps to an opcode that it does not know
-        other = next(opcode for opcode in OPCODES if opcode != answer.frame.opcode)
-        told = ask_default(subject, line, other)
-        if told is not None and not says_nothing(told):
-            subject.follows("op_get_default", f"0x{other:02X}")
-            answer = told
+        answer = _by_the_other_opcode(subject, line) or answer
     expect(
         answer.value == name,
         "the default program is another one than it should be",
