@@ -110,9 +110,14 @@ def in_memory(role: Role) -> None:
 
 
 def over_tcp(folder: Path) -> None:
-    """Print how long the virtual controller's certification takes over TCP, and a fast one's."""
-    with _virtual_controller(folder) as url:
-        _certify("controller", url, *EVERYTHING, "--out", str(folder / "controller"))
+    """Print how long the virtual controller's certification takes over TCP, and its gate's.
+
+    And how long that of one whose seconds are shorter.
+    """
+    for depth in ((), ("--gate",)):
+        with _virtual_controller(folder) as url:
+            out = folder / f"controller{len(depth)}"
+            _certify("controller", url, *depth, *EVERYTHING, "--out", str(out))
     statement = folder / "fast.toml"
     statement.write_text(
         f'[subject]\nname = "virtual, {FAST} times as fast"\ntime_scale = {FAST}\n'
@@ -174,8 +179,10 @@ def _certify(*arguments: str) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     lasted_s = time.perf_counter() - begun_s
     told = re.search(r"\d+ of \d+ requirements in scope judged", done.stdout)
+    gate = " --gate" if "--gate" in arguments else ""
     _say(
-        f"certify {arguments[0]}, recorded: {lasted_s:.1f} s, exit status {done.returncode}, "
+        f"certify {arguments[0]}{gate}, recorded: {lasted_s:.1f} s, "
+        f"exit status {done.returncode}, "
         f"{told.group() if told else done.stderr}"
     )
 

@@ -33,6 +33,7 @@ class Case:
         sentence: What it tries, in one line.
         undefined: It sends opcodes that nobody defined.
         last: The subject may be gone afterwards.
+        slow: It takes long, and other cases judge all of its requirements, too.
         attended: It is on the checklist of an operator, too.
         role: Whom it tries.
     """
@@ -44,6 +45,7 @@ class Case:
     sentence: str = ""
     undefined: bool = False
     last: bool = False
+    slow: bool = False
     attended: bool = False
     role: Role = Role.CONTROLLER
 
@@ -80,13 +82,14 @@ def client_case(*requirements: str, name: str = "", attended: bool = False) -> C
     return _marked(made)
 
 
-def case(
+def case(  # noqa: PLR0913 - one for each thing that a case says of itself
     *requirements: str,
     name: str = "",
     hazards: tuple[Hazard, ...] = (),
     needs: tuple[str, ...] = (),
     undefined: bool = False,
     last: bool = False,
+    slow: bool = False,
 ) -> Callable[[F], F]:
     """Make a test function a case that plays the client.
 
@@ -97,6 +100,7 @@ def case(
         needs: Hooks without which it cannot run.
         undefined: It sends undefined opcodes.
         last: It ends the subject.
+        slow: It takes long, and other cases judge all of its requirements, too.
 
     Raises:
         UnknownRequirementError: A requirement does not exist.
@@ -105,7 +109,7 @@ def case(
     entries = _check(requirements, Method.ACTIVE_CONTROLLER, "client")
     worst = frozenset(hazards or (entry.hazard for entry in entries)) | {Hazard.READ_ONLY}
     identity = _identity(requirements, name)
-    made = Case(identity, requirements, worst, needs, undefined=undefined, last=last)
+    made = Case(identity, requirements, worst, needs, undefined=undefined, last=last, slow=slow)
     return _marked(made)
 
 

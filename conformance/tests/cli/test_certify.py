@@ -131,6 +131,13 @@ def test_usage(refused: Callable[..., str], arguments: tuple[str, ...], says: st
     assert says in refused("certify", "controller", *arguments)
 
 
+def test_the_plan_of_a_gate(processes: Any) -> None:
+    """What takes long is left out, and is said to be."""
+    done = processes.run("certify", "controller", "--dry-run", "--gate", "--only", "4.5/6", *ALL)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "1  not run: it takes long" in done.stdout
+
+
 def test_a_wrong_password_is_not_held_against_the_subject(processes: Any) -> None:
     """Nothing can be found out: inconclusive, with one sentence."""
     host, port = processes.controller("--password", "secret")

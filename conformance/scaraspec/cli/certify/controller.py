@@ -29,7 +29,16 @@ from scaraspec.suite.run import Run, collect
 _GROUPS = {
     "The subject": ("password", "ics", "transfer_timeout"),
     "What to try": (
-        *("allow", "only", "seed", "examples", "patience", "exhaustive", "undefined_opcodes"),
+        *(
+            "allow",
+            "only",
+            "seed",
+            "examples",
+            "patience",
+            "gate",
+            "exhaustive",
+            "undefined_opcodes",
+        ),
     ),
     "The run": ("out", "dry_run"),
 }
@@ -55,6 +64,11 @@ EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state
     help="How long one case may wait for what only time brings, as the clock's next minute.",
 )
 @click.option(
+    "--gate",
+    is_flag=True,
+    help="Leave out what takes long and others judge, too, as for each build in CI.",
+)
+@click.option(
     "--undefined-opcodes", is_flag=True, help="Send them; never to a robot that can move."
 )
 def command(  # noqa: PLR0913 - one for each option
@@ -68,6 +82,7 @@ def command(  # noqa: PLR0913 - one for each option
     seed: int,
     examples: int,
     patience: float,
+    gate: bool,
     exhaustive: bool,
     undefined_opcodes: bool,
     out: Path | None,
@@ -91,6 +106,7 @@ def command(  # noqa: PLR0913 - one for each option
             seed=seed,
             examples=examples,
             exhaustive=exhaustive,
+            gate=gate,
         )
         cases = collect(options)
         show_plan(cases, options, statement, Console())

@@ -46,6 +46,7 @@ _RUNS: Final = 50  # in one process, for pytest and hypothesis keep something of
 @click.option(
     "--every", type=click.IntRange(1), default=1, metavar="N", help="Only every Nth of the faults."
 )
+@click.option("--gate", is_flag=True, help="Run no case that `certify controller --gate` does not.")
 @click.option("--list", "listed", is_flag=True, help="Say what these faults are, and try none.")
 @click.option(
     "--dialects",
@@ -75,6 +76,7 @@ def command(  # noqa: PLR0913 - one for each option
     only: str | None,
     quick: bool,
     every: int,
+    gate: bool,
     listed: bool,
     other_dialects: bool,
     examples: int,
@@ -92,7 +94,12 @@ def command(  # noqa: PLR0913 - one for each option
     if listed and (quick or out):
         raise Problem("--list tries no fault: leave --quick, --out")
     options = Options(
-        only=_requirements(only), allowed=ALL, undefined=True, examples=examples, exhaustive=True
+        only=_requirements(only),
+        allowed=ALL,
+        undefined=True,
+        examples=examples,
+        exhaustive=True,
+        gate=gate,
     )
     if other_dialects:
         if names or quick or every > 1 or listed or out:

@@ -25,7 +25,7 @@ _BURST: Final = 250  # more than a kilobyte, which a small buffer holds; the jud
 _CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
 
 
-@case("2/5")
+@case("2/5", slow=True)
 def test_cut_at_every_byte(subject: Subject) -> None:
     """Every carrier, and the login, is cut at every byte into two segments; a login at all."""
     line = subject.open()
@@ -46,7 +46,7 @@ def test_cut_at_every_byte(subject: Subject) -> None:
         line.close()
 
 
-@case("2/5", name="slowly")
+@case("2/5", name="slowly", slow=True)
 def test_slowly(subject: Subject) -> None:
     """A request comes byte by byte, and a login in three pieces, with almost 1 s between them."""
     parts = {subject.open(): ("get_status", pieces(GET_STATUS, (1, 1, 1)))}
@@ -84,7 +84,7 @@ def test_random_cuts(subject: Subject, queries: list[Query], sizes: list[int]) -
     line.close()
 
 
-@case("2/5", "2/6", name="across")
+@case("2/5", "2/6", name="across", slow=True)
 def test_segments_across_frames(subject: Subject, line: Line) -> None:
     """Each segment ends one frame and begins the next, at every byte."""
     for cut in examples(range(1, 4)):

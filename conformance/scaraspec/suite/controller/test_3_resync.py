@@ -131,7 +131,7 @@ def test_much_garbage(subject: Subject) -> None:
 # ---------------------------------------------------------------------- spoilt frames
 
 
-@case("3/20")
+@case("3/20", slow=True)
 @given(frame=spoiled)
 def test_spoiled_frames(subject: Subject, frame: bytes) -> None:
     """A request has a wrong end byte, or a length that is not the number of its data bytes."""
@@ -194,7 +194,7 @@ def test_printed_lengths(subject: Subject) -> None:
             _tell(subject, "3/20", how)
 
 
-@case("3/20", name="truncated")
+@case("3/20", name="truncated", slow=True)
 def test_truncated(subject: Subject) -> None:
     """A request with data stops at every byte, and the next one follows at once."""
     frame = Frame(A2C, 0x08, b"0123456").encode()
@@ -238,7 +238,7 @@ def test_often(subject: Subject) -> None:
 # ---------------------------------------------------------------------- the other direction
 
 
-@case("3/23")
+@case("3/23", slow=True)
 @given(opcode=st.sampled_from((0x07, 0x08, 0x09)), data=st.binary(max_size=20))
 def test_wrong_direction(subject: Subject, opcode: int, data: bytes) -> None:
     """A frame comes in the controller's own form; it is garbage, or is answered in that form."""
@@ -328,7 +328,7 @@ def test_half_close_in_a_frame(subject: Subject) -> None:
         line.close()
 
 
-@case("3/29", name="silence")
+@case("3/29", name="silence", slow=True)
 def test_silent_half_frames(subject: Subject) -> None:
     """Several connections stop in the middle of a frame and are silent; later ones are served."""
     subject.several()

@@ -78,7 +78,7 @@ def test_set(subject: Subject, line: Line) -> None:
             expect_ran(subject, first, read(subject, line), message)
 
 
-@case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS)
+@case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS, slow=True)
 def test_set_while_running(subject: Subject, line: Line) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
     with kept(subject, line, "clock"), running(subject, line):
@@ -116,7 +116,7 @@ def _expect_rollover(subject: Subject, line: Line, time: datetime) -> Reading:
     return first
 
 
-@case("4.5/6", "4.5/4", name="new-year")
+@case("4.5/6", "4.5/4", name="new-year", slow=True)
 def test_new_year(subject: Subject, line: Line) -> None:
     """The clock goes over into a new year, onto 29 February, past 28 February, and goes on."""
     with kept(subject, line, "clock"):

@@ -63,13 +63,13 @@ def test_idle_once_refused(subject: Subject, line: Line) -> None:
         _expect_idle(line, message)
 
 
-@case("4.8/4", "4.8/3", "4.8/10", hazards=_MOTION)
+@case("4.8/4", "4.8/3", "4.8/10", hazards=_MOTION, slow=True)
 def test_running(subject: Subject, line: Line) -> None:
     """While a program runs the status is 01, before and behind it 00."""
     _watch_program(subject, line, "run_program", "01", "4.8/4")
 
 
-@case("4.8/5", "4.8/3", "4.8/10", hazards=_MOTION)
+@case("4.8/5", "4.8/3", "4.8/10", hazards=_MOTION, slow=True)
 def test_simulating(subject: Subject, line: Line) -> None:
     """While a program is simulated the status is 02, before and behind it 00."""
     _watch_program(subject, line, "simulate_program", "02", "4.8/5")
@@ -104,7 +104,7 @@ def test_moving(subject: Subject, line: Line) -> None:
     _watch(subject, line, MOVE, "4.8/7")
 
 
-@case("4.8/7", "4.8/10", "4.9/6", name="jogging")
+@case("4.8/7", "4.8/10", "4.9/6", name="jogging", slow=True)
 def test_jogging(subject: Subject, line: Line) -> None:
     """While the arm jogs the status is 04, until it is stopped."""
     _watch(subject, line, JOG, "4.8/7")

@@ -130,7 +130,7 @@ def test_stored_programs_run(subject: Subject, line: Line) -> None:
     tried()
 
 
-@case("4.15/5", hazards=_MOTION)
+@case("4.15/5", hazards=_MOTION, slow=True)
 def test_end_of_a_run(subject: Subject, line: Line) -> None:
     """A run ends with "11" when its program does, not before: the status is 01 until then.
 

@@ -169,7 +169,7 @@ def _expect_interrupted(line: Line, task: Task) -> None:
 
 
 @pytest.mark.parametrize("name", [RUN, SIMULATE, MOVE])
-@case("4.17/6", "4.17/3", "4.17/8", name="at-once", hazards=_MOTION)
+@case("4.17/6", "4.17/3", "4.17/8", name="at-once", hazards=_MOTION, slow=True)
 def test_stop_behind_the_start(subject: Subject, line: Line, name: str) -> None:
     """A stop that is sent before the start was answered stops what has been started."""
     perform(subject, line, name)
@@ -305,7 +305,7 @@ def test_standstill(subject: Subject, line: Line, name: str) -> None:
             )
 
 
-@case("4.17/8", name="results", hazards=_MOTION)
+@case("4.17/8", name="results", hazards=_MOTION, slow=True)
 def test_interrupted_results(subject: Subject, line: Line) -> None:
     """What a stop interrupts fails, or has no result; time passes and none comes as success."""
     for name in examples((RUN, RESET, MOVE)):

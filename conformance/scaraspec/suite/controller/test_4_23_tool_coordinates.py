@@ -48,7 +48,7 @@ def test_coordinates(subject: Subject, line: Line) -> None:
     )
 
 
-@case("4.23/5", name="behind-a-move", hazards=(Hazard.STATE, Hazard.MOTION))
+@case("4.23/5", name="behind-a-move", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
 def test_rest_behind_a_move(subject: Subject, line: Line) -> None:
     """Where a move has ended the tool stays: a second later it stands there still."""
     has(subject, MOVE)

@@ -39,7 +39,7 @@ def test_four_numbers(subject: Subject, line: Line) -> None:
     )
 
 
-@case("4.27/2", "4.27/3", name="while-moving", hazards=(Hazard.STATE, Hazard.MOTION))
+@case("4.27/2", "4.27/3", name="while-moving", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
 def test_while_moving(subject: Subject, line: Line) -> None:
     """They are four numbers while the arm moves too, whatever decimals that brings."""
     with lasting(subject, line, MOVE) as task:

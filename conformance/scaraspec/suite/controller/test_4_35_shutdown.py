@@ -17,7 +17,7 @@ _TRY_S: Final = 0.5
 _GOING_S: Final = 1.0
 
 
-@case("4.35/2", "4/15", name="busy", hazards=(*_LAST, Hazard.STATE), last=True)
+@case("4.35/2", "4/15", name="busy", hazards=(*_LAST, Hazard.STATE), last=True, slow=True)
 def test_not_while_a_program_runs(subject: Subject, line: Line) -> None:
     """While a program runs the shutdown is refused with "0|01", and the robot stays on."""
     has(subject, _SHUTDOWN)

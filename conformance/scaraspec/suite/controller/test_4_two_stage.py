@@ -109,7 +109,7 @@ def test_one_reply_and_one_result(subject: Subject, line: Line, name: str) -> No
     line.no_result(name, for_s=0)
 
 
-@case("4/2", "3/18", name="in-transfers", hazards=_MOTION)
+@case("4/2", "3/18", name="in-transfers", hazards=_MOTION, slow=True)
 def test_result_in_transfers(subject: Subject, line: Line) -> None:
     """A program ends while a file is sent, and while it is fetched: each time that is told."""
     content = content_of(_LONG_BYTES)
@@ -265,7 +265,7 @@ def test_code_of_a_refusal(subject: Subject, line: Line) -> None:
 
 
 @pytest.mark.parametrize("name", STATES)
-@case("4/6", "4/15", "4/4", hazards=_MOTION)
+@case("4/6", "4/15", "4/4", hazards=_MOTION, slow=True)
 def test_busy(subject: Subject, line: Line, name: str) -> None:
     """While one command executes every other is refused, with the state that 0x09 reports.
 
@@ -281,7 +281,7 @@ def test_busy(subject: Subject, line: Line, name: str) -> None:
             task.lasts()
 
 
-@case("4/6", "4.24/8", name="afterwards", hazards=_MOTION)
+@case("4/6", "4.24/8", name="afterwards", hazards=_MOTION, slow=True)
 def test_nothing_is_queued(subject: Subject, line: Line) -> None:
     """What a busy robot did not accept does not begin by itself once the robot is free.
 
@@ -311,7 +311,7 @@ def test_nothing_is_queued(subject: Subject, line: Line) -> None:
     )
 
 
-@case("4/6", name="after-a-run", hazards=_MOTION)
+@case("4/6", name="after-a-run", hazards=_MOTION, slow=True)
 def test_refused_moves_stay_refused(subject: Subject, line: Line) -> None:
     """A move that was refused while a program ran is not made once the program has ended."""
     attentive(subject, line)
@@ -332,7 +332,7 @@ def test_refused_moves_stay_refused(subject: Subject, line: Line) -> None:
 
 
 @pytest.mark.parametrize("name", TWO_STAGE)
-@case("4/7", hazards=_MOTION)
+@case("4/7", hazards=_MOTION, slow=True)
 def test_idle_afterwards(subject: Subject, line: Line, name: str) -> None:
     """The status behind a final result "11" is no longer that of a robot that executes."""
     performed = perform(subject, line, name)
@@ -376,7 +376,7 @@ def _answered_late(subject: Subject, line: Line, query: Query, name: str) -> Non
         raise Unmet(message, observed=error.observed, requirement="3/31") from None
 
 
-@case("4/8", "4/7", "3/18", name="to-the-end", hazards=_MOTION)
+@case("4/8", "4/7", "3/18", name="to-the-end", hazards=_MOTION, slow=True)
 def test_results_between_replies(subject: Subject, line: Line) -> None:
     """A final result that comes between the replies to queries is one frame among whole others."""
     attentive(subject, line)
@@ -486,7 +486,7 @@ def _is_replied_to_at_its_end(subject: Subject, line: Line, name: str, program: 
     return late
 
 
-@case("4/14", name="reset", hazards=_MOTION)
+@case("4/14", name="reset", hazards=_MOTION, slow=True)
 def test_reply_before_a_reset(subject: Subject, line: Line) -> None:
     """The first reply to a reset comes before the arm goes its way, not with the final result."""
     has(subject, MOVE, RESET)
@@ -529,7 +529,7 @@ def test_free_again(subject: Subject, line: Line) -> None:
     perform(subject, line, MOVE)
 
 
-@case("4/15", "4/6", "4.17/6", name="second-client", hazards=_MOTION)
+@case("4/15", "4/6", "4.17/6", name="second-client", hazards=_MOTION, slow=True)
 def test_second_client(subject: Subject, line: Line) -> None:
     """A second client sees the first one's program run, is refused, can stop it, and leaves."""
     subject.several()
@@ -555,7 +555,7 @@ def test_second_client(subject: Subject, line: Line) -> None:
     finish(subject, line, RUN)
 
 
-@case("4/15", "4.17/6", "4.15/4", name="lost-link", hazards=_MOTION)
+@case("4/15", "4.17/6", "4.15/4", name="lost-link", hazards=_MOTION, slow=True)
 def test_lost_link(subject: Subject, line: Line) -> None:
     """A program whose client is gone can be stopped by the next, and the robot is free again.
 

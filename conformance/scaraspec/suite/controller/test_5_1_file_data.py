@@ -51,7 +51,7 @@ def test_structure(subject: Subject, line: Line) -> None:
         _chunks(subject, line, content_of(size))
 
 
-@case("5.1/1", name="torn")
+@case("5.1/1", name="torn", slow=True)
 def test_torn_structure(subject: Subject, line: Line) -> None:
     """A chunk that says 200 bytes and holds 50, or not even its numbers, is not taken."""
     whole = FILE_DATA.encode(Chunk(200, 0, BUFFER_BYTES, content_of(200)), subject.dialect)

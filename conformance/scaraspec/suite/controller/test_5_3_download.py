@@ -203,7 +203,7 @@ def test_two_files_on_two_connections(subject: Subject, line: Line) -> None:
     expect(got is None or got == contents, message, expected="to each its own file")
 
 
-@case("5.3/6")
+@case("5.3/6", slow=True)
 def test_one_chunk_at_a_time(subject: Subject, line: Line) -> None:
     """No chunk comes before the one before it was answered, whatever else is asked meanwhile."""
     name = some_file(subject, line, _CONTENT)

@@ -54,7 +54,7 @@ def test_point(subject: Subject, line: Line) -> None:
             raise Undecided("the arm cannot make the smallest step in any direction")
 
 
-@case("6.5/27", name="curve", hazards=PROGRAMS)
+@case("6.5/27", name="curve", hazards=PROGRAMS, slow=True)
 def test_curve(subject: Subject, line: Line) -> None:
     """So does one whose last move is a curve, of three points and of five."""
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
@@ -110,7 +110,7 @@ def test_straight_move(subject: Subject, line: Line) -> None:
         )
 
 
-@case("6.5/25", name="moves", hazards=PROGRAMS)
+@case("6.5/25", name="moves", hazards=PROGRAMS, slow=True)
 def test_several_moves(subject: Subject, line: Line) -> None:
     """Points belong to the move before them: two moves of two points end at the fourth.
 

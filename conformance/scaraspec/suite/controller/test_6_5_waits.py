@@ -57,7 +57,7 @@ _NS: Final = 1e9
 # ---------------------------------------------------------------------- seconds
 
 
-@case("6.5/20", hazards=PROGRAMS)
+@case("6.5/20", hazards=PROGRAMS, slow=True)
 def test_wait(subject: Subject, line: Line) -> None:
     """A wait node holds the program for its seconds, neither less nor much more."""
     with bench(subject, line) as robot:
@@ -65,7 +65,7 @@ def test_wait(subject: Subject, line: Line) -> None:
         _lasted(subject, robot, [3])
 
 
-@case("6.5/20", name="several", hazards=PROGRAMS)
+@case("6.5/20", name="several", hazards=PROGRAMS, slow=True)
 def test_waits(subject: Subject, line: Line) -> None:
     """Waits add up, those of no time too, and one that only an IF comes to."""
     with bench(subject, line) as robot:
@@ -84,7 +84,7 @@ def test_wait_of_no_time(subject: Subject, line: Line) -> None:
         _lasted(subject, robot, [0])
 
 
-@case("6.5/20", name="long", hazards=PROGRAMS)
+@case("6.5/20", name="long", hazards=PROGRAMS, slow=True)
 def test_long_wait(subject: Subject, line: Line) -> None:
     """A wait of 200 seconds is not over at once, and once stopped nothing of it is left."""
     find_out_whether_it_listens(subject, line)

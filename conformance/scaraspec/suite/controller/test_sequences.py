@@ -60,6 +60,7 @@ def test_queries(subject: Subject, line: Line) -> None:
     *("4.13/2", "4.13/3", "3/31"),
     name="sequences",
     hazards=_STATE,
+    slow=True,
 )
 def test_files(subject: Subject, line: Line) -> None:
     """Files are sent, fetched, listed, deleted and made the default program, in any order."""
@@ -72,7 +73,9 @@ def test_settings(subject: Subject, line: Line) -> None:
     _in_any_order(subject, line, _STATE)
 
 
-@case("4.2/4", "4.2/2", "4.2/3", "4.2/5", "4.1/2", name="sequences", hazards=_DESTRUCTIVE)
+@case(
+    "4.2/4", "4.2/2", "4.2/3", "4.2/5", "4.1/2", name="sequences", hazards=_DESTRUCTIVE, slow=True
+)
 def test_passwords(subject: Subject, line: Line) -> None:
     """Passwords are changed, by right and by wrong old ones, among all that is set."""
     _in_any_order(subject, line, _DESTRUCTIVE, _PASSWORDS)
