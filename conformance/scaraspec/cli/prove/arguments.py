@@ -120,7 +120,7 @@ def command(  # noqa: PLR0913 - one for each option
     tried = [fault.name for fault in chosen]
     with closing(apart(work, tried, jobs=jobs, runs=_RUNS)) as found:
         proofs = list(_shown(found, len(chosen)))
-    cases = [case.id for case in collect(options, party)]
+    cases = [case.id for case in collect(options, party) if not (gate and case.slow)]
     idle = _idle(cases, proofs) if not names and every == 1 else []
     counts = _counts(proofs)
     _tell(proofs, idle, counts)
