@@ -60,7 +60,6 @@ def test_queries(subject: Subject, line: Line) -> None:
     *("4.13/2", "4.13/3", "3/31"),
     name="sequences",
     hazards=_STATE,
-    slow=True,
 )
 def test_files(subject: Subject, line: Line) -> None:
     """Files are sent, fetched, listed, deleted and made the default program, in any order."""
