@@ -259,7 +259,7 @@ def _pass_and_stand(line: Line, robot: Bench) -> None:
         raise Undecided("no input is still, by which a program could wait")
     with inputs_steady(line, still) as states:
         ports = {states[port - 1]: port for port in still}
-        for condition, value, on, holds in examples(_waits()):
+        for condition, value, on, holds in _waits():
             if on not in ports:
                 continue
             waiting = wait_input(ports[on], condition, value)
