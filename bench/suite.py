@@ -37,6 +37,7 @@ ROUNDS: Final = 3
 SCARASPEC: Final = (sys.executable, "-m", "scaraspec")
 OPTIONS: Final = Options(allowed=ALL, undefined=True)
 EVERYTHING: Final = ("--allow", "state,motion,destructive", "--undefined-opcodes")
+EVERY_CASE: Final = ("--exhaustive",)
 TRANSFER_S: Final = 1
 FAST: Final = 8
 """How many of its seconds pass in one of ours where a simulator is fast."""
@@ -110,11 +111,11 @@ def in_memory(role: Role) -> None:
 
 
 def over_tcp(folder: Path) -> None:
-    """Print how long the virtual controller's certification takes over TCP, and its gate's.
+    """Print how long the virtual controller's certification takes over TCP, and with every case.
 
     And how long that of one whose seconds are shorter.
     """
-    for depth in ((), ("--gate",)):
+    for depth in ((), EVERY_CASE):
         with _virtual_controller(folder) as url:
             out = folder / f"controller{len(depth)}"
             _certify("controller", url, *depth, *EVERYTHING, "--out", str(out))
@@ -124,7 +125,7 @@ def over_tcp(folder: Path) -> None:
     )
     with _virtual_controller(folder, FAST) as url:
         granted = ("--ics", str(statement), "--patience", f"{PATIENCE_S}")
-        asked = (url, *EVERYTHING, *granted, "--out", str(folder / "fast"))
+        asked = (url, *EVERYTHING, *EVERY_CASE, *granted, "--out", str(folder / "fast"))
         _say(f"a controller whose seconds are {FAST} times as short:")
         _certify("controller", *asked)
 
@@ -151,7 +152,7 @@ def profile_over_tcp(folder: Path) -> None:
         redirect_stdout(io.StringIO()),
         sampling.sampled(WAITS, "wall") as samples,
     ):
-        asked = [url, *EVERYTHING, *_SOON, "--out", str(folder / "profiled")]
+        asked = [url, *EVERYTHING, *EVERY_CASE, *_SOON, "--out", str(folder / "profiled")]
         try:
             certify.controller.command.main(asked, standalone_mode=False)
         except SystemExit as ended:
@@ -179,9 +180,9 @@ def _certify(*arguments: str) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - ours
     lasted_s = time.perf_counter() - begun_s
     told = re.search(r"\d+ of \d+ requirements in scope judged", done.stdout)
-    gate = " --gate" if "--gate" in arguments else ""
+    depth = " --exhaustive" if EVERY_CASE[0] in arguments else ""
     _say(
-        f"certify {arguments[0]}{gate}, recorded: {lasted_s:.1f} s, "
+        f"certify {arguments[0]}{depth}, recorded: {lasted_s:.1f} s, "
         f"exit status {done.returncode}, "
         f"{told.group() if told else done.stderr}"
     )

@@ -30,7 +30,7 @@ class Options:
         examples: How many values a drawn case tries.
         exhaustive: Go on with a requirement that has failed.
         attended: Only what is on the checklist of an operator.
-        gate: Nothing that takes long and that others judge, too.
+        brief: Nothing that takes long and that others judge, too.
     """
 
     only: frozenset[str] | None = None
@@ -40,7 +40,7 @@ class Options:
     examples: int = 20
     exhaustive: bool = False
     attended: bool = False
-    gate: bool = False
+    brief: bool = False
 
 
 def hazards(text: str) -> frozenset[Hazard]:
@@ -64,8 +64,8 @@ def why_not(case: Case, options: Options, statement: Statement) -> str:
         return f"it may do what was not allowed: --allow {names}"
     if case.undefined and not options.undefined:
         return "it sends undefined opcodes: --undefined-opcodes, never on a real robot"
-    if options.gate and case.slow:
-        return "it takes long, and others judge its requirements: without --gate it is tried"
+    if options.brief and case.slow:
+        return "it takes long, and others judge its requirements, too: --exhaustive tries it"
     if wanting := [name for name in case.needs if name not in statement.hooks]:
         hooks = ", ".join(wanting)
         return f"it needs {hooks} in [hooks] of the statement of conformance"

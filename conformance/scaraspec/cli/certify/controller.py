@@ -35,7 +35,6 @@ _GROUPS = {
             "seed",
             "examples",
             "patience",
-            "gate",
             "exhaustive",
             "undefined_opcodes",
         ),
@@ -64,11 +63,6 @@ EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state
     help="How long one case may wait for what only time brings, as the clock's next minute.",
 )
 @click.option(
-    "--gate",
-    is_flag=True,
-    help="Leave out what takes long and others judge, too, as for each build in CI.",
-)
-@click.option(
     "--undefined-opcodes", is_flag=True, help="Send them; never to a robot that can move."
 )
 def command(  # noqa: PLR0913 - one for each option
@@ -82,7 +76,6 @@ def command(  # noqa: PLR0913 - one for each option
     seed: int,
     examples: int,
     patience: float,
-    gate: bool,
     exhaustive: bool,
     undefined_opcodes: bool,
     out: Path | None,
@@ -106,7 +99,7 @@ def command(  # noqa: PLR0913 - one for each option
             seed=seed,
             examples=examples,
             exhaustive=exhaustive,
-            gate=gate,
+            brief=only is None and not exhaustive,
         )
         cases = collect(options)
         show_plan(cases, options, statement, Console())

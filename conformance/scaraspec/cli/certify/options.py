@@ -39,7 +39,11 @@ _OPTIONS: Final = (
         show_default=True,
         help="How many values a drawn case tries.",
     ),
-    click.option("--exhaustive", is_flag=True, help="Go on with a requirement that has failed."),
+    click.option(
+        "--exhaustive",
+        is_flag=True,
+        help="Leave out no case: none that is slow, and none of a requirement that has failed.",
+    ),
     click.option(
         "--out", type=_PATH, metavar="DIR", help="Write results, reports and capture here."
     ),

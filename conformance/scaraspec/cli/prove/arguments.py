@@ -46,7 +46,9 @@ _RUNS: Final = 50  # in one process, for pytest and hypothesis keep something of
 @click.option(
     "--every", type=click.IntRange(1), default=1, metavar="N", help="Only every Nth of the faults."
 )
-@click.option("--gate", is_flag=True, help="Run no case that `certify controller --gate` does not.")
+@click.option(
+    "--brief", is_flag=True, help="Run no case that `certify controller` needs --exhaustive for."
+)
 @click.option("--list", "listed", is_flag=True, help="Say what these faults are, and try none.")
 @click.option(
     "--dialects",
@@ -76,7 +78,7 @@ def command(  # noqa: PLR0913 - one for each option
     only: str | None,
     quick: bool,
     every: int,
-    gate: bool,
+    brief: bool,
     listed: bool,
     other_dialects: bool,
     examples: int,
@@ -99,7 +101,7 @@ def command(  # noqa: PLR0913 - one for each option
         undefined=True,
         examples=examples,
         exhaustive=True,
-        gate=gate,
+        brief=brief,
     )
     if other_dialects:
         if names or quick or every > 1 or listed or out:
@@ -120,7 +122,7 @@ def command(  # noqa: PLR0913 - one for each option
     tried = [fault.name for fault in chosen]
     with closing(apart(work, tried, jobs=jobs, runs=_RUNS)) as found:
         proofs = list(_shown(found, len(chosen)))
-    cases = [case.id for case in collect(options, party) if not (gate and case.slow)]
+    cases = [case.id for case in collect(options, party) if not (brief and case.slow)]
     idle = _idle(cases, proofs) if not names and every == 1 else []
     counts = _counts(proofs)
     _tell(proofs, idle, counts)

@@ -203,7 +203,7 @@ def test_beside_another(subject: Subject) -> None:
     stranger.expect_nothing()
 
 
-@case("2/11", name="behind", hazards=(Hazard.STATE,), slow=True)
+@case("2/11", name="behind", hazards=(Hazard.STATE,))
 def test_behind_another(subject: Subject) -> None:
     """Another client leaves in the midst of an upload, or is cut off; the next tries a setting."""
     stranger = _Stranger(subject)
@@ -216,7 +216,7 @@ def test_behind_another(subject: Subject) -> None:
     stranger.expect_nothing()
 
 
-@case("2/11", name="motion", hazards=(Hazard.MOTION, Hazard.STATE), slow=True)
+@case("2/11", name="motion", hazards=(Hazard.MOTION, Hazard.STATE))
 def test_motion(subject: Subject) -> None:
     """All that moves, and an output, is asked for without a login; nothing happens.
 

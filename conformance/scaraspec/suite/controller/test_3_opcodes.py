@@ -43,7 +43,7 @@ _RESTLESS: Final = (
 )
 
 
-@case("3/21", undefined=True, slow=True)
+@case("3/21", undefined=True)
 def test_undefined_opcodes(subject: Subject) -> None:
     """Every undefined opcode is sent; nothing happens, and no other opcode answers."""
     subject.moved = True

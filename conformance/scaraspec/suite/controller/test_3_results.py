@@ -72,7 +72,7 @@ def test_one_tagged_result(subject: Subject, line: Line, name: str) -> None:
     _no_result(line, name, f"{name} ended a second time", "3/18")
 
 
-@case("3/18", name="twice", hazards=_MOTION, slow=True)
+@case("3/18", name="twice", hazards=_MOTION)
 def test_no_second_result(subject: Subject, line: Line) -> None:
     """Every command ends once; time passes, and none of them ends again."""
     names = [name for name in TWO_STAGE if name not in subject.statement.lacks]
@@ -178,7 +178,7 @@ def test_result_for_whom_asked(subject: Subject, line: Line) -> None:
 # ---------------------------------------------------------------------- none
 
 
-@case("3/17", hazards=_MOTION, slow=True)
+@case("3/17", hazards=_MOTION)
 def test_no_result_of_what_is_refused(subject: Subject, line: Line) -> None:
     """Programs that are not there, a pose out of reach and a jog nowhere are refused, and end."""
     subject.moved = True

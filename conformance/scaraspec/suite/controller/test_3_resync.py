@@ -16,6 +16,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS
+from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.carriers import (
     FLOOD,
     GET_STATUS,
@@ -193,7 +194,7 @@ def test_printed_lengths(subject: Subject) -> None:
         _tell(subject, "3/20", how)
 
 
-@case("3/20", name="truncated", slow=True)
+@case("3/20", name="truncated")
 def test_truncated(subject: Subject) -> None:
     """A request with data stops at every byte, and the next one follows at once."""
     frame = Frame(A2C, 0x08, b"0123456").encode()
@@ -327,9 +328,28 @@ def test_half_close_in_a_frame(subject: Subject) -> None:
         line.close()
 
 
+@case("3/29", name="several")
+def test_several_half_frames(subject: Subject) -> None:
+    """Several connections stop in the middle of a frame; later ones are served."""
+    _hang(subject)
+    _serves(subject)
+
+
 @case("3/29", name="silence", slow=True)
 def test_silent_half_frames(subject: Subject) -> None:
-    """Several connections stop in the middle of a frame and are silent; later ones are served."""
+    """Where they are silent for long the subject serves all the same, and them too or no more."""
+    lines = _hang(subject)
+    subject.pause(_GIVEN_UP_S)
+    _serves(subject)
+    for line in lines:
+        line.heard.clear()
+        if line.ending is None:
+            recovers(subject, line)
+            nothing_else(line, requirement="3/29")
+
+
+def _hang(subject: Subject) -> list[Line]:
+    """Several connections, each in the middle of a frame."""
     subject.several()
     lines = [subject.open(judged=False)]
     with suppress(Unmet):  # it may not serve so many (A-2-2)
@@ -338,14 +358,7 @@ def test_silent_half_frames(subject: Subject) -> None:
     lines.pop().close()  # one more is to be served
     for line, part in zip(lines, _PARTS, strict=False):
         line.send_bytes(part)
-    _serves(subject)
-    subject.pause(_GIVEN_UP_S)
-    _serves(subject)
-    for line in lines:
-        line.heard.clear()
-        if line.ending is None:
-            recovers(subject, line)
-            nothing_else(line, requirement="3/29")
+    return lines
 
 
 def _serves(subject: Subject) -> None:

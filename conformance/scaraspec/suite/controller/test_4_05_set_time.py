@@ -78,7 +78,7 @@ def test_set(subject: Subject, line: Line) -> None:
             expect_ran(subject, first, read(subject, line), message)
 
 
-@case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS, slow=True)
+@case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS)
 def test_set_while_running(subject: Subject, line: Line) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
     with kept(subject, line, "clock"), running(subject, line):

@@ -104,7 +104,7 @@ def test_moving(subject: Subject, line: Line) -> None:
     _watch(subject, line, MOVE, "4.8/7")
 
 
-@case("4.8/7", "4.8/10", "4.9/6", name="jogging", slow=True)
+@case("4.8/7", "4.8/10", "4.9/6", name="jogging")
 def test_jogging(subject: Subject, line: Line) -> None:
     """While the arm jogs the status is 04, until it is stopped."""
     _watch(subject, line, JOG, "4.8/7")

@@ -9,7 +9,6 @@ from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
 from scaraspec.suite.as_client.state.defaults import default_kept, expect_default
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import (
-    BRIEFLY_S,
     RUN,
     find_out_whether_it_listens,
     finish,
@@ -112,12 +111,15 @@ def test_moves_nothing(subject: Subject, line: Line) -> None:
                 subject.tolerate("4.13/6", "A-4.12-3", "moves", message)
             if RUN not in subject.statement.lacks:
                 find_out_whether_it_listens(subject, line)
-                start_program(subject, line, RUN, BRIEFLY_S)
+                start_program(subject, line, RUN)
                 if listens(subject, line):
                     expect_default(subject, line, name, "4.13/3")
                     named = line.ask("set_default_program", other).accepted
                     name = other if named else name
                     expect_default(subject, line, name, "4.13/3" if named else "4.13/5")
+                quieten(subject, line)
+                expect_default(subject, line, name, "4.13/3")
+                start_program(subject, line, RUN, seconds=0)
                 finish(subject, line, RUN)
                 expect_default(subject, line, name, "4.13/3")
         finally:

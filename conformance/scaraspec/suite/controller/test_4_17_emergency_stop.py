@@ -56,7 +56,7 @@ _BARELY_S: Final = 0.02  # a step may take but a fifth of a second
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _AGAIN = 15
 _FILE_BYTES: Final = 450
-_LOOKS_S: Final = (0.05, 0.05, 0.1, 0.8)
+_LOOKS_S: Final = (0.05, 0.05, 0.1, 0.3)
 """Between two looks at an arm that was stopped: a slow one needs a while to show."""
 
 
@@ -169,7 +169,7 @@ def _expect_interrupted(line: Line, task: Task) -> None:
 
 
 @pytest.mark.parametrize("name", [RUN, SIMULATE, MOVE])
-@case("4.17/6", "4.17/3", "4.17/8", name="at-once", hazards=_MOTION, slow=True)
+@case("4.17/6", "4.17/3", "4.17/8", name="at-once", hazards=_MOTION)
 def test_stop_behind_the_start(subject: Subject, line: Line, name: str) -> None:
     """A stop that is sent before the start was answered stops what has been started."""
     perform(subject, line, name)

@@ -144,7 +144,7 @@ def test_every_speed(subject: Subject, line: Line) -> None:
 
 
 @pytest.mark.parametrize("axis", AXES)
-@case("4.24/8", "4.24/5", "4.24/6", "4.27/6", hazards=_MOTION, slow=True)
+@case("4.24/8", "4.24/5", "4.24/6", "4.27/6", hazards=_MOTION)
 def test_there_and_back(subject: Subject, line: Line, axis: str) -> None:
     """A step along one axis ends at the pose that was commanded, and so does the way back."""
     has(subject, MOVE)
@@ -187,7 +187,7 @@ def _expect_reached(
     )
 
 
-@case("4.24/8", name="in-between", hazards=_MOTION, slow=True)
+@case("4.24/8", name="in-between", hazards=_MOTION)
 def test_fractions(subject: Subject, line: Line) -> None:
     """Targets with decimals are reached as they are, one after the other."""
     has(subject, MOVE)

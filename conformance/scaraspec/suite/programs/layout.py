@@ -7,7 +7,7 @@ it makes of them, it does not move (A-6.1-2). What programs do is not judged her
 
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from scaraspec.protocol.programs import LAYOUTS, Layout, Program
 from scaraspec.suite.as_client.asking.files import upload
@@ -25,9 +25,20 @@ LISTED: Final = "layout of programs that are listed"
 need not be that of the chunks (A-6.1-4)."""
 
 _KNOWN: Final = "program layout"
+_TRIAL: Final = "trial of the program layout"
 _CONFIGURED: Final = "configuration of programs"
-_WAIT_S: Final = 3
+TRIAL_S: Final = 3
+"""For how many of the subject's seconds a program waits by which its layout is found."""
 _DAMAGED: Final = ("05", "20")  # A-4.15-2: what a file is refused with that is no program
+_NS: Final = 1e9
+
+
+class Trial(NamedTuple):
+    """When a run was asked for, answered, and ended, in seconds since the Unix epoch."""
+
+    asked_s: float
+    replied_s: float
+    ended_s: float
 
 
 def find_layout(subject: Subject, line: Line) -> Layout:
@@ -44,7 +55,7 @@ def find_layout(subject: Subject, line: Line) -> Layout:
         release_latch(subject, line)
         with subject.observer.overlooking(CODE_20):
             try:
-                found = _find(subject, line)
+                found, subject.known[_TRIAL] = _find(subject, line)
             except Unmet:
                 subject.known[_KNOWN] = None
                 raise
@@ -54,6 +65,12 @@ def find_layout(subject: Subject, line: Line) -> Layout:
     if known is None:
         raise Undecided("the subject runs programs in no layout of the document")
     return known
+
+
+def trial_of(subject: Subject) -> Trial:
+    """How the program ran by which the layout was found, which waited for `TRIAL_S` seconds."""
+    trial: Trial = subject.known[_TRIAL]
+    return trial
 
 
 def known_layout(subject: Subject) -> Layout | None:
@@ -106,15 +123,16 @@ def twin_of(layout: Layout) -> Layout | None:
     )
 
 
-def _find(subject: Subject, line: Line) -> Layout:
-    ended: Layout | None = None
+def _find(subject: Subject, line: Line) -> tuple[Layout, Trial]:
+    ended: tuple[Layout, Trial] | None = None
     for layout in candidates(subject):
-        took_s = _try(subject, line, layout)
-        if took_s is None:
+        trial = _try(subject, line, layout)
+        if trial is None:
             continue
-        if took_s >= _WAIT_S / subject.statement.time_scale / 2:  # 6.5/20 is more exact
-            return layout
-        ended = ended or layout
+        took_s = trial.ended_s - trial.asked_s
+        if took_s >= TRIAL_S / subject.statement.time_scale / 2:  # 6.5/20 is more exact
+            return layout, trial
+        ended = ended or (layout, trial)
     if ended is not None:
         return ended
     raise Unmet(
@@ -139,27 +157,28 @@ def candidates(subject: Subject) -> list[Layout]:
     return sorted(LAYOUTS.values(), key=strangeness)
 
 
-def _try(subject: Subject, line: Line, layout: Layout) -> float | None:
-    """For how long a waiting program of this layout runs; None where it does not end well.
+def _try(subject: Subject, line: Line, layout: Layout) -> Trial | None:
+    """How a waiting program of this layout runs; None where it does not end well.
 
-    Where its result does not come that it has ended shows in the status, though not when.
+    Where its result does not come that it has ended shows in the status, though not when: it may
+    have been at once.
     """
     name = subject.new_name()
     base = configured(subject, line)
-    upload(line, name, wait_program(subject.dialect, _WAIT_S, layout=layout, base=base))
+    upload(line, name, wait_program(subject.dialect, TRIAL_S, layout=layout, base=base))
     subject.moved = True
-    asked_ns = subject.now_ns
+    asked_s = subject.now_ns / _NS
     answer = line.ask("run_program", name)
     if not answer.accepted:
         if answer.code is not None and answer.code not in _DAMAGED:
             raise Undecided(f"the subject cannot run programs now: {answer}")
         return None
     try:
-        result = line.result("run_program", within_s=_WAIT_S + subject.reply_s, untagged=True)
+        result = line.result("run_program", within_s=TRIAL_S + subject.reply_s, untagged=True)
     except NoAnswer:
         if status_of(subject, line) == IDLE:
-            return 0.0
+            return Trial(asked_s, answer.time_s, asked_s)
         if line.ask("emergency_stop").accepted:
             line.result("emergency_stop")
         return None
-    return result.time_s - asked_ns / 1e9 if result.done else None
+    return Trial(asked_s, answer.time_s, result.time_s) if result.done else None
