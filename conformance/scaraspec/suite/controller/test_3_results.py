@@ -178,7 +178,7 @@ def test_result_for_whom_asked(subject: Subject, line: Line) -> None:
 # ---------------------------------------------------------------------- none
 
 
-@case("3/17", hazards=_MOTION)
+@case("3/17", hazards=_MOTION, slow=True)
 def test_no_result_of_what_is_refused(subject: Subject, line: Line) -> None:
     """Programs that are not there, a pose out of reach and a jog nowhere are refused, and end."""
     subject.moved = True

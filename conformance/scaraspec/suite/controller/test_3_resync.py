@@ -194,7 +194,7 @@ def test_printed_lengths(subject: Subject) -> None:
         _tell(subject, "3/20", how)
 
 
-@case("3/20", name="truncated")
+@case("3/20", name="truncated", slow=True)
 def test_truncated(subject: Subject) -> None:
     """A request with data stops at every byte, and the next one follows at once."""
     frame = Frame(A2C, 0x08, b"0123456").encode()

@@ -9,7 +9,7 @@ from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import case
 from scaraspec.suite.expect import expect
 
-_STEPS: Final = 4
+_STEPS: Final = 6
 _STEP_S: Final = 0.35
 _TIMES: Final = 3
 _MINUTES_S: Final = 150.0

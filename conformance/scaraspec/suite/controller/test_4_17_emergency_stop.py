@@ -56,7 +56,7 @@ _BARELY_S: Final = 0.02  # a step may take but a fifth of a second
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _AGAIN = 15
 _FILE_BYTES: Final = 450
-_LOOKS_S: Final = (0.05, 0.05, 0.1, 0.3)
+_LOOKS_S: Final = (0.05, 0.05, 0.1, 0.8)
 """Between two looks at an arm that was stopped: a slow one needs a while to show."""
 
 

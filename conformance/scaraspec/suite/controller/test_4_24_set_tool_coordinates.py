@@ -187,7 +187,7 @@ def _expect_reached(
     )
 
 
-@case("4.24/8", name="in-between", hazards=_MOTION)
+@case("4.24/8", name="in-between", hazards=_MOTION, slow=True)
 def test_fractions(subject: Subject, line: Line) -> None:
     """Targets with decimals are reached as they are, one after the other."""
     has(subject, MOVE)

@@ -63,7 +63,7 @@ def test_idle_joints_stay(subject: Subject, line: Line) -> None:
     if line.ask("get_status").value != "00":
         return
     first = joints_of(line)
-    for pause_s in (0.0, 0.0, 0.2, 0.2):
+    for pause_s in (0.0, 0.0, 0.2, 0.4):
         line.wait(pause_s)
         now = joints_of(line)
         if line.ask("get_status").value != "00":

@@ -283,7 +283,7 @@ def test_no_direction(subject: Subject, line: Line) -> None:
     line.no_result(JOG, for_s=0)
 
 
-@case("4.28/4", name="both-notations", hazards=_MOTION)
+@case("4.28/4", name="both-notations", hazards=_MOTION, slow=True)
 def test_notations(subject: Subject, line: Line) -> None:
     """The direction is understood as an ASCII digit or as a binary byte, or both (A-4.28-1).
 

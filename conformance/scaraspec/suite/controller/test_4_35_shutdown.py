@@ -15,7 +15,6 @@ _SHUTDOWN: Final = "shutdown"
 _RETURN_S: Final = 60.0
 _TRY_S: Final = 0.5
 _GOING_S: Final = 1.0
-_GONE_S: Final = 0.3  # within which it does behind the program what it has refused
 
 
 @case("4.35/2", "4/15", name="busy", hazards=(*_LAST, Hazard.STATE), last=True)
@@ -41,7 +40,7 @@ def test_not_while_a_program_runs(subject: Subject, line: Line) -> None:
             expected="01",
             observed=f"{status}",
         )
-    line.wait(_GONE_S)
+    line.wait(_GOING_S)
     try:
         line.ask("get_status")
     except NoAnswer as gone:

@@ -73,7 +73,7 @@ def test_output_node_alone(subject: Subject, line: Line) -> None:
                 expect_outputs(line, before, message, requirement="4.32/6")
 
 
-@case("6.5/19", "6.5/26", name="in-time", hazards=PROGRAMS)
+@case("6.5/19", "6.5/26", name="in-time", hazards=PROGRAMS, slow=True)
 def test_output_node_in_time(subject: Subject, line: Line) -> None:
     """An output changes when the program gets to its node, not before and not at the end.
 

@@ -20,7 +20,7 @@ ALL_OUTPUTS: Final = range(1, 17)
 ALL_INPUTS: Final = range(1, 9)
 """The ports of 0x42 (L651)."""
 
-_LOOKS, _LOOK_S = 5, 0.1
+_LOOKS, _LOOK_S = 10, 0.1
 
 Bits = tuple[bool, ...]
 """The states of ports in the order of their numbers, that of port 1 first."""

@@ -28,7 +28,7 @@ GET_STATUS: Final = Frame(A2C, 0x09).encode()
 FLOOD: Final = GET_VERSION * (MAX_FRAME_BYTES // len(GET_VERSION))
 """Requests enough to fill the longest frame that a receiver can be waiting for."""
 
-_SOON_S: Final = 0.02  # for how long a reply to the first request is looked for
+_SOON_S: Final = 0.05  # for how long a reply to the first request is looked for
 _START: Final = bytes((A2C.start,))
 
 
