@@ -14,3 +14,9 @@ settings.load_profile("scaraspec")
 def fixtures_dir() -> Path:
     """The data folder of the repository."""
     return Path(__file__).parents[2] / "fixtures"
+
+
+@pytest.fixture(autouse=True)
+def _state_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keep the journals of a test out of the user's state directory and of other tests."""
+    monkeypatch.setenv("SCARASPEC_STATE", str(tmp_path / "state"))

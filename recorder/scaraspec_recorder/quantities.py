@@ -13,6 +13,7 @@ SECOND_NS: Final = 1_000_000_000
 _DURATIONS_NS: Final = {
     "ms": SECOND_NS // 1000,
     "s": SECOND_NS,
+    "m": 60 * SECOND_NS,
     "min": 60 * SECOND_NS,
     "h": 3600 * SECOND_NS,
     "d": 86_400 * SECOND_NS,

@@ -13,7 +13,7 @@ import click
 from rich.console import Console
 from rich.progress import Progress
 
-from scaraspec.cli.options import DEFAULT_PASSWORD, Real
+from scaraspec.cli.options import DEFAULT_PASSWORD, Real, password_option
 from scaraspec.cli.problems import Problem
 from scaraspec.client import Client, ClientError, LinkLost, ReplyTimeout
 from scaraspec.client.words import OPERATIONS, TRANSFERS, arguments, json_of, json_of_error, lines
@@ -44,11 +44,7 @@ def _catalogue() -> str:
 @click.argument("url")
 @click.argument("name", metavar="COMMAND")
 @click.argument("texts", metavar="[ARGS]...", nargs=-1)
-@click.option(
-    "--password",
-    envvar="SCARASPEC_PASSWORD",
-    help="What to log in with; else SCARASPEC_PASSWORD, else 'password' (none but over TCP).",
-)
+@password_option(None, "What to log in with over TCP")
 @click.option(
     "--timeout",
     "timeout_s",

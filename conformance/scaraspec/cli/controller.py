@@ -14,8 +14,7 @@ from pathlib import Path
 
 import click
 
-from scaraspec.cli.leaving import endings
-from scaraspec.cli.options import Real
+from scaraspec.cli.options import Real, password_option
 from scaraspec.cli.problems import Problem, no_such_fault
 from scaraspec.controller.behaviour.settings import PASSWORD_MAX_BYTES
 from scaraspec.controller.brain import Brain
@@ -28,6 +27,7 @@ from scaraspec.controller.server import Server
 from scaraspec.controller.store import DirectoryStore, Store, StoreError, seed
 from scaraspec.links.link import LinkError
 from scaraspec.links.url import Serial, join_host_port, parse, split_host_port
+from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.frames import Found
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import Dialect, ReadingError
@@ -62,7 +62,7 @@ class _Options:
     metavar="HOST:PORT",
     help=f"Where to serve [{_LISTEN}]; port 0 is any.",
 )
-@click.option("--password", metavar="PASSWORD", help="What clients log in with [password].")
+@password_option(None, "What clients log in with")
 @click.option("--data", type=_PATH, metavar="DIR", help="Keep programs and settings here.")
 @click.option(
     "--time-scale", type=_SCALE, default=1.0, metavar="X", help="Time passes X times as fast."
@@ -161,7 +161,7 @@ def _pass(connection: int, seen: Found) -> None:
 async def _serve(brain: Brain, options: _Options) -> None:
     server = Server(brain, options.time_scale)
     loop = asyncio.get_running_loop()
-    for number in endings():
+    for number in ending_signals():
         loop.add_signal_handler(number, server.stop)
     try:
         await _begin(server, options)

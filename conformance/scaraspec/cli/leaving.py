@@ -10,13 +10,14 @@ import io
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, BinaryIO, Final, cast
 
 import click
 
 from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.operating_system import ending_signals
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -25,25 +26,13 @@ _LEFT: Final = frozenset({errno.EPIPE, errno.EIO})
 """Of a pipe whose reader has left, and of a terminal that is closed."""
 
 
-def endings() -> tuple[signal.Signals, ...]:
-    """The signals that ask a command to end: of a user, of a service manager, of a lost terminal.
-
-    Whoever started the command may have the last one ignored, as nohup does: it stays so.
-    """
-    numbers = [signal.SIGINT, signal.SIGTERM]
-    with suppress(AttributeError):  # not on every system
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-            numbers.append(signal.SIGHUP)
-    return tuple(numbers)
-
-
 @contextmanager
 def ending_alike() -> Iterator[None]:
     """Let each of these signals end a command as Ctrl-C does, so that it ends what it has begun.
 
     A command that ends in another way sets up its own.
     """
-    taken = [number for number in endings() if signal.getsignal(number) is signal.SIG_DFL]
+    taken = [number for number in ending_signals() if signal.getsignal(number) is signal.SIG_DFL]
     for number in taken:
         signal.signal(number, _as_ctrl_c)
     try:

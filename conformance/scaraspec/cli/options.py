@@ -1,11 +1,15 @@
 """What several commands take from their user, said once."""
 
 import math
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Any, Final, TypeVar
 
 import click
 
 from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_duration
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 DEFAULT_PASSWORD: Final = "password"  # noqa: S105 - the document's own (L109)
 
@@ -19,6 +23,39 @@ class Real(click.FloatRange):
         if math.isnan(number):
             self.fail(f"{value!r} is no number.", param, ctx)
         return number
+
+
+class Duration(click.ParamType[float]):
+    """A duration such as ``500ms``, ``60s``, ``10m`` or ``1h``; its value is in seconds."""
+
+    name = "duration"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The seconds."""
+        if isinstance(value, float):
+            return value
+        try:
+            return parse_duration(value) / SECOND_NS
+        except QuantityError as error:
+            self.fail(f"{error}.", param, ctx)
+
+
+def password_option(default: str | None, text: str) -> Callable[[F], F]:
+    """The option ``--password``, which the environment can give, too.
+
+    Args:
+        default: The password where neither names one.
+        text: Its help text.
+    """
+    return click.option(
+        "--password",
+        envvar="SCARASPEC_PASSWORD",
+        default=default,
+        metavar="PASSWORD",
+        help=f"{text}; else SCARASPEC_PASSWORD, else '{DEFAULT_PASSWORD}'.",
+    )
 
 
 capture_port: Final = click.option(

@@ -16,7 +16,7 @@ import click
 from rich.console import Console
 
 from scaraspec.cli.grouped import GroupedCommand
-from scaraspec.cli.leaving import endings, insists
+from scaraspec.cli.leaving import insists
 from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.viewer import has_viewer, open_viewer
 from scaraspec.judgement.verdicts import ExitStatus
@@ -29,6 +29,7 @@ from scaraspec.links.url import (
     parse,
     split_host_port,
 )
+from scaraspec.operating_system import ending_signals
 from scaraspec_recorder.config import (
     DEFAULT_LISTEN,
     DEFAULT_OUT,
@@ -248,7 +249,7 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
 
     asked: list[Recording] = []
     with contextlib.suppress(NotImplementedError, AttributeError):  # not on every system
-        for number in endings():
+        for number in ending_signals():
             loop.add_signal_handler(number, end, number)
         loop.add_signal_handler(signal.SIGUSR1, _ask, asked)
     showing = loop.create_task(_show(watches, stopped))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from scaraspec.cli.options import DEFAULT_PASSWORD, Real, capture_port
+from scaraspec.cli.options import DEFAULT_PASSWORD, Real, capture_port, password_option
 from scaraspec.cli.problems import Problem
 from scaraspec.judgement.verdicts import ExitStatus
 from scaraspec.links.connect import connect
@@ -81,12 +81,7 @@ class _Tally:
     help="Keep the capture's times, so much faster; without it, send at once.",
 )
 @click.option("--connection", default="1", show_default=True, help="Which one of the capture.")
-@click.option(
-    "--password",
-    envvar="SCARASPEC_PASSWORD",
-    default=DEFAULT_PASSWORD,
-    help="What to log in with over TCP; else SCARASPEC_PASSWORD, else 'password'.",
-)
+@password_option(DEFAULT_PASSWORD, "What to log in with over TCP")
 @click.option(
     "--timeout",
     "timeout_s",

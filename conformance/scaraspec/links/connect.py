@@ -1,10 +1,13 @@
 """From a URL to an open link: the one place that knows every carrier."""
 
-from scaraspec.links.link import Link
+import os
+import socket
+
+from scaraspec.links.link import Link, LinkError
 from scaraspec.links.rfcomm import connect_rfcomm
 from scaraspec.links.serial import SerialLink
 from scaraspec.links.tcp import connect_tcp
-from scaraspec.links.url import Rfcomm, Tcp, parse
+from scaraspec.links.url import Rfcomm, Serial, Tcp, parse
 
 CONNECT_TIMEOUT_S = 5.0
 
@@ -22,3 +25,22 @@ def connect(url: str, timeout_s: float = CONNECT_TIMEOUT_S) -> Link:
             return connect_rfcomm(address, timeout_s)
         case address:
             return SerialLink(address)
+
+
+def resolved(url: str) -> str:
+    """A URL with its address resolved: two names of one controller give the same text.
+
+    Raises:
+        LinkError: The URL names no link, or its host is not known.
+    """
+    match parse(url):
+        case Tcp(host, port):
+            try:
+                found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+            except OSError as error:
+                raise LinkError(f"the host {host} is not known: {error.strerror}") from None
+            return f"{Tcp(str(found[0][4][0]), port)}"
+        case Serial(device):
+            return f"serial://{os.path.realpath(device)}"
+        case Rfcomm() as address:
+            return f"{address}"

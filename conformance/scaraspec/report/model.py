@@ -324,6 +324,8 @@ class Results:
         requirements: The requirements in scope, in the order of the document.
         cases: The cases, in the order of the document.
         session: What happened on the wire, where that is known.
+        notices: What the reader must know before the verdict, such as that the emergency stop
+            does not work or that an interrupted run was recovered.
     """
 
     tool: Tool
@@ -335,6 +337,7 @@ class Results:
     requirements: tuple[RequirementResult, ...]
     cases: tuple[Case, ...]
     session: Session | None = None
+    notices: tuple[str, ...] = ()
 
     @property
     def judged(self) -> int:

@@ -57,6 +57,7 @@ def _text(text: str, style: str = "") -> Text:
 
 
 def _lines(results: Results, shown: Sequence[tuple[Case, int]]) -> Iterator[str]:
+    yield from results.notices
     yield f"{results.verdict.value}: {results.subject.title}"
     yield f"{_counts(results)}; {_coverage(results)}"
     for party, dialect in _dialects(results):
@@ -67,6 +68,8 @@ def _lines(results: Results, shown: Sequence[tuple[Case, int]]) -> Iterator[str]
 
 
 def _draw(results: Results, shown: Sequence[tuple[Case, int]], console: Console) -> None:
+    for notice in results.notices:
+        console.print(_text(notice, "bold yellow"))
     verdict = results.verdict.value
     console.print(_text(f"{verdict}  ", _STYLES[verdict]).append_text(_text(results.subject.title)))
     facts = Table.grid(padding=(0, 2))

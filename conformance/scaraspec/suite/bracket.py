@@ -19,6 +19,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
 from scaraspec.suite.case import Case, case_of, declare_mark, is_case
 from scaraspec.suite.drawing import Drawing
+from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.examples import counted
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, Unreadable
 from scaraspec.suite.party import Party
@@ -286,6 +287,8 @@ class Bracket:
             case NotRun():
                 return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=f"{raised}")
             case Undecided():
+                if isinstance(raised, JournalError):
+                    self.give_up(f"{raised}")
                 return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=f"{raised}")
             case Unmet():
                 return Outcome(

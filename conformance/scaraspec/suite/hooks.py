@@ -24,6 +24,7 @@ HOOKS: Final[Mapping[str, str]] = MappingProxyType(
         "clear_faults": "takes every fault and its cause away",
         "disk_full": "lets the subject's disk take no more",
         "disk_free": "gives the disk room again",
+        "factory_reset": "sets the password of --password without a login; deletes no file",
     }
 )
 """Every hook: its name in ``[hooks]``, and what its command has to do."""

@@ -16,6 +16,7 @@ class Party(Protocol):
         found: The readings that were found out, by key.
         survival: The requirement that it violates by not surviving a case; empty for the case's.
         off: It was switched off, and has not come back.
+        notices: What the reader of the results must know first.
     """
 
     observer: Observer
@@ -23,6 +24,7 @@ class Party(Protocol):
     found: dict[str, str]
     survival: str
     off: bool
+    notices: list[str]
 
     @property
     def untried(self) -> str:

@@ -6,6 +6,8 @@ The fixtures `subject` and `line` serve a team's own tests too. The exit status 
 results, as of ``scaraspec certify``.
 """
 
+import os
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
@@ -13,16 +15,20 @@ import pytest
 from rich.console import Console
 
 from scaraspec.judgement.requirements import UnknownRequirementError, select
+from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.links.connect import resolved
 from scaraspec.links.link import LinkError
-from scaraspec.protocol.readings import ReadingError
+from scaraspec.operating_system import state_directory
 from scaraspec.report import terminal
 from scaraspec.suite.as_client.access import UrlAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.as_client.state.recovery import RecoveryError
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.case import declare_mark
+from scaraspec.suite.engine.journal import ControllerBusyError, Journal, JournalError
 from scaraspec.suite.plan import Options, hazards
 from scaraspec.suite.run import Run
-from scaraspec.suite.statement import Statement, StatementError
+from scaraspec.suite.statement import Statement
 
 _RUN: Final = pytest.StashKey[Run[Subject]]()
 
@@ -31,7 +37,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """The options of ``scaraspec certify controller`` that a pytest run needs."""
     group = parser.getgroup("scaraspec", "certify a controller of the UISR4200S protocol")
     group.addoption("--subject", metavar="URL", help="the controller, as tcp://192.168.1.2")
-    group.addoption("--subject-password", default="password", help="what opens it")
+    group.addoption(
+        "--subject-password",
+        default=os.environ.get("SCARASPEC_PASSWORD", "password"),
+        help="what to log in with; else SCARASPEC_PASSWORD, else 'password'",
+    )
     group.addoption("--ics", metavar="FILE", help="its statement of conformance, TOML")
     group.addoption("--allow", default="", help="hazards beyond reading: state,motion,destructive")
     group.addoption("--requirements", default="", help="only these clauses or requirements")
@@ -47,6 +57,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if not url:
         return
     only = config.getoption("--requirements")
+    folder = Path(os.environ.get("SCARASPEC_STATE") or state_directory())
+    held = ExitStack()
     try:
         setting = ControllerSetting(
             UrlAccess(url, config.getoption("--patience")),
@@ -59,9 +71,18 @@ def pytest_configure(config: pytest.Config) -> None:
                 examples=config.getoption("--examples"),
             ),
             link=url,
+            journal=held.enter_context(Journal.of(resolved(url), folder)),
         )
-    except (LinkError, ReadingError, StatementError, UnknownRequirementError, ValueError) as error:
+    except ControllerBusyError as error:
+        pytest.exit(f"{error}", int(ExitStatus.INCONCLUSIVE))
+    except (
+        JournalError,
+        LinkError,
+        UnknownRequirementError,
+        ValueError,
+    ) as error:
         raise pytest.UsageError(f"{error}") from None
+    config.add_cleanup(held.close)
     run = Run(setting, loud=True)
     config.stash[_RUN] = run
     config.pluginmanager.register(run.bracket)
@@ -70,7 +91,10 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Write down what the subject is like."""
     if run := session.config.stash.get(_RUN, None):
-        run.begin()
+        try:
+            run.begin()
+        except RecoveryError as error:
+            pytest.exit(f"{error}", int(ExitStatus.INCONCLUSIVE))
 
 
 @pytest.hookimpl(trylast=True)

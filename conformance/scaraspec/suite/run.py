@@ -28,6 +28,7 @@ from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results
 from scaraspec.report.session import SessionStats
 from scaraspec.suite import case as cases
 from scaraspec.suite.bracket import Bracket, Outcome
+from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.observer import Observer, Sighting, Take, speaks
 from scaraspec.suite.party import Party
@@ -97,7 +98,7 @@ class Setting(Protocol[P]):
         Raises:
             Unmet: The subject is not there.
             Undecided: It cannot be dealt with.
-            OSError: What it is like cannot be written down.
+            JournalError: What it is like cannot be written down.
         """
 
     def probe(self, subject: P) -> None:
@@ -113,6 +114,9 @@ class Setting(Protocol[P]):
 
     def put_back(self, subject: P, state: Mapping[str, Any]) -> list[str]:
         """Leave all as it was found; what could not be is told."""
+
+    def finish(self, subject: P, state: Mapping[str, Any]) -> list[str]:
+        """End the run, after everything was put back; what is still to be done is told."""
 
 
 class Run(Generic[P]):
@@ -166,7 +170,8 @@ class Run(Generic[P]):
 
         Raises:
             SuiteError: The suite itself is broken.
-            OSError: The subject's state cannot be written down.
+            JournalError: The subject's state cannot be written down.
+            RecoveryError: What an interrupted run has left on it cannot be put back.
             KeyboardInterrupt: The tester ended it twice.
         """
         interrupted = False
@@ -198,11 +203,14 @@ class Run(Generic[P]):
         """Write down what the subject is like, and find out how it is to be spoken to.
 
         Raises:
-            OSError: Its state cannot be written down.
+            JournalError: Its state cannot be written down.
+            RecoveryError: What an interrupted run has left on it cannot be put back.
         """
         try:
             self._state = self._begun()
             self.setting.probe(self._subject)
+        except JournalError:
+            raise
         except (Unmet, Undecided) as error:
             self._subject.close_lines()
             self.bracket.give_up(f"the subject was not there to begin with: {error}")
@@ -222,6 +230,7 @@ class Run(Generic[P]):
         """Put everything back; what could not be is told, and stays written down."""
         if not self._subject.off:  # else it was done before it was switched off
             self._put_back()
+        self._problems += self.setting.finish(self._subject, self._state)
         self.bracket.outcomes += [_set_up("restore", problem) for problem in self._problems]
         self._observer.close()
 
@@ -270,6 +279,7 @@ class Run(Generic[P]):
             requirements=requirements,
             cases=made,
             session=self._stats.session(),
+            notices=tuple(self._subject.notices),
         )
 
     def _dialect(self) -> dict[str, ReadingSeen]:

@@ -267,11 +267,15 @@ class Wire:
                     self._sent(item)
             elif isinstance(item, FrameSeen):
                 self.heard.append(item)
+                self._received(item)
             else:
                 self.noise.append(item)
 
     def _sent(self, seen: FrameSeen) -> None:
         """A frame of ours is whole: whoever answers by itself may want to know."""
+
+    def _received(self, seen: FrameSeen) -> None:
+        """A frame of the subject is whole."""
 
     # ------------------------------------------------------------------ ending
 

@@ -1,10 +1,10 @@
 """`scaraspec certify controller` as a user runs it, against good, bad and hostile subjects."""
 
 import itertools
-import json
 import os
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import threading
@@ -245,12 +245,13 @@ def test_interrupted(
                     run.wait(0.01)
                     pytest.fail(run.stdout.read())
             seen = stored
-        assert json.loads((out / "state.json").read_text(encoding="utf-8"))
+        state = tmp_path / "state"
+        assert [stat.S_IMODE(file.stat().st_mode) for file in state.glob("*.journal")] == [0o600]
         for number in signals:
             run.send_signal(number)
         told, _ = run.communicate(timeout=60)
         assert run.returncode == 3, told
-        assert not (out / "state.json").exists(), told
+        assert not [*state.glob("*.journal")], told
         assert robot.list_programs() == before, told
 
 

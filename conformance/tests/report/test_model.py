@@ -94,7 +94,7 @@ def test_the_shape_is_the_promised_one(full: Results) -> None:
     plain = json.loads(full.to_json())
     assert plain.keys() == {
         *("schema", "tool", "subject", "role", "verdict", "counts", "readings"),
-        *("requirements", "cases", "session"),
+        *("requirements", "cases", "session", "notices"),
     }
     assert plain["schema"] == "scaraspec.results/1"
     assert plain["tool"].keys() == {"name", "version"}

@@ -1,5 +1,6 @@
 """Nothing is sent that the tester has not allowed, and every case says what it needs to send."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,15 @@ from scaraspec.cli.data import sample_program
 from scaraspec.cli.prove.controller import PASSWORD, Robot, certified, hooks_of
 from scaraspec.controller.brain import Brain
 from scaraspec.controller.session import Session
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judgement.verdicts import Conclusion, Verdict
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.as_client.access import MemoryAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.as_client.state.recovery import RecoveryError
+from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.plan import ALL, Options
 from scaraspec.suite.run import Run
 from scaraspec.suite.statement import Statement
@@ -70,15 +73,24 @@ def test_nothing_else_is_sent(allowed: frozenset[Hazard]) -> None:
 
 
 def test_what_a_killed_run_has_left_is_not_forgotten(tmp_path: Path) -> None:
-    """A run that may not put it back says so, and leaves its file to one that may."""
+    """A run that may not put it back says so, and leaves the journal to one that may."""
     robot = Robot(Brain, DEFAULT)
-    file = tmp_path / "state.json"
-    file.write_text('{"outputs": "1000000000000000", "gripper centre": [1.0, 2.0, 3.0]}')
-    for allowed, told in ((Options().allowed, 2), (ALL - {Hazard.MOTION}, 1), (ALL, 0)):
-        options = Options(only=frozenset({"4.8/2"}), allowed=allowed)
-        access = MemoryAccess(robot.network)
-        setting = ControllerSetting(access, Statement(), PASSWORD, options, state_file=file)
-        cases = Run(setting).results().cases
-        wanting = [case.message for case in cases if "it wants --allow" in case.message]
-        assert sum(message.count("it wants --allow") for message in wanting) == told
-        assert file.exists() is bool(told)
+    file = tmp_path / "journal"
+    killed = Journal(file)
+    killed.begin("2026-01-01", {"gripper centre": [1.0, 2.0, 3.0], "outputs": "1000000000000000"})
+    killed.write("changing", setting="gripper centre")
+    killed.write("changing", setting="outputs")
+    killed.close()
+    options = Options(only=frozenset({"4.8/2"}))
+    for allowed in (options.allowed, ALL - {Hazard.MOTION}):
+        with pytest.raises(RecoveryError, match=r"--allow .*motion"):
+            Run(_setting(robot, replace(options, allowed=allowed), Journal(file))).results()
+    results = Run(_setting(robot, replace(options, allowed=ALL), Journal(file))).results()
+    assert results.verdict is Conclusion.CONFORMANT
+    assert "the outputs was 0000000000000000" in results.notices[0]
+    assert not file.exists()
+
+
+def _setting(robot: Robot, options: Options, journal: Journal) -> ControllerSetting:
+    access = MemoryAccess(robot.network)
+    return ControllerSetting(access, Statement(), PASSWORD, options, journal=journal)

@@ -16,18 +16,27 @@ from scaraspec.cli.certify.options import (
     suite_options,
     told,
 )
-from scaraspec.cli.certify.running import Display, Files, end_in_order, show_plan
+from scaraspec.cli.certify.running import (
+    Display,
+    Files,
+    confirm_motion,
+    end_in_order,
+    show_plan,
+)
 from scaraspec.cli.grouped import GroupedCommand
-from scaraspec.cli.options import Real
+from scaraspec.cli.options import DEFAULT_PASSWORD, Duration, Real, password_option
 from scaraspec.cli.problems import Problem
+from scaraspec.links.connect import resolved
+from scaraspec.operating_system import state_directory
 from scaraspec.suite.as_client.access import UrlAccess
 from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.plan import Options, hazards
 from scaraspec.suite.pulse import Pulse
 from scaraspec.suite.run import Run, collect
 
 _GROUPS = {
-    "The subject": ("password", "ics", "transfer_timeout"),
+    "The subject": ("password", "ics", "transfer_timeout", "wait_for_lock"),
     "What to try": (
         *(
             "allow",
@@ -39,14 +48,14 @@ _GROUPS = {
             "undefined_opcodes",
         ),
     ),
-    "The run": ("out", "dry_run"),
+    "The run": ("out", "state_dir", "yes", "dry_run"),
 }
 EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state --out run-1"
 
 
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
 @click.argument("url", required=False)
-@click.option("--password", default="password", show_default=True, help="What opens it.")
+@password_option(DEFAULT_PASSWORD, "What to log in with over TCP")
 @click.option(
     "--allow",
     default="",
@@ -65,6 +74,21 @@ EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state
 @click.option(
     "--undefined-opcodes", is_flag=True, help="Send them; never to a robot that can move."
 )
+@click.option(
+    "--wait-for-lock",
+    type=Duration(),
+    default=0.0,
+    metavar="DURATION",
+    help="Wait so long for another run against this controller [0s].",
+)
+@click.option(
+    "--state-dir",
+    type=click.Path(path_type=Path),
+    envvar="SCARASPEC_STATE",
+    metavar="DIR",
+    help="Journals of what runs change on controllers; else SCARASPEC_STATE, else the user's own.",
+)
+@click.option("-y", "--yes", is_flag=True, help="Move the robot without asking first.")
 def command(  # noqa: PLR0913 - one for each option
     url: str | None,
     *,
@@ -78,13 +102,17 @@ def command(  # noqa: PLR0913 - one for each option
     patience: float,
     exhaustive: bool,
     undefined_opcodes: bool,
+    wait_for_lock: float,
+    state_dir: Path | None,
+    yes: bool,
     out: Path | None,
     dry_run: bool,
 ) -> None:
     """Certify the controller at URL; read-only unless --allow names more.
 
-    Its state is saved before and put back after, also after Ctrl-C. Exit status 0 conformant,
-    1 nonconformant, 2 usage, 3 inconclusive, 4 nothing tested.
+    Its settings and files are put back at the end, after Ctrl-C, and by the next run after a
+    crash. Exit status 0 conformant, 1 nonconformant, 2 usage, 3 inconclusive or something is left
+    on the controller, 4 nothing tested.
     """
     with told():
         statement = statement_of(ics, transfer_timeout)
@@ -105,9 +133,14 @@ def command(  # noqa: PLR0913 - one for each option
         show_plan(cases, options, statement, Console())
         if dry_run or access is None:
             return
+        if not yes:
+            confirm_motion(cases, options, statement)
         given = again(allow=allow, ics=ics, seed=seed, examples=examples)
         replay = f"scaraspec certify controller {where}{given}"
         with (
+            Journal.of(
+                resolved(where), state_dir or state_directory(), wait_s=wait_for_lock
+            ) as journal,
             Files(out, needs_login=access.needs_login) as files,
             Display(Console(), len(cases)) as display,
             Pulse() as pulse,
@@ -120,7 +153,8 @@ def command(  # noqa: PLR0913 - one for each option
                 link=where,
                 capture=files.capture,
                 replay=replay,
-                state_file=files.state_file,
+                journal=journal,
+                say=display.say,
             )
             run = Run(setting, take=files.take, tell=display.tell)
             run.bracket.stood_still_s = pulse.stood_still_s

@@ -16,7 +16,9 @@ from scaraspec.links.link import LinkError
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
 from scaraspec.report.model import Results, ResultsError
+from scaraspec.suite.as_client.state.recovery import RecoveryError
 from scaraspec.suite.as_controller.driver import DriverError
+from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.suite.plan import HazardError
 from scaraspec.suite.run import SuiteError
 from scaraspec.suite.statement import Statement, StatementError
@@ -107,6 +109,10 @@ def told() -> Iterator[None]:
         raise Problem(f"--only: {error}") from None
     except HazardError as error:
         raise Problem(f"--allow: {error}") from None
+    except (ControllerBusyError, RecoveryError) as error:
+        raise Problem(f"{error}", ExitStatus.INCONCLUSIVE) from None
+    except JournalError as error:
+        raise Problem(f"{error}") from None
     except SuiteError as error:
         raise Problem(f"the suite is broken: {error}", ExitStatus.INCONCLUSIVE) from None
     except OSError as error:

@@ -2,6 +2,7 @@
 
 import math
 import signal
+import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
@@ -10,15 +11,17 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Final, Self
 
+import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from scaraspec.cli.leaving import endings, insists
+from scaraspec.cli.leaving import insists
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import has_viewer
 from scaraspec.judgement.verdicts import Cause, Verdict
 from scaraspec.judgement.wire import WireEvent
+from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report import ctrf, html, junit
 from scaraspec.report.model import Results
@@ -33,7 +36,6 @@ from scaraspec_recorder.deriving.sinks import SinkFailed
 from scaraspec_recorder.keeping.capture import capture_sink
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
-STATE: Final = "state.json"
 CAPTURE: Final = "capture.mcap"
 
 _RISKS: Final = {
@@ -59,6 +61,26 @@ def show_plan(
             )
     for why, count in left_out.most_common():
         console.print(Text(f"  {count:4}  not run: {visible(why)}"), soft_wrap=True)
+
+
+def confirm_motion(cases: Sequence[Case], options: Options, statement: Statement) -> None:
+    """On a terminal, ask before a run that moves the robot.
+
+    Raises:
+        Problem: The user does not want it.
+    """
+    runs = [case for case in cases if not why_not(case, options, statement)]
+    if not any(Hazard.MOTION in case.hazards for case in runs) or not sys.stdin.isatty():
+        return
+    motion = statement.motion
+    box = f", within {motion.box_mm}" if motion.box_mm else ""
+    click.echo(
+        "This run moves the robot along x, y, z and its rotation: steps of at most "
+        f"{motion.step_mm:g} mm or degrees from where it stands{box}, and jogs of at most "
+        f"{motion.jog_s:g} s, at {motion.speed_percent} % of full speed."
+    )
+    if not click.confirm("Is the area clear, and a hardware emergency stop within reach?"):
+        raise Problem("nothing was sent: the run was not confirmed")
 
 
 class Display:
@@ -105,6 +127,10 @@ class Display:
             said = f"\ncase {self._number + 1} of {self._count}, {case.id}: {case.sentence}"
             self._console.print(Text(said), soft_wrap=True)
 
+    def say(self, sentence: str) -> None:
+        """Show a sentence at once."""
+        self._console.print(Text(visible(sentence)), soft_wrap=True)
+
     def tell(self, outcome: Outcome, _count: int) -> None:
         """A case is over; why no further one can be tried is told once, not with each of them."""
         self._number += 1
@@ -137,7 +163,7 @@ def end_in_order(interruption: Interruption) -> None:
         elif last_s - before_s > _AT_ONCE_S and insists(number):
             signal.default_int_handler(number, frame)
 
-    for number in endings():
+    for number in ending_signals():
         signal.signal(number, end)
 
 
@@ -178,11 +204,6 @@ class Files:
             folder.mkdir()
         sink = partial(capture_sink, draw=has_viewer(), needs_login=needs_login)
         self._recording = Aside(folder, [sink])
-
-    @property
-    def state_file(self) -> Path | None:
-        """Where the subject's state is kept until it is put back."""
-        return self._out / STATE if self._out else None
 
     @property
     def capture(self) -> str:

@@ -4,8 +4,10 @@ The one place where both meet. The machine can be handled as a real subject can 
 statement of conformance: switched off and on, its inputs driven, its motors broken.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import itertools
+import string
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Final, Literal
 
@@ -19,6 +21,7 @@ from scaraspec.links.memory import MemoryNetwork
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.as_client.access import MemoryAccess
+from scaraspec.suite.as_client.own_files import TOKEN_LETTERS
 from scaraspec.suite.as_client.setting import ControllerSetting
 from scaraspec.suite.hooks import HookError
 from scaraspec.suite.plan import Options
@@ -86,6 +89,10 @@ class Robot:
         self._plant = Plant(clock, now_s)
         self._brain = self._make(self._plant, self._store, self._dialect)
 
+    def set_password(self, password: bytes) -> None:
+        """Set the password without a login."""
+        self._store.save(replace(self._store.settings, password=password))
+
     def handle(self, line: str) -> None:
         """Break or drive the plant.
 
@@ -141,7 +148,16 @@ def certified(robot: Robot, statement: Statement, options: Options) -> Results:
         options: What to try.
     """
     access = MemoryAccess(robot.network)
-    return Run(ControllerSetting(access, statement, PASSWORD, options, link="memory")).results()
+    setting = ControllerSetting(
+        access, statement, PASSWORD, options, link="memory", draw_token=tokens().__next__
+    )
+    return Run(setting).results()
+
+
+def tokens() -> Iterator[str]:
+    """The tokens of runs in memory, the same in every run: what is found can be compared."""
+    for letters in itertools.product(string.ascii_lowercase, repeat=TOKEN_LETTERS):
+        yield "".join(letters)
 
 
 def hooks_of(robot: Robot) -> dict[str, _RobotHook]:
@@ -151,4 +167,5 @@ def hooks_of(robot: Robot) -> dict[str, _RobotHook]:
         for name, line in _LINES.items()
     }
     anew = _RobotHook(lambda _: robot.restart())
-    return {**lines, "restart": anew, "power_cut": anew}
+    reset = _RobotHook(lambda _: robot.set_password(PASSWORD))
+    return {**lines, "restart": anew, "power_cut": anew, "factory_reset": reset}

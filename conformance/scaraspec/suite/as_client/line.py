@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Final
 from scaraspec.judgement.happenings import FrameSeen
 from scaraspec.judgement.tracking import NAMES
 from scaraspec.links.link import Link
-from scaraspec.protocol.commands import BY_NAME, Command
+from scaraspec.protocol.commands import BY_NAME, Command, plausible
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
-from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame
+from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
 from scaraspec.protocol.payloads import FinalResult, NameListPart, Nothing, Outcome
 from scaraspec.suite.as_client.due import Due
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
@@ -43,6 +43,7 @@ class Line(Wire):
         self._subject = subject
         self.listing = self._names_files = False
         self._sent_ns = self._pause_ns = 0
+        self._outgoing = Framer(A2C, recovery=plausible)
 
     # ------------------------------------------------------------------ sending
 
@@ -71,6 +72,13 @@ class Line(Wire):
         """Send one frame; a case that would send what its hazards do not say is our own error."""
         self._subject.permit(frame.opcode)
         super().send_frame(frame)
+
+    def send_bytes(self, data: bytes) -> None:
+        """Send bytes as they are, once the guard has seen the frames that they complete."""
+        for item in self._outgoing.feed(data):
+            if isinstance(item, Frame):
+                self._subject.guard.before(item)
+        super().send_bytes(data)
 
     def request(self, name: str, value: Any = None, *, data: bytes | None = None) -> Frame:
         """The frame of a request, in the subject's dialect.
@@ -306,6 +314,10 @@ class Line(Wire):
         self._pause_ns = seen.place.time_ns - self._sent_ns
         self._sent_ns = seen.place.time_ns
         self._names_files = self._names_files or seen.name in NAMES
+        self._subject.guard.sent(self.name, seen)
+
+    def _received(self, seen: FrameSeen) -> None:
+        self._subject.guard.received(self.name, seen)
 
 
 def _outcome(seen: FrameSeen) -> Outcome | None:

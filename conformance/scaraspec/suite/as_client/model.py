@@ -27,7 +27,7 @@ from scaraspec.suite.as_client.asking.motion import (
     stop,
     target,
 )
-from scaraspec.suite.as_client.asking.passwords import change, expect_changed
+from scaraspec.suite.as_client.asking.passwords import change, expect_changed, usable_passwords
 from scaraspec.suite.as_client.asking.ports import (
     ALL_OUTPUTS,
     Bits,
@@ -43,11 +43,10 @@ from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.state.defaults import expect_default
 from scaraspec.suite.as_client.state.keeping import alive
 from scaraspec.suite.as_client.subject import (
-    OTHER_PASSWORDS,
-    PLAIN_PASSWORD,
     SILENCE_S,
     Subject,
 )
+from scaraspec.suite.as_client.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.as_client.two_stage.tasks import (
     MOVE,
     RUN,
@@ -267,7 +266,8 @@ class Model:
     def _set_password(self, step: Step, line: Line) -> str | None:
         if not self._subject.access.needs_login:
             return None
-        new = (self._subject.password, *OTHER_PASSWORDS)[step.value % (1 + len(OTHER_PASSWORDS))]
+        passwords = (self._subject.password, *usable_passwords(self._subject))
+        new = passwords[step.value % len(passwords)]
         if not expect_changed(line, self._password, new):
             return f"set the password {show(new)}, refused"
         self._password = new

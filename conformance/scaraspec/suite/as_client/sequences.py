@@ -16,7 +16,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.model import VALUES, Model, Step
 from scaraspec.suite.as_client.state.keeping import kept, password_kept
-from scaraspec.suite.as_client.state.restore import restore_password
+from scaraspec.suite.as_client.state.password import restore_password
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.tasks import (
     MOVE,

@@ -1,21 +1,30 @@
 """Setting: what a run against a controller is about, and how it begins and ends."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any, Final
 
 from scaraspec.report.model import Role
 from scaraspec.suite.as_client.access import Access
+from scaraspec.suite.as_client.own_files import random_token
 from scaraspec.suite.as_client.probes import probe_all
-from scaraspec.suite.as_client.state import restore
 from scaraspec.suite.as_client.state.readiness import come_back, make_ready
+from scaraspec.suite.as_client.state.recovery import recover
+from scaraspec.suite.as_client.state.restore import (
+    restore,
+    snapshot,
+    without_the_unrestorable,
+)
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.plan import Options
 from scaraspec.suite.statement import Statement
+
+_NS: Final = 1e9
 
 
 @dataclass(frozen=True)
@@ -30,7 +39,9 @@ class ControllerSetting:
         link: How to call the way to it, in the results.
         capture: The file in which it is recorded, beside the results; empty for none.
         replay: The command line that runs the suite again, without ``--only``.
-        state_file: Where the subject's state is kept until it is put back; None for nowhere.
+        journal: Where what the run may change is written down first.
+        draw_token: Makes the token in the names of the run's files.
+        say: Shows a sentence to the user at once.
     """
 
     access: Access
@@ -40,7 +51,9 @@ class ControllerSetting:
     link: str = ""
     capture: str = ""
     replay: str = ""
-    state_file: Path | None = None
+    journal: Journal = field(default_factory=Journal)
+    draw_token: Callable[[], str] = random_token
+    say: Callable[[str], None] = lambda _: None
     role = Role.CONTROLLER
 
     @property
@@ -50,21 +63,35 @@ class ControllerSetting:
 
     def subject(self, observer: Observer) -> Subject:
         """The controller under test."""
-        allowed = self.options.allowed
-        return Subject(self.access, self.statement, self.password, observer, allowed)
+        return Subject(
+            self.access,
+            self.statement,
+            self.password,
+            observer,
+            self.options.allowed,
+            journal=self.journal,
+            draw_token=self.draw_token,
+            say=self.say,
+        )
 
     def begin(self, subject: Subject) -> Mapping[str, Any]:
-        """Write down what it is like.
+        """Put back what an interrupted run has left, and write down what the controller is like.
 
         Raises:
             Unmet: It is not there.
-            OSError: Its state cannot be written down.
+            RecoveryError: What an interrupted run has left cannot be put back.
+            JournalError: What it is like cannot be written down.
         """
-        file = self.state_file
-        left = restore.load(file) if file else {}
-        state = {**restore.save(subject), **left}
-        if file and state:
-            restore.keep(file, state)
+        recover(subject)
+        line = subject.open()
+        before = snapshot(subject, line)
+        subject.files.begin(name.encode("latin-1") for name in before["programs"] or ())
+        started = datetime.fromtimestamp(subject.now_ns / _NS, UTC).isoformat(timespec="seconds")
+        self.journal.begin(started, before)
+        state = without_the_unrestorable(subject, line, before)
+        if state != before:
+            self.journal.write("settings", before=state)
+        line.close()
         return state
 
     def probe(self, subject: Subject) -> None:
@@ -82,10 +109,18 @@ class ControllerSetting:
             subject.settle()
 
     def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
-        """Put everything back; what could not be is told, and stays written down."""
-        if not state:  # nothing may be changed, or nothing was; an earlier run's file stays
+        """Put everything back, and compare with the start; a sentence for what differs."""
+        if not state:  # the run never began
             return []
-        problems = [*restore.restore(subject, state), *come_back(subject)]
-        if self.state_file and not problems:
-            self.state_file.unlink(missing_ok=True)
-        return problems
+        return [*restore(subject), *come_back(subject)]
+
+    def finish(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
+        """End the run: the journal goes, unless something may be left on the controller."""
+        if not state:
+            return []
+        if subject.journal.changes.any:
+            self.journal.close()
+            where = self.journal.path or "memory"
+            return [f"the next run puts back what is left on the controller: journal {where}"]
+        self.journal.finish()
+        return []

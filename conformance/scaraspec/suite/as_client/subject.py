@@ -5,6 +5,7 @@ what has to be put right again. No requirement is judged here.
 """
 
 import itertools
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final
 
@@ -13,7 +14,10 @@ from scaraspec.protocol.commands import BY_OPCODE, RunningProgram
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.access import Access
 from scaraspec.suite.as_client.due import ANSWERED, Patience
+from scaraspec.suite.as_client.guard import EVERYTHING, Guard
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.own_files import OwnFiles, random_token
+from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, Unreadable
 from scaraspec.suite.hooks import HookError
 from scaraspec.suite.observer import Observer
@@ -54,28 +58,6 @@ _GREETING: Final = "opcodes of what comes on a new connection unasked"
 _MISTAKES: Final = "wrong passwords tried in sequences"
 _MOST_MISTAKES: Final = 5
 
-STEM: Final = "zs"
-"""How the names of all files begin that the suite makes."""
-
-PLAIN_PASSWORD: Final = b"zspasswords"
-"""What cases set the password to, for a while: a word, as those of the document are (L128)."""
-
-ODD_PASSWORDS: Final = (
-    b"zs-Password",
-    b"zs-%s" % (b"password" * 8),
-    b"zs",
-    b"zs.+%s$",
-    b"zs ",
-    b"007",
-)
-"""Others, which may break rules that a subject has for passwords (A-4.1-3): as many letters as the
-one above and of both cases, more than any buffer of 64 bytes holds, few, what means something in
-patterns and formats, a blank, without which it is another of these, and what is a number, too."""
-LONG_PASSWORD: Final = ODD_PASSWORDS[1]
-
-OTHER_PASSWORDS: Final = (PLAIN_PASSWORD, *ODD_PASSWORDS)
-"""All of them: an interrupted case is put right with these."""
-
 
 class Subject:
     """The controller under test.
@@ -86,6 +68,9 @@ class Subject:
         password: What opens it.
         observer: Watches everything.
         allowed: The hazards that the tester permits.
+        journal: Where what the run may change is written down first.
+        draw_token: Makes the token in the names of the run's files.
+        say: Shows a sentence to the user at once.
 
     Attributes:
         dialect: The readings that it follows, as far as they were claimed or found out.
@@ -95,15 +80,22 @@ class Subject:
         known: What cases found out once for all of the run, by a name of their own.
         patience: How long to wait for what never came.
         unanswered: Commands that it never answered before the running case.
+        files: Which files on the controller are the suite's own.
+        guard: Checks every frame before it is sent.
+        notices: What the reader of the results must know first.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - the collaborators of a run
         self,
         access: Access,
         statement: Statement,
         password: bytes,
         observer: Observer,
         allowed: frozenset[Hazard],
+        *,
+        journal: Journal,
+        draw_token: Callable[[], str] = random_token,
+        say: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.access, self.statement, self.password = access, statement, password
         self.observer, self.allowed = observer, allowed
@@ -117,10 +109,13 @@ class Subject:
         self.complaints = ""
         self.moved = False
         self.off = False
-        self.created: list[bytes] = []
+        self.notices: list[str] = []
+        self._say = say
+        self.journal = journal
+        self.files = OwnFiles(journal, draw_token)
+        self.guard = Guard(journal, self.files, password, statement.reply_s)
         self._lines: list[Line] = []
         self._left: list[Line] = []
-        self._names = itertools.count(1)
         self._connections = itertools.count(1)
 
     # ------------------------------------------------------------------ time
@@ -322,10 +317,16 @@ class Subject:
         hook = self.statement.hooks.get(name)
         if hook is None:
             raise NotRun(f"it needs the hook {name} in [hooks] of the statement of conformance")
+        self.guard.may_change(EVERYTHING)
         try:
             hook.run(**values)
         except HookError as error:
             raise Undecided(f"{error}") from None
+
+    def notify(self, sentence: str) -> None:
+        """Say what the user must know first, now and at the head of the results."""
+        self.notices.append(sentence)
+        self._say(sentence)
 
     def tolerate(self, requirement: str, key: str, option: str, message: str) -> None:
         """The subject follows a listed reading, or does what the register only warns of."""
@@ -357,16 +358,14 @@ class Subject:
         return tried < (_MOST_MISTAKES if Hazard.DESTRUCTIVE in self.allowed else 1)
 
     def new_name(self, stem: str = "", *, lead: str = "") -> bytes:
-        """A file name that is not in use, and that is deleted when the case is over.
+        """A file name that is not in use.
 
         Args:
             stem: Stands behind its number.
             lead: Stands before its number, and ends with a letter: what many names begin with.
         """
         extension = {".txt": ".txt"}.get(self.dialect["prog_ext"], ".rob")
-        name = f"{STEM}{lead}{next(self._names)}{stem}{extension}".encode()
-        self.created.append(name)
-        return name
+        return self.files.new_name(extension, stem, lead=lead)
 
     def until_idle(self, line: Line, *, within_s: float | None = None) -> None:
         """Wait until the status is 00.
@@ -420,6 +419,8 @@ class Subject:
                 raise
         self.clear(line)
         self.moved = False
+        if self.journal.changes.motion:
+            self.journal.confirm("rest")
         self.close_lines()
 
     def clear(self, line: Line) -> None:
@@ -429,11 +430,11 @@ class Subject:
             NoAnswer: It does not answer any more.
         """
         if Hazard.STATE not in self.allowed or _DELETE in self.unanswered:
-            self.created.clear()  # a run that may only ask has made nothing
+            return
         try:
-            while self.created:
-                line.ask(_DELETE, data=self.created[-1])
-                self.created.pop()
+            for name in reversed(self.files.stored):
+                line.ask(_DELETE, data=name)
+                self.files.deleted(name)
         except NoAnswer as error:
             error.requirement = ANSWERED
             raise
@@ -444,7 +445,7 @@ class Subject:
             return False
         with suppress(NoAnswer):
             told = line.ask(_RUNNING).value
-            return isinstance(told, RunningProgram) and told.name.startswith(STEM.encode())
+            return isinstance(told, RunningProgram) and told.name.startswith(self.files.prefix)
         return False
 
     def revive(self) -> None:
@@ -453,7 +454,6 @@ class Subject:
         Raises:
             Undecided: The hook failed.
         """
-        self.created.clear()
         self.close_lines()
         if self.has_hook("restart"):
             self.hook("restart")

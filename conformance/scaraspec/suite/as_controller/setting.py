@@ -65,3 +65,8 @@ class ClientSetting:
         if subject.access.strays:
             problems.append(f"the driver says what answers no order: {subject.access.strays[0]}")
         return problems
+
+    def finish(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
+        """Nothing: a run against a client leaves nothing behind."""
+        del subject, state
+        return []

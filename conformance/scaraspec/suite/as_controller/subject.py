@@ -67,6 +67,7 @@ class Subject:
         self.polled: set[Frame] = set()
         self.survival = ""
         self.off = False
+        self.notices: list[str] = []
         self._lines: list[Line] = []
         self._connections = itertools.count(1)
         self._files = itertools.count(1)

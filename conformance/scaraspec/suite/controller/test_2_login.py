@@ -20,7 +20,8 @@ from scaraspec.suite.as_client.asking.motion import SLOWEST_PERCENT, joints_of, 
 from scaraspec.suite.as_client.asking.passwords import rotated
 from scaraspec.suite.as_client.asking.ports import expect_outputs, outputs, outputs_kept
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import MOMENT_S, PLAIN_PASSWORD, Subject
+from scaraspec.suite.as_client.subject import MOMENT_S, Subject
+from scaraspec.suite.as_client.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.as_client.two_stage.tasks import RUN, lasting, stored
 from scaraspec.suite.case import case
 from scaraspec.suite.examples import examples

@@ -4,7 +4,8 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.asking.passwords import altered, change, expect_changed
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.state.keeping import needs_login, password_kept
-from scaraspec.suite.as_client.subject import LONG_PASSWORD, Subject
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.suite_passwords import LONG_PASSWORD
 from scaraspec.suite.case import case
 from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, Unmet, expect

@@ -2,11 +2,17 @@
 
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.fields import show
-from scaraspec.suite.as_client.asking.passwords import altered, change, expect_changed
+from scaraspec.suite.as_client.asking.passwords import (
+    altered,
+    change,
+    expect_changed,
+    usable_passwords,
+)
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.spoiling.malformed import malformed, offer
 from scaraspec.suite.as_client.state.keeping import password_kept
-from scaraspec.suite.as_client.subject import ODD_PASSWORDS, PLAIN_PASSWORD, Subject
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.case import case
 from scaraspec.suite.examples import examples
 from scaraspec.suite.expect import NoAnswer, NotRun, Unmet, expect
@@ -37,7 +43,7 @@ def test_changed(subject: Subject) -> None:
     """A new password opens the next login and the old one does not, change after change."""
     first = old = subject.password
     with password_kept(subject):
-        for new in examples((PLAIN_PASSWORD, *ODD_PASSWORDS, first)):
+        for new in examples((*usable_passwords(subject), first)):
             line = subject.open(login=False)
             subject.log_in(line, old)
             changed = expect_changed(line, old, new)

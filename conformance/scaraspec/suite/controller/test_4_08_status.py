@@ -54,7 +54,6 @@ def test_idle(subject: Subject, line: Line) -> None:
 def test_idle_once_refused(subject: Subject, line: Line) -> None:
     """A robot that has refused a program which is not stored is still at rest."""
     missing = subject.new_name()
-    subject.created.remove(missing)
     subject.moved = True
     for command in ("run_program", "simulate_program"):
         if line.ask(command, missing).accepted:  # it may fail late (A-4.15-1)

@@ -39,7 +39,7 @@ _TOO_LONG_BYTES: Final = 256
 """A part of this length must have been divided."""
 
 
-def _delete(subject: Subject, line: Line, name: bytes) -> None:
+def _delete(line: Line, name: bytes) -> None:
     answer = line.ask("delete_program", name)
     expect(
         answer.accepted,
@@ -48,7 +48,6 @@ def _delete(subject: Subject, line: Line, name: bytes) -> None:
         observed=f"{answer}",
         requirement="4.11/2",
     )
-    subject.created.remove(name)
 
 
 def _listed(subject: Subject, line: Line) -> list[bytes]:
@@ -143,12 +142,12 @@ def test_many(subject: Subject, line: Line) -> None:
             message = f"there is room for {number} more programs"
             subject.tolerate("4.10/4", "A-5-21", "full", message)
             mine.remove(longest := max(mine, key=len))
-            _delete(subject, line, longest)
+            _delete(line, longest)
             mine.append(store_program(subject, line, name))  # there is room again
             break
         _expect_listed(_listed(subject, line), [*before, *mine])
     while mine:
-        _delete(subject, line, mine.pop(len(mine) // 2))
+        _delete(line, mine.pop(len(mine) // 2))
         names = _listed(subject, line)
         _expect_listed(names, [*before, *mine])
         gone = [show(name) for name in names if name not in before and name not in mine]
@@ -188,7 +187,7 @@ def test_names(subject: Subject, line: Line) -> None:
         except NameRefused:
             return
         _expect_listed(program_names(subject, line), [name])
-        _delete(subject, line, name)
+        _delete(line, name)
         expect(
             name not in program_names(subject, line),
             "a program that was deleted is still listed",
@@ -208,7 +207,6 @@ def test_another_connection(subject: Subject, line: Line) -> None:
     name = subject.new_name()
     stem, dot, extension = name.rpartition(b".")
     longer = stem + b"a" + dot + extension
-    subject.created.append(longer)
     upload(
         line, name, program_file(subject.dialect, wait(0) * _NODES, layout=layout_in_use(subject))
     )

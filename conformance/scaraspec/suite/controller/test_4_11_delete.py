@@ -93,7 +93,6 @@ def _goes_alone(subject: Subject, line: Line) -> None:
         name = store_program(subject, line, subject.new_name(".a"))
         others = [name.replace(b".", b"x", 1), name + b".rob"]
         for other in others:
-            subject.created.append(other)
             store_program(subject, line, other)
     except NameRefused:
         return
@@ -164,7 +163,6 @@ def test_missing(subject: Subject, line: Line) -> None:
     content = short_program(subject)
     stem, dot, extension = name.rpartition(b".")
     free = subject.new_name()
-    subject.created.remove(free)
     for wrong in examples(
         (
             free,

@@ -64,7 +64,6 @@ def test_missing(subject: Subject, line: Line) -> None:
         name = store_program(subject, line)
         _set(line, name)
         missing = subject.new_name()
-        subject.created.remove(missing)
         answer = line.ask("set_default_program", missing)
         if answer.accepted:
             message = "a program that is not stored can be made the default one"

@@ -8,7 +8,7 @@ from scaraspec.suite.as_client.asking.files import NameRefused
 from scaraspec.suite.as_client.asking.motion import BUSY, quieten
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.state.defaults import default_kept
-from scaraspec.suite.as_client.subject import STEM, Subject
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.as_client.two_stage.refusals import expect_missing
 from scaraspec.suite.as_client.two_stage.tasks import (
     BRIEFLY_S,
@@ -113,7 +113,7 @@ def test_stored_programs_run(subject: Subject, line: Line) -> None:
     def tried(name: bytes) -> None:
         stem, dot, _ = name[-20:].rpartition(b".")
         try:
-            program = stored_as(subject, line, STEM.encode() + stem + dot + extension)
+            program = stored_as(subject, line, subject.files.prefix + stem + dot + extension)
         except NameRefused:
             return
         for _ in range(2):
@@ -125,7 +125,7 @@ def test_stored_programs_run(subject: Subject, line: Line) -> None:
                 observed=f"{answer}",
             )
             done(subject, line, RUN)
-        line.ask("delete_program", subject.created.pop())
+        line.ask("delete_program", data=program)
 
     tried()
 
@@ -184,7 +184,7 @@ def _expect_near_ones_missing(subject: Subject, line: Line, program: bytes) -> N
         b"x" + program,
         program + b".rob",
         subject.new_name(),
-        b"zsm" + b"i" * 22 + b"s" + dot + extension,
+        subject.files.prefix + b"m" + b"i" * 18 + b"s" + dot + extension,
         INHERITED,
     ]
     for name in examples(near):
@@ -192,7 +192,7 @@ def _expect_near_ones_missing(subject: Subject, line: Line, program: bytes) -> N
 
     @given(st.text("abcxyzABC0123456789_-", min_size=8, max_size=20))
     def tried(name: str) -> None:
-        expect_missing(subject, line, RUN, f"zsm{name}.rob".encode(), "4.15/7")
+        expect_missing(subject, line, RUN, subject.files.prefix + f"{name}.rob".encode(), "4.15/7")
 
     tried()
 

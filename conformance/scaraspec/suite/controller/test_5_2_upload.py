@@ -74,7 +74,6 @@ def test_new_name(subject: Subject, line: Line, stem: str) -> None:
         subject.tolerate("5.2/2", "A-5-20", "letters and digits", f"{refusal}")
         return
     delete(line, name)
-    subject.created.remove(name)
 
 
 @case("5.2/2", name="long")
@@ -83,7 +82,6 @@ def test_long_names(subject: Subject, line: Line) -> None:
     for size in examples((29, 30, 31, 60, 120, 200)):
         short = subject.new_name()
         name = short[:-4] + b"n" * (size - len(short)) + short[-4:]
-        subject.created.append(name)
         answer = line.ask("upload_name", data=name)
         if size <= 30:
             message = f"a name of {size} bytes was refused"
@@ -115,7 +113,6 @@ def test_many_names(subject: Subject, line: Line) -> None:
         name = subject.new_name()
         upload(line, name, b"!")
         delete(line, name)
-        subject.created.remove(name)
     nothing_more(line, "a name was answered twice", "5.2/2")
 
 
@@ -149,8 +146,6 @@ def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
         name = path % plain
         offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
         line = offered.line
-        if offered.accepted:
-            subject.created.append(name)
         message = f"the name {name.decode()} was accepted"
         expect(not offered.accepted, message, expected="0", observed="1")
 
@@ -164,7 +159,6 @@ def test_backslash_in_a_new_name(subject: Subject, line: Line) -> None:
         offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
         line = offered.line
         if offered.accepted:
-            subject.created += [name, plain]
             offer(line, Chunk(1, 0, 1, b"!"))
             line = again(subject, line)
             message = f"the name {name.decode()} has stored {plain.decode()}"
@@ -420,7 +414,6 @@ def test_two_files(subject: Subject, line: Line) -> None:
     """Two files of names that begin alike keep their contents apart."""
     first = subject.new_name()
     second = first[:-4] + b"b" + first[-4:]
-    subject.created.append(second)
     contents = {first: content_of(450), second: content_of(450, 1)}
     for name, content in contents.items():
         upload(line, name, content)

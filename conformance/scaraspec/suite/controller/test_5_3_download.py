@@ -87,7 +87,7 @@ def test_file_that_is_not_there(subject: Subject, line: Line) -> None:
     """Names that are nearly those of a file, and no name at all, are answered 0."""
     name = some_file(subject, line, _CONTENT)
     near_ones = [name + b"x", name[:-1], b"x" + name, name[1:], name + b".bak"]
-    if name in subject.created:  # else somebody's other file may be called so
+    if subject.files.is_own(name):  # else somebody's other file may be called so
         near_ones.append(name.partition(b".")[0])
     for near in examples((*near_ones, b"*", b"*.rob", INHERITED)):
         _absent(line, near, f"{near.decode(errors='replace')} is not there and was promised")

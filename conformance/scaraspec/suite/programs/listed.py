@@ -25,12 +25,9 @@ def long_name(subject: Subject, size_bytes: int) -> bytes:
 
     It has capitals, and differs from others of its length at its end alone.
     """
-    shortest = subject.new_name()
-    subject.created.remove(shortest)
-    padding = size_bytes - len(shortest)
+    padding = size_bytes - len(subject.new_name())
     name = subject.new_name(lead=("nN" * size_bytes)[: max(padding, 1)])
     if len(name) > size_bytes and padding > 1:  # its number has one digit more
-        subject.created.remove(name)
         name = subject.new_name(lead=("nN" * size_bytes)[: padding - 1])
     return name
 

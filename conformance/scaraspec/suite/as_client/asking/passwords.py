@@ -2,7 +2,8 @@
 
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import ODD_PASSWORDS
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.as_client.suite_passwords import REFUSABLE, usable
 from scaraspec.suite.expect import expect
 from scaraspec.suite.wire import Answer
 
@@ -20,6 +21,11 @@ def rotated(password: bytes) -> bytes:
     return other if other != password else altered(password)
 
 
+def usable_passwords(subject: Subject) -> tuple[bytes, ...]:
+    """The passwords that cases may set on this controller, the plain one first."""
+    return usable(factory_reset=subject.has_hook("factory_reset"))
+
+
 def change(line: Line, old: bytes, new: bytes) -> Answer:
     """Ask for another password; the answer."""
     return line.ask("set_password", PasswordChange(old, new))
@@ -35,7 +41,7 @@ def expect_changed(line: Line, old: bytes, new: bytes) -> bool:
         Unmet: Another one is refused.
     """
     answer = change(line, old, new)
-    if answer.accepted is False and (new in ODD_PASSWORDS or new == old):
+    if answer.accepted is False and (new in REFUSABLE or new == old):
         return False
     expect(
         answer.accepted,

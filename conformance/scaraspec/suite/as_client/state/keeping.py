@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.state.restore import ITEMS, restore_password
+from scaraspec.suite.as_client.state.password import restore_password
+from scaraspec.suite.as_client.state.restore import ITEMS
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 

@@ -1,21 +1,21 @@
-"""Restore: what a run may change, written down before and put back after, also after an interrupt.
+"""Restore: the settings and the program list, read before a run and compared and put back after it.
 
-The state stays in a file until it is put back, so that the next run can put back what one that was
-killed has left. Passwords are not written: the one that the tester names is set again.
+Only what the suite may have changed is put back. What has changed otherwise is reported and left
+as it is: another client may have changed it on purpose.
 """
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any, Final
 
-from scaraspec.protocol.commands import Network, PasswordChange, Point, PortValue, Pose
+from scaraspec.protocol.commands import Network, Point, PortValue, Pose
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.asking.clock import shifted
+from scaraspec.suite.as_client.guard import EVERYTHING
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import OTHER_PASSWORDS, STEM, Subject
+from scaraspec.suite.as_client.state.password import restore_password, set_value
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
 from scaraspec.suite.programs.listed import program_names
 
@@ -24,8 +24,8 @@ _HALF_S: Final = 0.5
 _COMES_BACK_S: Final = 10
 _ONCE_MORE_S: Final = 1
 _NS: Final = 1_000_000_000
-_BUFFERS_BYTES: Final = (64, 63, 32, 31, 30, 20, 16, 15, 10, 8)
 _REFUSED_PERHAPS: Final = ("default program", "initial tool position")
+_PROGRAMS: Final = "programs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,57 +37,108 @@ class Item:
         hazard: It is only changed, and put back, where this is allowed.
         read: Asks for it; None where the subject does not say. Gives what JSON can hold.
         write: Sets it.
+        differs: Whether what it is now, and what it was, are not the same.
     """
 
     name: str
     hazard: Hazard
     read: Callable[[Subject, Line], Any]
     write: Callable[[Subject, Line, Any], None]
+    differs: Callable[[Subject, Any, Any], bool] = lambda _, now, before: bool(now != before)
 
 
-def save(subject: Subject) -> dict[str, Any]:
-    """Ask for everything that this run may change.
+def snapshot(subject: Subject, line: Line) -> dict[str, Any]:
+    """The settings and the program list, by the names of `ITEMS`; None where nothing is told.
 
-    A setting that the subject refuses to take back even now, as a default program that is not
-    stored or a position that was never set, is none that a run could put back.
-
-    Raises:
-        Unmet: The subject cannot be reached, or refuses the login.
+    Outputs are left out where the suite switches none: a program of the user may switch them.
     """
-    line = subject.open()
-    items = [item for item in ITEMS if item.hazard in subject.allowed]
-    state = {item.name: _read(item, subject, line) for item in items}
-    for item in items:
-        if item.name in _REFUSED_PERHAPS and state[item.name]:
+    items = (i for i in ITEMS if i.hazard is not Hazard.MOTION or i.hazard in subject.allowed)
+    return {item.name: _read(item, subject, line) for item in items}
+
+
+def without_the_unrestorable(
+    subject: Subject, line: Line, before: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The settings of a snapshot that the controller takes back.
+
+    It refuses a default program that is not stored, or a position that was never set: no run could
+    put them back.
+    """
+    state = dict(before)
+    for item in ITEMS:
+        if item.name in _REFUSED_PERHAPS and item.hazard in subject.allowed and state[item.name]:
             try:
                 item.write(subject, line, state[item.name])
             except (Unmet, Undecided):
                 state[item.name] = None
-    line.close()
     return state
 
 
-def restore(subject: Subject, state: Mapping[str, Any]) -> list[str]:
-    """Bring the subject to rest and put back what differs.
+def restore(subject: Subject) -> list[str]:
+    """Bring the controller to rest, put back what the run has changed, and compare with the start.
 
     Returns:
-        A sentence for each thing that could not be put back.
+        A sentence for each difference that is left.
     """
-    problems = []
+    before, changed = subject.journal.changes.settings, subject.journal.changes.changed
     try:
         line = _reached(subject)
     except (Unmet, Undecided) as error:
         return [f"nothing could be put back: {error}"]
-    for item in ITEMS:
-        wanted = state.get(item.name)
-        try:
-            if wanted is not None and _differs(_read(item, subject, line), wanted):
-                expect(item.hazard in subject.allowed, f"it wants --allow {item.hazard.value}")
-                item.write(subject, line, wanted)
-        except (Unmet, Undecided) as error:
-            problems.append(f"the {item.name} could not be put back to {wanted}: {error}")
+    problems = [
+        problem
+        for item in ITEMS
+        if before.get(item.name) is not None
+        if (problem := _put_back(item, subject, line, before[item.name], changed))
+    ]
     line.close()
+    if not problems:
+        subject.journal.confirm("restored")
     return problems
+
+
+def _put_back(item: Item, subject: Subject, line: Line, wanted: Any, changed: list[str]) -> str:
+    """Put one item back where the suite may have changed it; what is wrong with it then."""
+    try:
+        now = _read(item, subject, line)
+        if not item.differs(subject, now, wanted):
+            return ""
+        if item.name == _PROGRAMS:
+            return _of_programs(subject, line, now, wanted)
+        if item.name not in changed and EVERYTHING not in changed:
+            return (
+                f"the {item.name} was {_shown(wanted)} at the start and is {_shown(now)}: the "
+                "suite has not set it"
+            )
+        expect(item.hazard in subject.allowed, f"it needs --allow {item.hazard.value}")
+        item.write(subject, line, wanted)
+        now = _read(item, subject, line)
+        expect(not item.differs(subject, now, wanted), f"it is {_shown(now)}")
+    except (Unmet, Undecided) as error:
+        return f"the {item.name} could not be put back to {_shown(wanted)}: {error}"
+    return ""
+
+
+def _of_programs(subject: Subject, line: Line, now: list[str] | None, wanted: list[str]) -> str:
+    """What differs in the program list; the suite's own files have been deleted before.
+
+    The default program may have to stay (A-4.11-1), where there was none before.
+    """
+    if now is None:
+        return "the program list cannot be read, so it was not compared with that of the start"
+    more, less = sorted({*now} - {*wanted}), sorted({*wanted} - {*now})
+    told = []
+    if more:
+        default = _read_default(subject, line)
+        ours = [f"{n} (the default program)" if n == default else n for n in more]
+        told.append(f"{', '.join(ours)} was not listed at the start")
+    if less:
+        told.append(f"{', '.join(less)} is not listed any more")
+    return f"the program list differs: {'; '.join(told)}"
+
+
+def _shown(value: Any) -> str:
+    return "unknown" if value is None else f"{value}"
 
 
 def _reached(subject: Subject) -> Line:
@@ -110,79 +161,11 @@ def _reached(subject: Subject) -> Line:
         subject.pause(_ONCE_MORE_S)
 
 
-def load(path: Path) -> dict[str, Any]:
-    """The state that a run which was killed has left; empty where none can be read."""
-    try:
-        state = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return state if isinstance(state, dict) else {}
-
-
-def keep(path: Path, state: Mapping[str, Any]) -> None:
-    """Write a state down.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    path.write_text(json.dumps(state, indent=1) + "\n", encoding="utf-8")
-
-
 def _read(item: Item, subject: Subject, line: Line) -> Any:
     try:
         return item.read(subject, line)
     except (Unmet, Undecided):  # of that, too, the cases are the judges
         return None
-
-
-def _differs(value: Any, wanted: Any) -> bool:
-    if isinstance(wanted, int) and isinstance(value, int):
-        return abs(value - wanted) > _CLOCK_SLACK_S
-    return bool(value != wanted)
-
-
-def _as_kept_wrongly() -> list[bytes]:
-    """What a faulty subject may have made of a new password: nobody could log in again."""
-    cut = [each[:size] for each in OTHER_PASSWORDS for size in _BUFFERS_BYTES if size < len(each)]
-    ways: tuple[Callable[[bytes], bytes], ...] = (
-        bytes.lower,
-        bytes.upper,
-        lambda each: each.lstrip(b"0"),
-    )
-    return [*cut, *(way(each) for each in OTHER_PASSWORDS for way in ways)]
-
-
-def restore_password(subject: Subject) -> None:
-    """Set the password again that the tester named, if a case or the subject has left another.
-
-    What opens a login need not be the password: a faulty subject may look at its beginning alone.
-
-    Raises:
-        Unmet: The subject does not answer, or refuses to.
-    """
-    if Hazard.DESTRUCTIVE not in subject.allowed or not subject.access.needs_login:
-        return
-    refused: Unmet | None = None
-    for password in dict.fromkeys((subject.password, *OTHER_PASSWORDS, *_as_kept_wrongly())):
-        line = subject.open(login=False)
-        opened = bool(line.ask("login", password).accepted)
-        if opened and password != subject.password:
-            try:
-                _set(line, "set_password", PasswordChange(password, subject.password))
-            except NoAnswer:
-                raise
-            except Unmet as error:
-                refused, opened = error, False
-        line.close()
-        if opened:
-            return
-    if refused is not None:
-        raise refused
-
-
-def _set(line: Line, name: str, value: Any = None, *, data: bytes | None = None) -> None:
-    answer = line.ask(name, value, data=data)
-    expect(answer.accepted, f"{name} was refused", expected="1", observed=f"{answer}")
 
 
 # ---------------------------------------------------------------------- what there is
@@ -192,31 +175,37 @@ def _read_programs(subject: Subject, line: Line) -> list[str]:
     return sorted(name.decode("latin-1") for name in program_names(subject, line))
 
 
-def _remove_programs(subject: Subject, line: Line, wanted: list[str]) -> None:
-    """Delete what the suite has left, unless the default program has to stay (A-4.11-1).
-
-    Files of others are not touched.
-    """
-    for name in _read_programs(subject, line):
-        if name in wanted or not name.startswith(STEM):
-            continue
-        answer = line.ask("delete_program", name.encode("latin-1"))
-        stays = not answer.accepted and name == _read_default(subject, line)
-        expect(answer.accepted or stays, f"{name} cannot be deleted", observed=f"{answer}")
+def _delete_own(subject: Subject, line: Line, _: list[str]) -> None:
+    """Delete what the suite has stored; files of others are not touched."""
+    subject.clear(line)
 
 
-def _read_clock(subject: Subject, line: Line) -> int | None:
-    """How far its clock is ahead of ours, in seconds."""
+def _read_clock(subject: Subject, line: Line) -> list[float] | None:
+    """How far its clock is ahead of ours, and when that was so, both in seconds."""
     value = line.ask("get_time").value
     if value is None:
         return None
     ahead_s: float = (value - _ours(subject)).total_seconds()
-    return round(ahead_s + _HALF_S)  # it shows whole seconds
+    return [round(ahead_s + _HALF_S), subject.now_ns / _NS]  # it shows whole seconds
 
 
-def _write_clock(subject: Subject, line: Line, ahead_s: int) -> None:
+def _ahead_s(subject: Subject, before: list[float]) -> float:
+    """How far a clock must be ahead now; that of a fast simulator gains all the time."""
+    ahead_s, at_s = before
+    return ahead_s + (subject.statement.time_scale - 1) * (subject.now_ns / _NS - at_s)
+
+
+def _clock_differs(subject: Subject, now: list[float] | None, before: list[float]) -> bool:
+    if now is None:
+        return True
+    slack_s = _CLOCK_SLACK_S * max(subject.statement.time_scale, 1)
+    return abs(now[0] - _ahead_s(subject, before)) > slack_s
+
+
+def _write_clock(subject: Subject, line: Line, before: list[float]) -> None:
+    ahead_s = _ahead_s(subject, before)
     time = shifted(_ours(subject), timedelta(seconds=ahead_s + _HALF_S))
-    _set(line, "set_time", time.replace(microsecond=0))
+    set_value(line, "set_time", time.replace(microsecond=0))
 
 
 def _ours(subject: Subject) -> datetime:
@@ -230,7 +219,7 @@ def _read_default(_: Subject, line: Line) -> str | None:
 
 def _write_default(_: Subject, line: Line, name: str) -> None:
     """Set it by the bytes that were told, be they a name or not."""
-    _set(line, "set_default_program", data=name.encode("latin-1"))
+    set_value(line, "set_default_program", data=name.encode("latin-1"))
 
 
 def _read_outputs(_: Subject, line: Line) -> str | None:
@@ -242,7 +231,7 @@ def _write_outputs(subject: Subject, line: Line, digits: str) -> None:
     now = _read_outputs(subject, line) or ""
     for port, (digit, wanted) in enumerate(zip(reversed(now), reversed(digits), strict=False), 1):
         if digit != wanted:
-            _set(line, "set_digital_output", PortValue(port, int(wanted)))
+            set_value(line, "set_digital_output", PortValue(port, int(wanted)))
 
 
 def _read_numbers(name: str) -> Callable[[Subject, Line], list[Any] | None]:
@@ -255,15 +244,15 @@ def _read_numbers(name: str) -> Callable[[Subject, Line], list[Any] | None]:
 
 def _write_tuple(name: str, make: type) -> Callable[[Subject, Line, list[Any]], None]:
     def write(_: Subject, line: Line, values: list[Any]) -> None:
-        _set(line, name, make(*values))
+        set_value(line, name, make(*values))
 
     return write
 
 
 ITEMS: Final = (
-    Item("clock", Hazard.STATE, _read_clock, _write_clock),
+    Item("clock", Hazard.STATE, _read_clock, _write_clock, _clock_differs),
     Item("default program", Hazard.STATE, _read_default, _write_default),
-    Item("programs", Hazard.STATE, _read_programs, _remove_programs),
+    Item(_PROGRAMS, Hazard.STATE, _read_programs, _delete_own),
     Item(
         "gripper centre",
         Hazard.STATE,

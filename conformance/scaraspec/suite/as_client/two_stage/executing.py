@@ -14,7 +14,7 @@ from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import show
 from scaraspec.suite.as_client.asking.files import upload
 from scaraspec.suite.as_client.line import Line
-from scaraspec.suite.as_client.subject import STEM, Subject
+from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.programs.layout import configured, find_layout
 from scaraspec.suite.programs.writing import wait_program
@@ -73,18 +73,18 @@ def unless_others_run(subject: Subject, line: Line | None = None) -> Iterator[No
         with suppress(Unmet, Undecided):
             if line is None:
                 subject.close_lines()
-            name = _program_of_others(line or subject.open())
+            name = _program_of_others(subject, line or subject.open())
         if name:
             message = f"the robot runs {show(name)}, which is not the suite's: end it first"
             raise NotRun(message) from None
         raise
 
 
-def _program_of_others(line: Line) -> bytes:
+def _program_of_others(subject: Subject, line: Line) -> bytes:
     status, told = line.ask("get_status").value, line.ask("get_running_program").value
     if status not in _RUNNING or not isinstance(told, RunningProgram):
         return b""
-    return b"" if told.name.startswith(STEM.encode()) else told.name
+    return b"" if told.name.startswith(subject.files.prefix) else told.name
 
 
 def ended(line: Line, command: str, within_s: float = 0.0) -> Answer | None:

@@ -130,7 +130,6 @@ def stored(subject: Subject, line: Line, seconds: float | None = None, name: byt
 
 def stored_as(subject: Subject, line: Line, name: bytes) -> bytes:
     """Upload a program that ends at once under a name of one's own."""
-    subject.created.append(name)
     _upload_wait(subject, line, name, 0)
     return name
 

@@ -1,0 +1,298 @@
+"""Journal: what a run may have changed on a controller, written down before it is changed.
+
+Each controller has one journal in the user's state directory, whatever ``--out`` is. A run that
+ends in order removes it. If a run is killed, the next run reads it and puts everything back first
+(see `as_client.state.recovery`). Only the suite's own passwords are stored, never the user's.
+
+The file holds one JSON object a line. Each line is on disk before the change that it announces is
+sent, so that a torn last line announces nothing that was sent.
+"""
+
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, Final, Self, TypeVar
+
+from scaraspec.operating_system import LockedError, locked, make_private_folder, open_private
+from scaraspec.suite.expect import Undecided
+
+T = TypeVar("T")
+
+FORMAT: Final = 1
+_SLUG: Final = re.compile(r"[^A-Za-z0-9.]+")
+_DIGEST_CHARACTERS: Final = 8
+
+
+class JournalError(Undecided):
+    """The journal cannot be read or written; one sentence for the user."""
+
+
+class ControllerBusyError(Exception):
+    """Another run uses this controller; one sentence for the user."""
+
+
+@dataclass
+class Changes:
+    """What a run may have changed and has not put back. Set by `apply` only.
+
+    Attributes:
+        started: When the run began, as ISO 8601.
+        settings: What the settings were before the run, by name.
+        changed: The names of the settings that the run may have changed.
+        passwords: The passwords that the run may have set, the last one last; None is the user's.
+        files: The files whose upload the controller has accepted and that are not deleted.
+        offered: The files whose upload was requested and was not answered.
+        motion: Whether the robot may be executing something.
+    """
+
+    started: str = ""
+    settings: dict[str, Any] = field(default_factory=dict)
+    changed: list[str] = field(default_factory=list)
+    passwords: list[str | None] = field(default_factory=list)
+    files: list[str] = field(default_factory=list)
+    offered: list[str] = field(default_factory=list)
+    motion: bool = False
+
+    @property
+    def any(self) -> bool:
+        """Whether there may be anything to put back."""
+        return bool(self.changed or self.passwords or self.files or self.offered or self.motion)
+
+    def apply(self, record: Mapping[str, Any]) -> None:  # noqa: C901, PLR0912 - a branch for each event
+        """Take in one record of the journal.
+
+        Raises:
+            KeyError, TypeError: It is not a record of this format.
+        """
+        match record["event"]:
+            case "run":
+                self.started = record["started"]
+            case "settings":
+                self.settings = dict(record["before"])
+            case "changing":
+                _add(self.changed, record["setting"])
+            case "restored":  # all that was changed, as a comparison has shown
+                self.changed.clear()
+                self.offered.clear()
+            case "password":
+                _remove(self.passwords, record["value"])
+                self.passwords.append(record["value"])
+            case "password-refused":  # unlikely to be set, so it is tried last
+                _remove(self.passwords, record["value"])
+                self.passwords.insert(0, record["value"])
+            case "password-restored":
+                self.passwords.clear()
+            case "offered":
+                _add(self.offered, record["name"])
+            case "accepted":
+                _remove(self.offered, record["name"])
+                _add(self.files, record["name"])
+            case "refused":
+                _remove(self.offered, record["name"])
+            case "deleted":
+                _remove(self.files, record["name"])
+            case "motion":
+                self.motion = True
+            case "rest":
+                self.motion = False
+            case _:
+                raise KeyError(record["event"])
+
+
+class Journal:
+    """The journal of one run.
+
+    Args:
+        path: The file; None keeps everything in memory, for a controller in this process.
+
+    Attributes:
+        path: The file.
+        earlier: What an interrupted run has left; None if there was none.
+        changes: What this run may have changed and has not put back.
+
+    Raises:
+        JournalError: The journal of an earlier run cannot be read.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self.path = path
+        self.changes = Changes()
+        self.earlier = _load(path) if path else None
+        self._descriptor: int | None = None
+
+    @classmethod
+    @contextmanager
+    def of(cls, controller: str, folder: Path, *, wait_s: float = 0.0) -> Iterator[Self]:
+        """The journal of a controller, which no other run can use at the same time.
+
+        Args:
+            controller: The controller's URL with its address resolved.
+            folder: The state directory.
+            wait_s: How long to wait for another run.
+
+        Raises:
+            ControllerBusyError: Another run uses it.
+            JournalError: The state directory cannot be used, or the journal cannot be read.
+        """
+        digest = sha256(controller.encode()).hexdigest()[:_DIGEST_CHARACTERS]
+        name = f"{_SLUG.sub('-', controller).strip('-')}-{digest}"
+        try:
+            make_private_folder(folder)
+            lock = locked(folder / f"{name}.lock", wait_s)
+            with lock:
+                journal = cls(folder / f"{name}.journal")
+                try:
+                    yield journal
+                finally:
+                    journal.close()
+        except LockedError:
+            raise ControllerBusyError(
+                f"another scaraspec run is using {controller}: wait for it with --wait-for-lock 60s"
+            ) from None
+        except OSError as error:
+            if error.filename is None or not str(error.filename).startswith(str(folder)):
+                raise
+            raise JournalError(
+                f"the state directory {folder} cannot be used: {error.strerror}; "
+                "name another one with --state-dir"
+            ) from None
+
+    def begin(self, started: str, settings: Mapping[str, Any]) -> None:
+        """Begin a run: what an earlier run has left is put back by now.
+
+        Args:
+            started: The time, as ISO 8601.
+            settings: What the settings are, by name.
+
+        Raises:
+            JournalError: It cannot be written.
+        """
+        self.close()
+        self.changes, self.earlier = Changes(), None
+        if self.path:
+            fresh = self.path.with_suffix(".new")
+            self._open(fresh, os.O_TRUNC)
+        self.write("run", format=FORMAT, started=started, process=os.getpid())
+        self.write("settings", before=dict(settings))
+        if self.path:
+            self.close()  # Windows renames no open file
+            try:
+                fresh.replace(self.path)
+            except OSError as error:
+                raise self._unwritable(error) from None
+            self._open(self.path, os.O_APPEND)
+
+    def resume(self) -> None:
+        """Go on with the journal of an interrupted run, to put back what it has left.
+
+        Raises:
+            JournalError: It cannot be written.
+        """
+        assert self.earlier is not None, "no run was interrupted"
+        self.changes = self.earlier
+        if self.path:
+            self._open(self.path, os.O_APPEND)
+
+    def write(self, event: str, **values: Any) -> None:
+        """Write a record, and wait until it is on disk.
+
+        Raises:
+            JournalError: It cannot be written: the change that it announces must not be made.
+        """
+        record = {"event": event, **values}
+        self.changes.apply(record)
+        if self._descriptor is not None:
+            line = json.dumps(record, ensure_ascii=True).encode() + b"\n"
+            try:
+                while line:
+                    line = line[os.write(self._descriptor, line) :]
+                os.fsync(self._descriptor)
+            except OSError as error:
+                raise self._unwritable(error) from None
+
+    def confirm(self, event: str, **values: Any) -> None:
+        """Write a record of what has happened already; a disk that is full loses it.
+
+        Without it a later run may look for more than there is to put back.
+        """
+        with suppress(JournalError):
+            self.write(event, **values)
+
+    def finish(self) -> None:
+        """End a run that has left nothing behind: the journal is removed.
+
+        Raises:
+            JournalError: It cannot be removed.
+        """
+        self.close()
+        self.changes = Changes()
+        if self.path:
+            try:
+                self.path.unlink(missing_ok=True)
+            except OSError as error:
+                raise self._unwritable(error) from None
+
+    def close(self) -> None:
+        """Write nothing more; the file stays."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+    def _open(self, path: Path, flag: int) -> None:
+        try:
+            self._descriptor = open_private(path, os.O_WRONLY | os.O_CREAT | flag)
+            if flag == os.O_APPEND:  # what follows a torn line begins a line of its own
+                self._end_torn_line(path)
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def _end_torn_line(self, path: Path) -> None:
+        assert self._descriptor is not None
+        if path.read_bytes()[-1:] not in (b"", b"\n"):
+            os.write(self._descriptor, b"\n")
+
+    def _unwritable(self, error: OSError) -> JournalError:
+        return JournalError(f"the journal {self.path} cannot be written: {error.strerror}")
+
+
+def _load(path: Path) -> Changes | None:
+    """What an interrupted run has left; None if there is no journal.
+
+    Raises:
+        JournalError: It cannot be read.
+    """
+    try:
+        lines = path.read_bytes().split(b"\n")
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise JournalError(f"the journal {path} cannot be read: {error.strerror}") from None
+    changes = Changes()
+    for number, line in enumerate(lines, 1):
+        try:
+            record = json.loads(line)
+        except ValueError:
+            continue  # the run was killed while it wrote this line: what it announces was not sent
+        try:
+            changes.apply(record)
+        except (KeyError, TypeError):
+            raise JournalError(
+                f"line {number} of the journal {path} is of another version of scaraspec: put back "
+                "by hand what the file names, then delete it"
+            ) from None
+    return changes
+
+
+def _add(values: list[T], value: T) -> None:
+    if value not in values:
+        values.append(value)
+
+
+def _remove(values: list[T], value: T) -> None:
+    if value in values:
+        values.remove(value)
