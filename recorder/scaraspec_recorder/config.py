@@ -20,11 +20,10 @@ from scaraspec_recorder.injection.rules import Injection
 from scaraspec_recorder.keeping.archive import Archive, archive_sink
 from scaraspec_recorder.keeping.capture import capture_sink
 from scaraspec_recorder.keeping.leftovers import repairing_sink
-from scaraspec_recorder.keeping.retention import Keep, parse_keep
 from scaraspec_recorder.keeping.rotation import Rotate, parse_rotate
 from scaraspec_recorder.keeping.seams import safe_name
 from scaraspec_recorder.keeping.triggers import parse_trigger
-from scaraspec_recorder.quantities import SECOND_NS, parse_duration, parse_size
+from scaraspec_recorder.quantities import Limits, parse_limits, parse_size
 from scaraspec_recorder.toml_file import TomlError, read_toml
 
 DEFAULT_OUT: Final = Path("captures")
@@ -36,9 +35,9 @@ DEFAULT_LISTEN: Final = {
 }
 """Where the recorder listens if nothing is said, by mode."""
 
-_AROUND_NS: Final = 60 * SECOND_NS
 _HOURLY: Final = parse_rotate("1h")
-"""Where limits and incidents ask for several files: one that never ended could not be removed."""
+"""How long a file lasts if only limits are set: a file that never ends could not be removed."""
+
 _MOST_ROBOTS: Final = 256
 
 
@@ -64,11 +63,10 @@ class Robot:
         out: The folder of the recording.
         mode: How clients come to it.
         redact: Whether to hide passwords in the raw layer too.
-        rotate: When a file ends; None for one file, or each hour where there are to be several.
+        rotate: When a file ends; None for one file, or for each hour if limits are set.
         keep: What is kept; None for all.
         min_free_bytes: How much of the disk is to stay free.
-        ring_ns: How much before and after a trigger is written; None to write everything.
-        triggers: When an incident is written.
+        triggers: The conditions at which the recording is marked.
         injection: Faults on purpose; None for none.
         i_mean_it: Whether they may reach clients on other machines.
         timestamps: Who says when bytes came in.
@@ -81,9 +79,8 @@ class Robot:
     mode: Mode = Mode.EXPLICIT
     redact: bool = False
     rotate: Rotate | None = None
-    keep: Keep | None = None
+    keep: Limits | None = None
     min_free_bytes: int = 0
-    ring_ns: int | None = None
     triggers: tuple[str, ...] = ()
     injection: Injection | None = None
     i_mean_it: bool = False
@@ -92,38 +89,34 @@ class Robot:
     def sink(self, session: Mapping[str, str], *, draw: bool, needs_login: bool) -> SinkFactory:
         """Return what makes the sink that writes the files.
 
-        One file, capture.mcap, unless anything is said that asks for several; these are named by
-        time and robot and have a table of contents.
+        It writes one file, capture.mcap, unless `rotate`, `keep` or `min_free_bytes` is set. Then
+        it writes several files, named by time and robot, and a table of contents.
 
         Args:
             session: What is known beforehand, such as the addresses.
             draw: Whether to write .rrd files too.
             needs_login: False for a serial link (L83).
         """
-        several = self.rotate or self.keep or self.min_free_bytes or self.ring_ns or self.triggers
-        if not several:
+        if not (self.rotate or self.keep or self.min_free_bytes):
             make = partial(
                 capture_sink,
                 session=session,
                 needs_login=needs_login,
                 draw=draw,
                 redact=self.redact,
+                triggers=self.triggers,
             )
             return partial(repairing_sink, make=make)
-        around_ns = _AROUND_NS if self.ring_ns is None else self.ring_ns
         archive = Archive(
             robot=self.name,
             session=session,
             needs_login=needs_login,
             draw=draw,
             redact=self.redact,
-            continuous=self.ring_ns is None or self.rotate is not None,
             rotate=self.rotate or _HOURLY,
-            keep=self.keep or Keep(),
+            keep=self.keep or Limits(),
             min_free_bytes=self.min_free_bytes,
             triggers=self.triggers,
-            before_ns=around_ns,
-            after_ns=around_ns,
         )
         return partial(archive_sink, archive=archive)
 
@@ -154,8 +147,6 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> Robot:
         raise ConfigError(f"{prefix}url is missing: name the controller, as tcp://192.168.1.2")
     values.setdefault("listen", DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)])
     robot = Robot(name, **values)
-    if robot.ring_ns is not None and not robot.triggers:
-        raise ConfigError(f"{prefix}ring writes nothing without a trigger: add one")
     if robot.i_mean_it and not robot.injection:
         raise ConfigError(f"{prefix}i-mean-it means nothing without inject: leave it out")
     return robot
@@ -243,9 +234,8 @@ _KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
     "mode": (str, "mode", _mode),
     "redact": (bool, "redact", bool),
     "rotate": (str, "rotate", parse_rotate),
-    "keep": (str, "keep", parse_keep),
+    "keep": (str, "keep", parse_limits),
     "min-free": (str, "min_free_bytes", parse_size),
-    "ring": (str, "ring_ns", parse_duration),
     "trigger": (list, "triggers", _triggers),
     "inject": (str, "injection", _injection),
     "i-mean-it": (bool, "i_mean_it", bool),

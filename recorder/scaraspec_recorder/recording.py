@@ -57,10 +57,10 @@ class Recording:
         return self._progress
 
     def ask(self) -> None:
-        """Ask for an incident: it is written as soon as there is a writer.
+        """Ask for a mark: it is written as soon as the writing process runs.
 
         Raises:
-            OSError: That cannot be noted.
+            OSError: The request cannot be written.
         """
         asking.ask(self.spool)
 

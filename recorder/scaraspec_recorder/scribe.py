@@ -10,28 +10,20 @@ import logging
 import socket
 import sys
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec_recorder.children import SAID, ignore_signals
-from scaraspec_recorder.deriving.sinks import (
-    TICK_NS,
-    Folder,
-    Remembering,
-    Sink,
-    SinkFactory,
-    SinkFailed,
-)
+from scaraspec_recorder.deriving.sinks import TICK_NS, Folder, Sink, SinkFactory, SinkFailed
 from scaraspec_recorder.keeping.seams import moment
 from scaraspec_recorder.spooling.records import UNREACHED
-from scaraspec_recorder.spooling.spool import LIMIT_BYTES, Place, SpoolReader, Trouble, note_trouble
+from scaraspec_recorder.spooling.spool import SpoolReader, Trouble, note_trouble
 from scaraspec_recorder.spooling.unspool import Count, Unspooler
 
 POLL_S: Final = 0.05
@@ -40,10 +32,6 @@ POLL_S: Final = 0.05
 NAMED_FILES: Final = 100
 """How many files a progress names: a recorder that goes on for weeks may make thousands a day."""
 
-KEPT_BYTES: Final = LIMIT_BYTES // 4
-"""How much of the spool may be kept for sinks that remember; the rest is for what is unwritten."""
-
-_BOOKMARKS: Final = 32  # about
 _COLLECT_AFTER: Final = 20_000  # new objects: hardly any is in a cycle
 
 _log = logging.getLogger(__name__)
@@ -81,29 +69,6 @@ class Progress:
         return cls(**{**kept, "a2c": Count(**kept["a2c"]), "c2a": Count(**kept["c2a"])})
 
 
-class _Bookmark(NamedTuple):
-    """A place in the spool from which another scribe can read.
-
-    Attributes:
-        place: The place.
-        unspooler: How the connections were there, see `Unspooler.state`.
-    """
-
-    place: Place
-    unspooler: Mapping[str, Any]
-
-    @classmethod
-    def read(cls, kept: Sequence[Any]) -> "_Bookmark":
-        """Return one that was kept as JSON."""
-        place, unspooler = kept
-        return cls(Place(*place), unspooler)
-
-    @property
-    def time_ns(self) -> int:
-        """When the last record before it was made."""
-        return self.unspooler["time_ns"] or 0
-
-
 class _Guarded:
     """A sink whose defects cost the others nothing: it is given up, and that is told."""
 
@@ -112,21 +77,6 @@ class _Guarded:
         self._sink: Sink | None = None
         with self._guard():
             self._sink = make()
-
-    @property
-    def since_ns(self) -> int | None:
-        if isinstance(self._sink, Remembering):
-            with self._guard():
-                return self._sink.since_ns
-        return None
-
-    def recall(self, events: Iterable[WireEvent], until_ns: int) -> bool:
-        """Have the sink remember; return whether it is one that does."""
-        if not isinstance(self._sink, Remembering):
-            return False
-        with self._guard():
-            self._sink.recall(events, until_ns)
-        return True
 
     def write(self, events: Iterable[WireEvent]) -> None:
         if self._sink:
@@ -195,14 +145,10 @@ class Scribe:
         news = {"interrupted": _words(trouble)} if trouble else None
         self._folder = folder = Folder(out_dir, self.progress.files, news)
         self._sinks = [_Guarded(partial(make, folder), self.progress.problems) for make in sinks]
-        kept = state.get("kept")
-        begun = _Bookmark.read(kept) if kept else self._bookmark()
-        self._bookmarks = deque([begun])
         begin_ns = self._unspooler.time_ns  # what comes next is as old as that
         reopened = list(self._unspooler.reopened(now_ns() if begin_ns is None else begin_ns))
         for sink in self._sinks:
-            if not (kept and sink.recall(self._passed(begun, reopened), begin_ns or 0)):
-                sink.write(reopened)
+            sink.write(reopened)
 
     def step(self) -> bool:
         """Hand over what one read of the spool gets, and tick where it is time.
@@ -230,37 +176,8 @@ class Scribe:
         self.progress.finished = True
         self._acknowledge()
 
-    def _bookmark(self) -> _Bookmark:
-        return _Bookmark(self._reader.place, self._unspooler.state)
-
-    def _passed(self, begun: _Bookmark, reopened: Sequence[WireEvent]) -> Iterator[WireEvent]:
-        """What earlier scribes took since a bookmark."""
-        unspooler = Unspooler({A2C: Count(), C2A: Count()}, begun.unspooler)
-        yield from unspooler.reopened(begun.time_ns)
-        for record in self._reader.recall(begun.place):
-            yield from unspooler.take((record,))
-        if unspooler.state != self._unspooler.state:
-            yield from unspooler.cut(unspooler.time_ns or 0, "the spool is damaged")
-            yield from reopened
-
-    def _keep(self) -> _Bookmark | None:
-        """Return where what sinks remember begins; None where they remember nothing."""
-        marks, here = self._bookmarks, self._bookmark()
-        since = [time_ns for sink in self._sinks if (time_ns := sink.since_ns) is not None]
-        if not since:
-            self._bookmarks = deque([here])
-            return None
-        begun_ns, last_ns = marks[0].time_ns, marks[-1].time_ns
-        if not 0 <= here.time_ns - last_ns <= abs(here.time_ns - begun_ns) // _BOOKMARKS:
-            marks.append(here)
-        while len(marks) > 1 and (
-            marks[1].time_ns < min(since) or self._reader.bytes_since(marks[0].place) > KEPT_BYTES
-        ):
-            marks.popleft()
-        return marks[0]
-
     def _heed(self) -> bool:
-        """Pass on that somebody asks for an incident, if so; return whether."""
+        """Pass on that the user asks for a mark, if so; return whether."""
         asked = self._reader.asked()
         news = asked > self._asked
         if news:
@@ -291,10 +208,7 @@ class Scribe:
         del self.progress.files[: len(forgotten)]
         progress = asdict(self.progress)
         state = {"progress": progress, "unspooler": self._unspooler.state, "asked": self._asked}
-        kept = None if self.progress.finished else self._keep()
-        if kept:
-            state["kept"] = kept
-        self._reader.acknowledge(state, kept.place if kept else None)
+        self._reader.acknowledge(state)
 
 
 def run(spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.socket) -> None:

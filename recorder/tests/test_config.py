@@ -42,30 +42,23 @@ def test_little_is_enough() -> None:
     assert make.func is repairing_sink
 
 
-@pytest.mark.parametrize(
-    ("table", "continuous"),
-    [
-        ({"rotate": "1h"}, True),
-        ({"keep": "30d"}, True),
-        ({"min-free": "2GB"}, True),
-        ({"trigger": ["refusal"]}, True),
-        ({"trigger": ["refusal"], "ring": "5s"}, False),
-        ({"trigger": ["refusal"], "ring": "5s", "rotate": "1h"}, True),
-    ],
-)
-def test_what_needs_several_files_makes_an_archive(
-    table: dict[str, Any], *, continuous: bool
-) -> None:
-    """A ring alone writes incidents alone; with rotation everything is written too, an hour a file.
-
-    One file that never ended could never be removed.
-    """
-    make: Any = read_robot("r", {"url": URL, **table}, "--").sink({}, draw=False, needs_login=True)
+@pytest.mark.parametrize("table", [{"rotate": "1h"}, {"keep": "30d"}, {"min-free": "2GB"}])
+def test_what_needs_several_files_makes_an_archive(table: dict[str, Any]) -> None:
+    """An hour a file, if nothing else is said: one file that never ended could not be removed."""
+    given = {"url": URL, "trigger": ["refusal"], **table}
+    make: Any = read_robot("r", given, "--").sink({}, draw=False, needs_login=True)
     assert make.func is archive_sink
     archive = make.keywords["archive"]
-    assert archive.continuous is continuous
     assert archive.rotate == parse_rotate("1h")
-    assert archive.before_ns == archive.after_ns == (5 if "ring" in table else 60) * SECOND_NS
+    assert archive.triggers == ("refusal",)
+
+
+def test_a_trigger_needs_no_several_files() -> None:
+    """It marks one file as well."""
+    robot = read_robot("r", {"url": URL, "trigger": ["refusal", "signal"]}, "--")
+    make: Any = robot.sink({}, draw=False, needs_login=True)
+    assert make.func is repairing_sink
+    assert make.keywords["make"].keywords["triggers"] == ("refusal", "signal")
 
 
 @pytest.mark.parametrize(
@@ -76,8 +69,8 @@ def test_what_needs_several_files_makes_an_archive(
         ({"url": URL, "rotat": "1h"}, "--rotat is no setting: did you mean rotate?"),
         ({"url": URL, "rotate": "soon"}, "--rotate: 'soon' is neither"),
         ({"url": URL, "keep": "1h,2h"}, "--keep: '1h,2h' names two limits"),
+        ({"url": URL, "keep": "30d,"}, "--keep: '' is neither a duration such as 1h nor a size"),
         ({"url": URL, "min-free": "1h"}, "--min-free: '1h' is no size"),
-        ({"url": URL, "ring": "60s"}, "--ring writes nothing without a trigger"),
         ({"url": URL, "trigger": ["bang"]}, "--trigger: 'bang' is no trigger"),
         ({"url": URL, "trigger": [1]}, "--trigger: 1 is no text"),
         ({"url": URL, "trigger": "refusal"}, "--trigger: 'refusal' is no list of texts"),

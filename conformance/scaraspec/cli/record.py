@@ -42,7 +42,7 @@ from scaraspec_recorder.config import (
 )
 from scaraspec_recorder.deriving.sinks import SinkFactory
 from scaraspec_recorder.drawing.live import live_sink
-from scaraspec_recorder.forwarding import relay, rules
+from scaraspec_recorder.forwarding import relay
 from scaraspec_recorder.forwarding.routes import Mode, Route, route
 from scaraspec_recorder.forwarding.tcp import is_loopback
 from scaraspec_recorder.keeping.seams import safe_name
@@ -62,19 +62,21 @@ _LINES_S: Final = 1.0
 _DASHBOARD_S: Final = 0.5
 
 _GROUPS: Final = {
-    "The link": ("listen", "mode", "print_rules", "inject", "i_mean_it", "config"),
-    "The files": ("out", "rotate", "keep", "min_free", "redact", "timestamps"),
-    "Incidents": ("trigger", "ring"),
+    "The link": ("listen", "mode", "inject", "i_mean_it", "config"),
+    "The files": ("out", "rotate", "keep", "min_free", "redact", "timestamps", "trigger"),
     "Watching": ("live", "metrics"),
 }
-_OF_ALL: Final = ("config", "live", "metrics", "print_rules")  # these say nothing of one robot
+_OF_ALL: Final = ("config", "live", "metrics")  # these say nothing of one robot
 
 
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
 @click.argument("url", required=False)
 @click.option("--listen", metavar="HOST:PORT", help=f"Where clients connect [{_LISTEN}].")
-@click.option("--mode", type=click.Choice(list(MODES)), help="How they come there [port].")
-@click.option("--print-rules", is_flag=True, help="Print the mode's nftables rules, and end.")
+@click.option(
+    "--mode",
+    type=click.Choice(list(MODES)),
+    help="How they come there [port]; the others need the rules of docs/transparent-proxy.md.",
+)
 @click.option("--config", metavar="FILE", help="Several robots, from TOML; no URL then.")
 @click.option("--out", metavar="DIR", help=f"Folder; nothing is overwritten [{DEFAULT_OUT}].")
 @click.option(
@@ -94,10 +96,10 @@ _OF_ALL: Final = ("config", "live", "metrics", "print_rules")  # these say nothi
     "--trigger",
     metavar="COND",
     multiple=True,
-    help="Write an incident file at code:12, refusal, finding:4.15/3, finding:fail, silence:30s,"
-    " late:500ms, malformed, disconnect or signal (SIGUSR1); repeatable.",
+    help="Mark the moment in the recording's log at code:12, refusal, finding:4.15/3,"
+    " finding:fail, silence:30s, late:500ms, malformed, disconnect or signal (SIGUSR1);"
+    " repeatable.",
 )
-@click.option("--ring", metavar="TIME", help="Incidents alone, each this long before and after.")
 @click.option("--live", is_flag=True, help="Draw in a Rerun viewer; a slow one costs drawing only.")
 @click.option("--metrics", metavar="HOST:PORT", help="For Prometheus, on this machine alone.")
 @click.option("--inject", metavar="FILE", help="Disturb the link by this TOML file of faults.")
@@ -106,14 +108,11 @@ def command(url: str | None, **options: Any) -> None:
     """Relay clients to the controller at URL and record what passes, until Ctrl-C.
 
     Forward first: the link never waits for the recording. Writes capture.mcap, or files named by
-    time and robot where --rotate, --keep, --min-free, --trigger or --ring ask for several, and
-    .rrd files where the extra view is installed. Exit status 3 if anything was lost.
+    time and robot where --rotate, --keep or --min-free ask for several, and .rrd files where the
+    extra view is installed. Exit status 3 if anything was lost.
     """
     try:
         plans = [_plan(robot) for robot in _robots(url, options)]
-        if options["print_rules"]:
-            click.echo("\n".join(map(_rules, plans)), nl=False)
-            return
         viewer = open_viewer() if options["live"] else None
         watches: list[Watch] = []
         with _metrics(options["metrics"], watches), contextlib.suppress(KeyboardInterrupt):
@@ -203,15 +202,6 @@ def _plan(robot: Robot) -> _Plan:
     return _Plan(robot, controller, listen, caller)
 
 
-def _rules(plan: _Plan) -> str:
-    if not isinstance(plan.controller, Tcp):
-        raise Problem(f"{plan.robot.url} is no TCP link: no rules can lead its clients aside")
-    try:
-        return rules.text(plan.robot.mode, plan.listen, plan.controller)
-    except ValueError as error:
-        raise Problem(f"{plan.robot.url}: {error}") from None
-
-
 def _metrics(
     address: str | None, watches: Sequence[Watch]
 ) -> contextlib.AbstractContextManager[object]:
@@ -267,7 +257,7 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
 
 
 def _ask(asked: Sequence[Recording]) -> None:
-    """Ask for an incident of each of these."""
+    """Ask each of these recordings for a mark."""
     if not asked:
         click.echo("SIGUSR1 does nothing: no recording is under way with --trigger signal")
     for recording in asked:
@@ -284,7 +274,7 @@ async def _record_one(
     asked: list[Recording],
     stopped: asyncio.Event,
 ) -> None:
-    """Record one robot; `asked` takes the recording if it writes incidents on a signal."""
+    """Record one robot; `asked` takes the recording if a signal marks it."""
     robot = plan.robot
     make_folder(robot.out)
     try:

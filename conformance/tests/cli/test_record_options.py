@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from mcap.reader import make_reader
 
 from scaraspec.client import Client
 from scaraspec.judgement.wire import Kind
@@ -25,6 +27,14 @@ from scaraspec_recorder.spooling.passages import Passage
 
 LOCAL = ("--listen", "127.0.0.1:0")
 DEADLINE_S = 60
+
+
+def marks(path: Path) -> list[str]:
+    """What triggers have written into the log of a recording."""
+    with path.open("rb") as file:
+        found = make_reader(file).iter_messages(topics=["/log"])
+        lines = [Log.FromString(message.data) for _, _, message in found]
+    return [line.message for line in lines if line.name == "trigger"]
 
 
 def url_in(line: str) -> str:
@@ -95,28 +105,24 @@ def test_a_robot_that_cannot_be_reached_is_told(processes: Any, tmp_path: Path) 
     end(recorder)
 
 
-def test_a_ring_writes_incidents_alone(processes: Any, controller: str, tmp_path: Path) -> None:
-    """What came before the trigger is in the file, though nothing was written then."""
+def test_a_trigger_marks_the_recording(processes: Any, controller: str, tmp_path: Path) -> None:
+    """Its moment is in the log of the recording, and on the terminal."""
     recorder = processes.start(
-        *("record", controller, *LOCAL, "--out", str(tmp_path)),
-        *("--ring", "60s", "--trigger", "disconnect"),
+        *("record", controller, *LOCAL, "--out", str(tmp_path), "--trigger", "disconnect")
     )
     ask(url_in(recorder.stdout.readline()))
     told = end(recorder)
-    (incident,) = tmp_path.glob("*_disconnect.mcap")
-    assert incident.name in told
-    events = list(open_capture(incident, port=None))
-    assert events[0].kind is Kind.OPENED
-    assert sum(len(event.data) for event in events) > 20
-    assert len(list(tmp_path.glob("*.mcap"))) == 1
+    assert recorder.returncode == 0, told
+    assert "UTC: connection 1 closed\n" in told
+    assert marks(tmp_path / "capture.mcap") == ["disconnect: connection 1 closed"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs SIGUSR1")
-def test_who_asks_gets_an_incident(processes: Any, controller: str, tmp_path: Path) -> None:
+def test_the_user_gets_a_mark(processes: Any, controller: str, tmp_path: Path) -> None:
     """The signal is for the process that the user started; early or late, it is not lost."""
     recorder = processes.start(
         *("record", controller, *LOCAL, "--out", str(tmp_path)),
-        *("--ring", "60s", "--trigger", "signal"),
+        *("--trigger", "signal", "--rotate", "1h"),
     )
     url = url_in(recorder.stdout.readline())
     recorder.send_signal(signal.SIGUSR1)  # the writing process has hardly begun
@@ -124,27 +130,28 @@ def test_who_asks_gets_an_incident(processes: Any, controller: str, tmp_path: Pa
     ask(url)
     told = end(recorder)
     assert recorder.returncode == 0, told
-    (incident,) = tmp_path.glob("*_signal.mcap")
-    assert first == f"signal (asked for by SIGUSR1): recorded in {incident.name}\n"
-    assert sum(len(event.data) for event in open_capture(incident, port=None)) > 20
+    assert first.startswith("trigger signal at ")
+    assert first.endswith(" UTC: asked for by SIGUSR1\n")
+    (path,) = tmp_path.glob("*.mcap")
+    assert marks(path) == ["signal: asked for by SIGUSR1"]
+    assert sum(len(event.data) for event in open_capture(path, port=None)) > 20
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the writing process by /proc")
-def test_who_asks_while_nobody_writes_gets_an_incident(
+def test_the_user_gets_a_mark_though_the_writing_process_is_dead(
     processes: Any, controller: str, tmp_path: Path
 ) -> None:
-    """The writing process is dead, and not started again yet; what it remembered is told again."""
+    """It is not started again yet; the next one marks its own file."""
     recorder = processes.start(
-        *("record", controller, *LOCAL, "--out", str(tmp_path)),
-        *("--ring", "60s", "--trigger", "signal"),
+        *("record", controller, *LOCAL, "--out", str(tmp_path), "--trigger", "signal")
     )
     ask(url_in(recorder.stdout.readline()))
     os.kill(child_of(recorder.pid, "scribe"), signal.SIGKILL)
     recorder.send_signal(signal.SIGUSR1)
     assert any("asked for by SIGUSR1" in line for line in recorder.stdout)
     end(recorder)
-    (incident,) = tmp_path.glob("*_signal.mcap")
-    assert sum(len(event.data) for event in open_capture(incident, port=None)) > 20
+    found = [mark for path in tmp_path.glob("*.mcap") for mark in marks(path)]
+    assert found == ["signal: asked for by SIGUSR1"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems stamp nothing")
@@ -351,33 +358,6 @@ def read_until(descriptor: int, text: str) -> str:
     return shown
 
 
-def test_rules(processes: Any) -> None:
-    """They are printed and nothing is recorded."""
-    done = processes.run(
-        *("record", "tcp://192.168.1.2", "--listen", "127.0.0.1:8877"),
-        *("--mode", "tproxy", "--print-rules"),
-    )
-    assert done.returncode == 0, done.stderr
-    assert "tproxy to 127.0.0.1:8877" in done.stdout
-    assert "While no recorder runs" in done.stdout
-
-
-@pytest.mark.parametrize(
-    ("mode", "says"),
-    [
-        ("port", "clients connect to 127.0.0.1:8877"),
-        ("redirect", "redirect to :8878"),
-        ("tproxy", "tproxy to 127.0.0.1:8878"),
-    ],
-)
-def test_each_mode_has_a_place_to_listen(processes: Any, mode: str, says: str) -> None:
-    """One with which its rules work, where the user names none."""
-    done = processes.run("record", "tcp://192.168.1.2", "--mode", mode, "--print-rules")
-    assert done.returncode == 0, done.stderr
-    assert says in done.stdout
-    assert "While no recorder runs" in done.stdout
-
-
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -386,16 +366,9 @@ def test_each_mode_has_a_place_to_listen(processes: Any, mode: str, says: str) -
         (("--config", "x.toml", "--out", "x"), "--out and --config do not go together"),
         (("--config", "/nowhere.toml"), "/nowhere.toml cannot be read"),
         (("tcp://127.0.0.1", "--rotate", "soon"), "--rotate: 'soon'"),
-        (("tcp://127.0.0.1", "--ring", "9s"), "--ring writes nothing without a trigger"),
         (("tcp://127.0.0.1", "--metrics", "192.0.2.7:9100"), "for this machine alone"),
-        (("tcp://127.0.0.1", "--mode", "redirect", "--listen", "[::1]:1", "--print-rules"), "IPv4"),
-        (("tcp://robot", "--mode", "redirect", "--print-rules"), "'robot' is none"),
-        (
-            ("tcp://10.0.0.2", "--mode", "tproxy", "--listen", "0.0.0.0:1", "--print-rules"),
-            "listen on 127.0.0.1",
-        ),
         (("serial:///dev/ttyX", "--mode", "tproxy"), "no serial lines"),
-        (("serial:///dev/ttyX", "--print-rules"), "no rules"),
+        (("tcp://127.0.0.1", "--trigger", "bang"), "--trigger: 'bang' is no trigger"),
         (("tcp://127.0.0.1", "--listen", "tcp://127.0.0.1"), "no place to listen"),
         (("tcp://127.0.0.1", "--inject", "/nowhere.toml"), "--inject: /nowhere.toml"),
         (("tcp://127.0.0.1", "--listen", "0.0.0.0:0", "--inject", "FAULTS"), "add --i-mean-it"),

@@ -44,6 +44,14 @@ class Output(Protocol):
             line: What a log says of it; None for single frames and for what it has said too often.
         """
 
+    def mark(self, time_ns: int, line: Line) -> None:
+        """Write a line of the log that does not come from a raw event.
+
+        Args:
+            time_ns: The time of the line, in nanoseconds since the Unix epoch.
+            line: The line.
+        """
+
     def tick(self, now_ns: int) -> None:
         """Time has passed: write what is due."""
 
@@ -82,13 +90,6 @@ class Deriver:
                 self._write(redacted)
         else:
             self._write(event)
-
-    def recall(self, events: Iterable[WireEvent]) -> None:
-        """Take what passed before, with outputs that know that it is to be remembered alone."""
-        for event in events:
-            self.write(event)
-        self._flush()
-        self._judge.tallies.clear()
 
     def tick(self, now_ns: int) -> None:
         """Make everything durable; `now_ns` since the Unix epoch."""

@@ -4,9 +4,9 @@ Law: the protocol between the scribe and whatever it feeds stands here, and no s
 slow, may fail, and dies with its process; the link never knows.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from scaraspec.judgement.wire import WireEvent
 
@@ -47,25 +47,6 @@ class Sink(Protocol):
         """End in order: nothing more will come. It is not called after a failure."""
 
 
-@runtime_checkable
-class Remembering(Sink, Protocol):
-    """A sink that keeps in memory what passed, to write it later if it is asked for then."""
-
-    @property
-    def since_ns(self) -> int | None:
-        """Since when it needs what passed, should its process die; None where it needs nothing."""
-
-    def recall(self, events: Iterable[WireEvent], until_ns: int) -> None:
-        """Take what an earlier sink took before its last tick: to be remembered, not written.
-
-        It is called first, and connections that are open then go on without beginning again.
-
-        Args:
-            events: What passed.
-            until_ns: When the last of it was.
-        """
-
-
 class Folder:
     """The folder that a recording is written into. Nothing in it is overwritten.
 
@@ -82,11 +63,11 @@ class Folder:
         self._when_asked: list[Callable[[], None]] = []
 
     def when_asked(self, do: Callable[[], None]) -> None:
-        """Have this called whenever somebody asks for an incident, just before a tick."""
+        """Call `do` just before a tick if the user has asked for a mark since the last one."""
         self._when_asked.append(do)
 
     def ask(self) -> None:
-        """Somebody asks for an incident."""
+        """The user asks for a mark: call what `when_asked` was given."""
         for do in self._when_asked:
             do()
 

@@ -123,9 +123,7 @@ class RerunSink:
         """Take the time of a raw event, and whether its link is up; its bytes are not drawn."""
         self._now_ns = event.time_ns
         self._latencies.write(event)
-        if self._batches is None:
-            self._batches = rerun_rows.Batches(self._stream, event.time_ns)
-            self._stream.send_recording_start_time_nanos(event.time_ns)
+        self._begin(event.time_ns)
         ended = event.kind in (Kind.CLOSED, Kind.RESET)
         if ended is (event.connection in self._connected):
             self._link(event)
@@ -143,6 +141,11 @@ class RerunSink:
         if line:
             log = blueprint.EXCHANGES if isinstance(item, Exchange) else blueprint.EVENTS
             self._put(log, rerun_rows.lines, line)
+
+    def mark(self, time_ns: int, line: Line) -> None:
+        """Draw a line of the log that does not come from a raw event."""
+        self._begin(time_ns)
+        self._put(blueprint.EVENTS, rerun_rows.lines, line, time_ns)
 
     def tick(self, now_ns: int) -> None:
         """Send what has waited long enough."""
@@ -167,6 +170,12 @@ class RerunSink:
         self._file.close()
         if self._optimized:
             optimize(self._optimized)
+
+    def _begin(self, time_ns: int) -> None:
+        """Let the timelines begin here, unless they have begun."""
+        if self._batches is None:
+            self._batches = rerun_rows.Batches(self._stream, time_ns)
+            self._stream.send_recording_start_time_nanos(time_ns)
 
     def _put(
         self, entity: str, columns: rerun_rows.Columns, value: Any, time_ns: int | None = None

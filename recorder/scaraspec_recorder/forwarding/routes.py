@@ -1,7 +1,7 @@
 """Routes: where the tap leads a client's connection, and how it gets there.
 
-Lives here: one route per mode of standing in the way, and the socket options that belong to it. How
-clients come to be led here against their intention stands in `rules`.
+Lives here: one route per mode of standing in the way, and the socket options that belong to it. The
+rules of the system that redirect clients to the recorder are in docs/transparent-proxy.md.
 """
 
 import asyncio

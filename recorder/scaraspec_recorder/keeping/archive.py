@@ -1,29 +1,25 @@
 """The archive: what a recorder that is left running for weeks writes into its folder.
 
-Law: it only joins the rooms that do the work: rotation, the ring, retention, the contents.
+Law: it only joins the rooms that do the work: rotation, marks, retention, the contents.
 """
 
 import shutil
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final
 
 from scaraspec.judgement.judge import Judge
 from scaraspec.judgement.wire import WireEvent
-from scaraspec_recorder.deriving.deriver import Deriver, Output
+from scaraspec_recorder.deriving.deriver import Deriver
 from scaraspec_recorder.deriving.masking import Redactor
 from scaraspec_recorder.deriving.sinks import Folder, Sink, SinkFailed
 from scaraspec_recorder.keeping.contents import Contents
 from scaraspec_recorder.keeping.file_sets import Shelf, facts
-from scaraspec_recorder.keeping.retention import PERIOD_NS, Keep, Retention
-from scaraspec_recorder.keeping.ring import Incidents, Ring
+from scaraspec_recorder.keeping.marks import with_marks
+from scaraspec_recorder.keeping.retention import PERIOD_NS, Retention
 from scaraspec_recorder.keeping.rotation import Rotate, Rotation
-from scaraspec_recorder.keeping.triggers import Pressed, parse_trigger
 from scaraspec_recorder.mcap.recover import sweep
-from scaraspec_recorder.quantities import SECOND_NS, show_size
-
-RING_BYTES: Final = 64 << 20
+from scaraspec_recorder.quantities import Limits, show_size
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +32,10 @@ class Archive:
         needs_login: False for a serial link (L83).
         draw: Whether to write .rrd files too.
         redact: Whether to hide passwords in the raw layer too.
-        continuous: Whether everything is written; else only what `triggers` ask for.
         rotate: When a file ends and the next begins.
         keep: For how long, and how much of it, is kept.
         min_free_bytes: How much of the disk is to stay free; 0 for no such limit.
-        triggers: When an incident is written, see `triggers`.
-        before_ns: How much of what came before a trigger belongs to its incident.
-        after_ns: How much of what comes after it does.
-        ring_bytes: How much memory what came before may take, roughly.
+        triggers: The conditions at which the recording is marked, see `triggers`.
     """
 
     robot: str
@@ -51,14 +43,10 @@ class Archive:
     needs_login: bool = True
     draw: bool = True
     redact: bool = False
-    continuous: bool = True
     rotate: Rotate = field(default_factory=Rotate)
-    keep: Keep = field(default_factory=Keep)
+    keep: Limits = field(default_factory=Limits)
     min_free_bytes: int = 0
     triggers: tuple[str, ...] = ()
-    before_ns: int = 60 * SECOND_NS
-    after_ns: int = 60 * SECOND_NS
-    ring_bytes: int = RING_BYTES
 
 
 def archive_sink(
@@ -97,21 +85,9 @@ def archive_sink(
     session = facts(known, needs_login=archive.needs_login, redact=archive.redact)
     shelf = Shelf(folder, contents, archive.robot, session, archive.draw)
     judge = Judge(needs_login=archive.needs_login)
-    rotation = Rotation(shelf, judge, archive.rotate) if archive.continuous else None
-    incidents = _incidents(archive, shelf) if archive.triggers else None
-    outputs: list[Output] = [output for output in (rotation, incidents) if output]
+    outputs = with_marks([Rotation(shelf, judge, archive.rotate)], archive.triggers, folder)
     deriver = Deriver(outputs, judge, Redactor() if archive.redact else None)
-    retained = _Retained(deriver, retention, shelf, _too_little(archive))
-    return _Ringed(retained, deriver, rotation, incidents) if incidents else retained
-
-
-def _incidents(archive: Archive, shelf: Shelf) -> Incidents:
-    watchers = {text: parse_trigger(text) for text in archive.triggers}
-    for watcher in watchers.values():
-        if isinstance(watcher, Pressed):
-            shelf.folder.when_asked(watcher.press)
-    ring = Ring(archive.before_ns, archive.ring_bytes)
-    return Incidents(shelf, ring, watchers, archive.after_ns)
+    return _Retained(deriver, retention, shelf, _too_little(archive))
 
 
 def _too_little(archive: Archive) -> str:
@@ -119,33 +95,6 @@ def _too_little(archive: Archive) -> str:
         f"less than {show_size(archive.min_free_bytes)} is free on the disk, and no recording is "
         "left that may be removed: recording waits for room"
     )
-
-
-class _Ringed:
-    """A sink that writes incidents, and is told again what its ring held (a `Remembering`)."""
-
-    def __init__(
-        self, sink: Sink, deriver: Deriver, rotation: Rotation | None, incidents: Incidents
-    ) -> None:
-        self.write, self.tick, self.close = sink.write, sink.tick, sink.close
-        self._deriver = deriver
-        self._rotation = rotation
-        self._incidents = incidents
-
-    @property
-    def since_ns(self) -> int | None:
-        """Since when its ring, or an incident, needs what passed."""
-        return self._incidents.since_ns
-
-    def recall(self, events: Iterable[WireEvent], until_ns: int) -> None:
-        """Fill the ring, and begin again what incidents were being written."""
-        self._incidents.recalled_until_ns = until_ns
-        if self._rotation:
-            self._rotation.recalling = True
-        self._deriver.recall(events)
-        self._incidents.recalled_until_ns = None
-        if self._rotation:
-            self._rotation.recalling = False
 
 
 class _Retained:

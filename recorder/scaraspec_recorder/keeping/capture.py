@@ -12,15 +12,17 @@ from scaraspec_recorder.deriving.deriver import Deriver
 from scaraspec_recorder.deriving.masking import Redactor
 from scaraspec_recorder.deriving.sinks import Folder
 from scaraspec_recorder.keeping.file_sets import facts, make_files
+from scaraspec_recorder.keeping.marks import with_marks
 
 
-def capture_sink(
+def capture_sink(  # noqa: PLR0913 - what may be chosen, each on its own
     folder: Folder,
     *,
     session: Mapping[str, str] | None = None,
     needs_login: bool = True,
     draw: bool = True,
     redact: bool = False,
+    triggers: tuple[str, ...] = (),
 ) -> Deriver:
     """Make the sink that writes capture.mcap and capture.rrd into a folder (a `SinkFactory`).
 
@@ -30,6 +32,7 @@ def capture_sink(
         needs_login: False for a serial link (L83).
         draw: Whether to write capture.rrd too.
         redact: Whether to hide passwords in the raw layer too.
+        triggers: The conditions at which the recording is marked, see `triggers`.
 
     Raises:
         OSError: A file cannot be made.
@@ -37,7 +40,8 @@ def capture_sink(
     """
     told = {**facts(session or {}, needs_login=needs_login, redact=redact), **folder.take_news()}
     _, outputs = make_files(folder, "capture", told, draw=draw, optimized=True)
-    return Deriver(outputs, Judge(needs_login=needs_login), Redactor() if redact else None)
+    marked = with_marks(outputs, triggers, folder)
+    return Deriver(marked, Judge(needs_login=needs_login), Redactor() if redact else None)
 
 
 def draw_capture(events: Iterable[WireEvent], path: Path, *, needs_login: bool = True) -> None:

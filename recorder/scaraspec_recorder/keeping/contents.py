@@ -14,7 +14,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
-from mcap.records import Channel, Message, Metadata
+from mcap.records import Channel, Message
 
 from scaraspec_recorder.keeping.seams import is_ours
 from scaraspec_recorder.keeping.tally import DRAWN, Entry, Tally
@@ -24,8 +24,6 @@ from scaraspec_recorder.mcap.recover import discard_empty, is_full, recover
 from scaraspec_recorder.problems import CaptureError
 
 FILE_NAME: Final = "contents.jsonl"
-TRIGGER: Final = "trigger"
-"""Metadata ``session`` of an incident name what triggered it under this key."""
 
 _KEPT_REMOVALS: Final = 10_000
 _MAX_LINE_BYTES: Final = 1 << 24
@@ -175,27 +173,25 @@ def survey(path: Path) -> Entry:
     Raises:
         OSError: The repaired file cannot be written.
     """
-    tally, trigger = Tally(), ""
+    tally = Tally()
     notes: tuple[str, ...] = ()
     try:
         notes = recover(path).notes
-        trigger = _count(path, tally)
+        _count(path, tally)
     except CaptureError as error:
         notes = (str(error),)
     drawn = path.with_suffix(DRAWN)
-    return tally.entry((path, drawn) if drawn.exists() else (path,), trigger, notes)
+    return tally.entry((path, drawn) if drawn.exists() else (path,), notes)
 
 
-def _count(path: Path, tally: Tally) -> str:
-    """Count what a whole file holds; return what triggered it."""
-    raw, topics, trigger = RawLayer(), dict[int, str](), ""
+def _count(path: Path, tally: Tally) -> None:
+    """Count what a whole file holds."""
+    raw, topics = RawLayer(), dict[int, str]()
     for record in records(path, Summary()):
         if event := raw.take(record):
             tally.count(event)
         elif isinstance(record, Channel):
             topics[record.id] = record.topic
-        elif isinstance(record, Metadata) and record.name == "session":
-            trigger = record.metadata.get(TRIGGER, "")
         elif isinstance(record, Message):
             topic = topics.get(record.channel_id)
             if topic == "/exchanges":
@@ -204,7 +200,6 @@ def _count(path: Path, tally: Tally) -> str:
                 with suppress(ValueError):  # another's file under a name of ours
                     found = schemas.decode(schemas.Finding, record.data)
                     tally.findings[found.verdict] += 1
-    return trigger
 
 
 def _encode(line: Mapping[str, Any]) -> bytes:

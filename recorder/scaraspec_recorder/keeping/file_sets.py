@@ -14,7 +14,7 @@ from scaraspec_recorder.deriving.deriver import Item, Output
 from scaraspec_recorder.deriving.sinks import Folder
 from scaraspec_recorder.deriving.wording import Line
 from scaraspec_recorder.drawing.optimizing import optimize_later
-from scaraspec_recorder.keeping.contents import TRIGGER, Contents
+from scaraspec_recorder.keeping.contents import Contents
 from scaraspec_recorder.keeping.seams import stem
 from scaraspec_recorder.keeping.tally import DRAWN, Entry, Tally
 from scaraspec_recorder.mcap.mcap_file import LINK, SERIAL, McapSink
@@ -61,22 +61,18 @@ class Shelf:
             self.contents.add(self.ending[0].entry)
             del self.ending[0]
 
-    def begin(
-        self, time_ns: int, label: str = "", facts: Mapping[str, str] | None = None
-    ) -> "FileSet":
+    def begin(self, time_ns: int) -> "FileSet":
         """Begin a file set.
 
         Args:
             time_ns: Its time, by which it is called.
-            label: The end of its name.
-            facts: What is known of it alone.
 
         Raises:
             OSError: A file cannot be made.
             ImportError: Drawing needs an extra that is not installed; the text says which.
         """
-        session = {**self.session, **self.folder.take_news(), **(facts or {})}
-        return FileSet(self, stem(time_ns, self.robot, label), session)
+        session = {**self.session, **self.folder.take_news()}
+        return FileSet(self, stem(time_ns, self.robot), session)
 
 
 def facts(session: Mapping[str, str], *, needs_login: bool, redact: bool) -> dict[str, str]:
@@ -143,7 +139,6 @@ class FileSet:
 
     def __init__(self, shelf: Shelf, name: str, session: Mapping[str, str]) -> None:
         self._shelf = shelf
-        self._session = session
         self._tally = Tally()
         made = make_files(shelf.folder, name, session, draw=shelf.draw, optimized=False)
         self._paths, self._outputs = made
@@ -159,7 +154,7 @@ class FileSet:
     @property
     def entry(self) -> Entry:
         """Its line in the table of contents."""
-        return self._tally.entry(self._paths, self._session.get(TRIGGER, ""))
+        return self._tally.entry(self._paths)
 
     @property
     def size_bytes(self) -> int:
@@ -177,6 +172,11 @@ class FileSet:
         self._tally.take(item)
         for output in self._outputs:
             output.take(item, number, line)
+
+    def mark(self, time_ns: int, line: Line) -> None:
+        """Write a line of the log."""
+        for output in self._outputs:
+            output.mark(time_ns, line)
 
     def tick(self, now_ns: int) -> None:
         """Make all of it durable."""

@@ -1,49 +1,23 @@
 """Retention: what is removed, so that the disk holds what comes next.
 
 Law: the oldest complete recordings go first. What is being written is not listed yet and never
-goes; incidents go only by limits of their own. Nothing goes unsaid: each removal is logged and
-noted in the table of contents.
+goes. Nothing goes unsaid: each removal is logged and noted in the table of contents.
 """
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Final
 
 from scaraspec_recorder.keeping.contents import Contents
 from scaraspec_recorder.keeping.tally import Entry
-from scaraspec_recorder.quantities import SECOND_NS, Limits, parse_limits, show_size
+from scaraspec_recorder.quantities import SECOND_NS, Limits, show_size
 
 PERIOD_NS: Final = 10 * SECOND_NS
 """How often it is looked whether something is to be removed."""
 
 _DAY_NS: Final = 86_400 * SECOND_NS
-_INCIDENTS: Final = "incidents:"
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class Keep:
-    """For how long, and how much of them, recordings are kept; for ever where nothing is said."""
-
-    recordings: Limits = field(default_factory=Limits)
-    incidents: Limits = field(default_factory=Limits)
-
-
-def parse_keep(text: str) -> Keep:
-    """Return what ``30d``, ``20GB``, ``30d,20GB`` or ``30d,incidents:1GB`` keeps.
-
-    Limits behind ``incidents:`` are those of incidents, which are else kept for ever.
-
-    Raises:
-        QuantityError: A limit is neither a duration nor a size, or named twice.
-    """
-    before, marker, after = text.partition(_INCIDENTS)
-    recordings = before.strip().removesuffix(",")
-    if not marker:
-        return Keep(parse_limits(text))
-    return Keep(parse_limits(recordings) if recordings else Limits(), parse_limits(after))
 
 
 class Retention:
@@ -51,7 +25,7 @@ class Retention:
 
     Args:
         contents: Those that are complete.
-        keep: The limits.
+        keep: For how long, and how much of them, recordings are kept.
         min_free_bytes: How much of the disk is to stay free; 0 for no such limit.
         free_bytes: How much of it is.
     """
@@ -59,7 +33,7 @@ class Retention:
     def __init__(
         self,
         contents: Contents,
-        keep: Keep,
+        keep: Limits,
         min_free_bytes: int,
         free_bytes: Callable[[], int],
     ) -> None:
@@ -81,14 +55,12 @@ class Retention:
         Raises:
             OSError: A file cannot be removed, or the table of contents not be written.
         """
-        for incidents, limits in ((False, self._keep.recordings), (True, self._keep.incidents)):
-            oldest_first = self._of(incidents=incidents)
-            total_bytes = sum(entry.size_bytes for entry in oldest_first)
-            total_bytes += 0 if incidents else written_bytes
-            for entry in oldest_first:
-                if reason := _too_much(limits, total_bytes, now_ns - entry.end_ns):
-                    total_bytes -= entry.size_bytes
-                    self._remove(entry, now_ns, reason)
+        oldest_first = self._oldest_first()
+        total_bytes = written_bytes + sum(entry.size_bytes for entry in oldest_first)
+        for entry in oldest_first:
+            if reason := _too_much(self._keep, total_bytes, now_ns - entry.end_ns):
+                total_bytes -= entry.size_bytes
+                self._remove(entry, now_ns, reason)
         return self._make_room(now_ns)
 
     def _make_room(self, now_ns: int) -> bool:
@@ -97,7 +69,7 @@ class Retention:
         # What was removed counts as free at once, whenever the file system gets round to it: else
         # everything would go while it does.
         free_bytes = self._free_bytes()
-        for entry in self._of(incidents=False):
+        for entry in self._oldest_first():
             if free_bytes >= self._min_free_bytes:
                 break
             free_bytes += entry.size_bytes
@@ -105,10 +77,9 @@ class Retention:
             self._remove(entry, now_ns, f"less than {least} free on the disk")
         return free_bytes >= self._min_free_bytes
 
-    def _of(self, *, incidents: bool) -> list[Entry]:
+    def _oldest_first(self) -> list[Entry]:
         entries = self._contents.entries.values()
-        found = (entry for entry in entries if bool(entry.trigger) is incidents)
-        return sorted(found, key=lambda entry: (entry.begin_ns, entry.name))
+        return sorted(entries, key=lambda entry: (entry.begin_ns, entry.name))
 
     def _remove(self, entry: Entry, now_ns: int, reason: str) -> None:
         for name in entry.files:

@@ -3,9 +3,9 @@
 Law: only the files change. It is an output, so the decoding and the judging in front of it go on
 across the seam: what was in flight there is judged as if there were none, and comes whole into the
 file in which it ends. A reader of one file alone cannot know that, so a file ends behind an answer
-if one comes soon. The next begins with its first event, so that none is empty, and a file lasts for
-a tick at least: its making takes time, and whoever connects a thousand times a second shall not
-hold up the writing.
+if one comes soon. The next begins with its first event or mark, so that none is empty, and a file
+lasts for a tick at least: its making takes time, and whoever connects a thousand times a second
+shall not hold up the writing.
 """
 
 from collections.abc import Mapping
@@ -67,16 +67,12 @@ class Rotation:
         judge: Who judges what comes; its tallies are cleared at each seam, so that each file's
             summary tells of that file.
         rotate: When a file ends.
-
-    Attributes:
-        recalling: Whether what comes is in earlier files, and to be written no more.
     """
 
     def __init__(self, shelf: Shelf, judge: Judge, rotate: Rotate) -> None:
         self._shelf = shelf
         self._judge = judge
         self._rotate = rotate
-        self.recalling = False
         self._links = Links()
         self._now_ns = 0
         self._files: FileSet | None = None
@@ -90,19 +86,21 @@ class Rotation:
         if self._due_ticks and self._quiet:
             self._end()
         self._now_ns = event.time_ns
-        if not self.recalling:
-            self._current(event.time_ns).write(event)
+        self._current(event.time_ns).write(event)
         self._links.follow(event)
         self._quiet = event.kind is not Kind.BYTES
-        if self._files and self._idle and not 0 <= event.time_ns - self._first_ns < TICK_NS:
+        if self._idle and not 0 <= event.time_ns - self._first_ns < TICK_NS:
             self._due_ticks = 1
 
     def take(self, item: Item, number: int, line: Line | None) -> None:
         """Write what the last event brought about."""
         if isinstance(item, FrameSeen):
             self._quiet = item.frame.direction is C2A
-        if not self.recalling:
-            self._current(self._now_ns).take(item, number, line)
+        self._current(self._now_ns).take(item, number, line)
+
+    def mark(self, time_ns: int, line: Line) -> None:
+        """Write a line of the log; if no file is open, into a new one."""
+        self._current(time_ns).mark(time_ns, line)
 
     def tick(self, now_ns: int) -> None:
         """Make all durable, and end the file where it is time."""

@@ -16,7 +16,7 @@ from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.direction import Direction
 from scaraspec_recorder.quantities import SECOND_NS
 
-_NAME_BYTES: Final = 96  # twice that, the time and a suffix are within what file systems allow
+_NAME_BYTES: Final = 96  # with the time and a suffix, within what file systems allow
 _UNSAFE: Final = re.compile(r"[^\w.]+")
 _FILE_NAME: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d-\d\d-\d\dZ_[^/\\]+\.mcap")
 
@@ -83,10 +83,9 @@ def moment(time_ns: int) -> datetime:
     return datetime.fromtimestamp(time_ns // SECOND_NS, UTC)
 
 
-def stem(time_ns: int, robot: str, label: str = "") -> str:
-    """The name of a file without its suffix: ``2026-11-20T23-59-59Z_line-3``, then the label."""
-    parts = (f"{moment(time_ns):%Y-%m-%dT%H-%M-%SZ}", safe_name(robot) or "robot", safe_name(label))
-    return "_".join(part for part in parts if part)
+def stem(time_ns: int, robot: str) -> str:
+    """Return the name of a file without its suffix, such as ``2026-11-20T23-59-59Z_line-3``."""
+    return f"{moment(time_ns):%Y-%m-%dT%H-%M-%SZ}_{safe_name(robot) or 'robot'}"
 
 
 def is_ours(name: str) -> bool:

@@ -47,7 +47,6 @@ class Entry:
         findings: Their number by verdict; passes are not counted.
         streams: By connection and direction, its account with the SHA-256 of what was recorded.
         streams_left_out: How many more it has.
-        trigger: Of an incident, what triggered it.
         notes: What was lost, or may have been, where the file had to be repaired.
     """
 
@@ -65,7 +64,6 @@ class Entry:
     findings: Mapping[str, int] = field(default_factory=dict)
     streams: Mapping[str, Stream] = field(default_factory=dict)
     streams_left_out: int = 0
-    trigger: str = ""
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -124,14 +122,11 @@ class Tally:
         found = {f"findings {verdict}": str(count) for verdict, count in self.findings.items()}
         return {"exchanges": str(self.exchanges), **found}
 
-    def entry(
-        self, paths: tuple[Path, ...], trigger: str = "", notes: tuple[str, ...] = ()
-    ) -> Entry:
+    def entry(self, paths: tuple[Path, ...], notes: tuple[str, ...] = ()) -> Entry:
         """Return the entry of a file that is closed.
 
         Args:
             paths: The capture file, then what was drawn of it.
-            trigger: What triggered it.
             notes: What was lost of it.
 
         Raises:
@@ -156,7 +151,6 @@ class Tally:
             findings=dict(self.findings),
             streams=self._streams,
             streams_left_out=self._left_out,
-            trigger=trigger,
             notes=notes,
         )
 

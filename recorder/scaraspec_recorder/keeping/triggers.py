@@ -1,7 +1,7 @@
 """Triggers: conditions on what passes, written as text, and when they come true.
 
 Law: a condition is watched by one class, which sees events, what they brought about, and the time,
-and says why it fires; the table at the end is the grammar. What is done about it stands in `ring`.
+and says why it fires; the table at the end is the grammar. What is done about it stands in `marks`.
 
 A condition is a word, most with an argument behind a colon:
 
@@ -32,7 +32,7 @@ from scaraspec_recorder.deriving.deriver import Item
 from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_duration
 
 SIGNAL: Final = "signal"
-"""The condition that somebody presses, see `Pressed`."""
+"""The condition that the user fires by a signal, see `Pressed`."""
 
 _MOST_DUE: Final = 256  # requests of one command and connection whose replies are waited for
 
@@ -58,7 +58,7 @@ class Watcher:
 
 
 class Pressed(Watcher):
-    """Fires when somebody asks for it."""
+    """Fires when the user asks for it."""
 
     def __init__(self) -> None:
         self._pressed = False

@@ -147,6 +147,11 @@ class McapSink:
         if line and line.level != wording.Level.DEBUG:
             self._add("/log", foxglove.log(self._now_ns, *line))
 
+    def mark(self, time_ns: int, line: Line) -> None:
+        """Write a line of the log that does not come from a raw event."""
+        self._dirty = True
+        self._writer.message(self._channels["/log"], time_ns, foxglove.log(time_ns, *line))
+
     def tick(self, now_ns: int) -> None:  # noqa: ARG002 - the scribe's clock; a flush needs none
         """Bring everything to the disk, so that a loss of power keeps it too."""
         if self._dirty:

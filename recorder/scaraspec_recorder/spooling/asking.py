@@ -1,7 +1,7 @@
-"""Asking: how somebody who presses a button gets an incident, whatever the writer is doing.
+"""Requests of the user for a mark in the recording, passed on to the writing process.
 
-Law: a number in the spool, which the recorder's own process counts up and the writing process
-heeds. It outlives a writer that dies: what that had not acknowledged, the next one heeds.
+The spool holds a number. The recorder's own process increments it, and the writing process reads
+it. A request that a dead writing process has not acknowledged is carried out by the next one.
 """
 
 from contextlib import suppress
@@ -12,10 +12,10 @@ _NAME: Final = "asked"
 
 
 def ask(spool: Path) -> None:
-    """Ask for an incident.
+    """Ask for a mark.
 
     Raises:
-        OSError: That cannot be noted.
+        OSError: The request cannot be written.
     """
     beside = spool / f"{_NAME}.new"
     beside.write_text(str(asked(spool) + 1), "ascii")
@@ -23,7 +23,7 @@ def ask(spool: Path) -> None:
 
 
 def asked(spool: Path) -> int:
-    """Return how often that was done since the spool was made."""
+    """Return how often the user has asked since the spool was made."""
     with suppress(FileNotFoundError, ValueError):  # never yet, or torn by a loss of power
         return int((spool / _NAME).read_text("ascii"))
     return 0

@@ -13,7 +13,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
@@ -81,13 +81,6 @@ class Trouble(NamedTuple):
 
     since_ns: int
     reason: str
-
-
-class Place(NamedTuple):
-    """A place in a spool: a segment's number, and how far into it."""
-
-    segment: int
-    offset_bytes: int
 
 
 class SpoolWriter:
@@ -291,28 +284,6 @@ class SpoolReader:
             self._number = self._at = 0
         self._damaged = False
 
-    @property
-    def place(self) -> Place:
-        """Where it reads next."""
-        return Place(self._number, self._at)
-
-    def bytes_since(self, place: Place) -> int:
-        """Return how much lies in the spool from an earlier place on, by whole segments."""
-        return _size_bytes(self._directory, range(place.segment, self._number + 1))
-
-    def recall(self, place: Place) -> Iterator[Record]:
-        """Give again what lies between an earlier place and this one, as far as it is sound.
-
-        Raises:
-            OSError: The spool cannot be read.
-        """
-        for number in _segments(self._directory):
-            if place.segment <= number <= self._number:
-                data = _path(self._directory, number).read_bytes()
-                end = self._at if number == self._number else None
-                begin = place.offset_bytes if number == place.segment else 0
-                yield from read_blocks(data[begin:end])[0]
-
     def read(self) -> list[Record]:
         """Return the next records, up to about a mebibyte of them; none where none is there yet.
 
@@ -338,10 +309,10 @@ class SpoolReader:
             self._file = _path(self._directory, newer).open("rb", buffering=0)
             self._number, self._at = newer, 0
 
-    def acknowledge(self, state: Mapping[str, Any], since: Place | None = None) -> None:
+    def acknowledge(self, state: Mapping[str, Any]) -> None:
         """Keep the position, and with it `state` (JSON): all that was read is durable elsewhere.
 
-        Segments that lie wholly before the position are deleted; those from `since` on are kept.
+        Segments that lie wholly before the position are deleted.
 
         Raises:
             OSError: The position cannot be written.
@@ -349,13 +320,12 @@ class SpoolReader:
         checkpoint = {"segment": self._number, "offset_bytes": self._at, "state": state}
         _write_checkpoint(self._directory, checkpoint)
         self.trouble = None
-        first = min(since.segment, self._number) if since else self._number
         for number in _segments(self._directory):
-            if number < first:
+            if number < self._number:
                 _path(self._directory, number).unlink()
 
     def asked(self) -> int:
-        """Return how often somebody asked for an incident, see `asking`."""
+        """Return how often the user has asked for a mark, see `asking`."""
         return asking.asked(self._directory)
 
     def close(self) -> None:

@@ -13,13 +13,14 @@ import pytest
 from rerun.chunk import RrdReader
 
 from scaraspec.judgement.judge import Judge
-from scaraspec.judgement.wire import WireEvent
+from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.commands import COMMANDS, Command
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.programs import listing, parse
 from scaraspec_recorder.deriving.deriver import Deriver
 from scaraspec_recorder.deriving.sinks import Folder, SinkFailed
+from scaraspec_recorder.deriving.wording import Level, Line
 from scaraspec_recorder.drawing import blueprint
 from scaraspec_recorder.drawing.arm_model import BASE, SEGMENTS
 from scaraspec_recorder.drawing.rerun_rows import TIMELINES
@@ -129,6 +130,18 @@ def test_words_are_sparse_and_hold_no_password(drawing: Path) -> None:
     for words in ("no frame (stray)", "37 bytes from the controller are missing", "complete"):
         assert words in events
     assert "sesame" not in "".join(exchanges) + events
+
+
+def test_a_mark_is_an_event_at_its_own_time(tmp_path: Path, talk: Any) -> None:
+    """Also before anything else is drawn."""
+    path, line = tmp_path / "marked.rrd", Line(Level.WARN, "trigger", "signal: asked for")
+    talk.mark(A2C, Kind.OPENED, "a > b")
+    sink = RerunSink.to_file(path)
+    sink.mark(talk.time_ns - 2_000, line)
+    sink.write(talk.events[0])
+    sink.mark(talk.time_ns + 1_000, line._replace(text="later"))
+    sink.close({})
+    assert column(path, blueprint.EVENTS, "TextLog:text") == ["signal: asked for", "later"]
 
 
 def test_an_uploaded_program_is_a_page(drawing: Path, program_file: bytes) -> None:

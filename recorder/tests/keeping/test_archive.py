@@ -1,4 +1,4 @@
-"""A recorder that is left running for weeks: rotation, incidents and room on the disk together."""
+"""A recorder that is left running for weeks: rotation and room on the disk together."""
 
 import errno
 import gc
@@ -20,11 +20,11 @@ from scaraspec_recorder.deriving.sinks import Folder, Sink, SinkFailed
 from scaraspec_recorder.drawing.rerun_view import RerunSink
 from scaraspec_recorder.keeping import contents
 from scaraspec_recorder.keeping.archive import Archive, archive_sink
-from scaraspec_recorder.keeping.retention import PERIOD_NS, parse_keep
+from scaraspec_recorder.keeping.retention import PERIOD_NS
 from scaraspec_recorder.keeping.rotation import parse_rotate
 from scaraspec_recorder.mcap.mcap_file import McapSink
 from scaraspec_recorder.mcap.mcap_reading import read_mcap
-from scaraspec_recorder.quantities import SECOND_NS
+from scaraspec_recorder.quantities import SECOND_NS, parse_limits
 
 GB = 10**9
 
@@ -67,15 +67,13 @@ def payload(paths: Iterable[Path]) -> bytes:
     return b"".join(event.data for path in paths for event in read_mcap(path))
 
 
-def test_files_and_incidents_lie_side_by_side(tmp_path: Path, shift: list[WireEvent]) -> None:
-    """The continuous recording is whole, and the incidents are copies."""
+def test_one_file_after_another_is_whole(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Together they hold all that passed, and each is listed."""
     archive = Archive("cell 2", draw=False, rotate=parse_rotate("1s"), triggers=("refusal",))
     recorder = Recorder(tmp_path, archive, shift[0].time_ns)
     recorder.feed(shift)
     recorder.sink.close()
-    incidents = [line["name"] for line in recorder.listed if line["trigger"]]
-    files = [line["name"] for line in recorder.listed if not line["trigger"]]
-    assert len(incidents) == 1
+    files = [line["name"] for line in recorder.listed]
     assert len(files) > 2
     assert payload(tmp_path / name for name in files) == b"".join(event.data for event in shift)
 
@@ -96,30 +94,16 @@ def test_a_file_that_has_ended_is_forgotten_at_once(tmp_path: Path, shift: list[
     assert kinds == {McapSink: 1, RerunSink: 1}
 
 
-def test_triggers_alone_write_nothing_else(tmp_path: Path, shift: list[WireEvent]) -> None:
-    """A ring without a continuous recording."""
-    archive = Archive("cell 2", draw=False, continuous=False, triggers=("refusal", "signal"))
-    recorder = Recorder(tmp_path, archive, shift[0].time_ns)
-    recorder.feed(shift[:200])
-    assert not list(tmp_path.glob("*.mcap"))
-    recorder.out.ask()
-    recorder.feed(shift[200:])
-    recorder.sink.close()
-    assert {line["trigger"] for line in recorder.listed} == {"signal", "refusal"}
-
-
 def test_passwords_are_nowhere(tmp_path: Path, shift: list[WireEvent]) -> None:
     """Redaction is in front of all files."""
-    triggers = ("refusal",)
-    archive = Archive("cell 2", draw=False, redact=True, triggers=triggers)
+    archive = Archive("cell 2", draw=False, redact=True)
     recorder = Recorder(tmp_path, archive, shift[0].time_ns)
     recorder.feed(shift)
     recorder.sink.close()
-    assert len(recorder.listed) == 2
-    for line in recorder.listed:
-        data = payload([tmp_path / line["name"]])
-        assert b"***********" in data
-        assert b"open sesame" not in data
+    (line,) = recorder.listed
+    data = payload([tmp_path / line["name"]])
+    assert b"***********" in data
+    assert b"open sesame" not in data
 
 
 def test_a_killed_recorder_goes_on(tmp_path: Path, shift: list[WireEvent]) -> None:
@@ -167,7 +151,7 @@ def test_room_is_made_before_a_file_is_repaired(
 
 def test_room_is_made_while_it_runs(tmp_path: Path, talk: Any) -> None:
     """Looked for every few seconds, and what is being written stays."""
-    keep = parse_keep("30s")
+    keep = parse_limits("30s")
     archive = Archive("x", draw=False, rotate=parse_rotate("5s"), keep=keep)
     talk.mark(A2C, Kind.OPENED)
     for _ in range(90):
@@ -208,14 +192,16 @@ def test_a_disk_without_room_ends_the_files_and_stops(tmp_path: Path, talk: Any)
 
 def test_it_can_be_handed_to_another_process() -> None:
     """Which the scribe is."""
-    archive = Archive("x", rotate=parse_rotate("1h"), keep=parse_keep("30d"), triggers=("refusal",))
+    archive = Archive(
+        "x", rotate=parse_rotate("1h"), keep=parse_limits("30d"), triggers=("refusal",)
+    )
     make = pickle.loads(pickle.dumps(partial(archive_sink, archive=archive)))
     assert make.keywords == {"archive": archive}
 
 
 def test_what_is_drawn_belongs_to_its_file(tmp_path: Path, shift: list[WireEvent]) -> None:
     """A picture for each, which goes when its file goes."""
-    rotate, keep = parse_rotate("connection"), parse_keep("1h")
+    rotate, keep = parse_rotate("connection"), parse_limits("1h")
     recorder = Recorder(tmp_path, Archive("x", rotate=rotate, keep=keep), shift[0].time_ns)
     recorder.feed(shift)
     recorder.sink.close()

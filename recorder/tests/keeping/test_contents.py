@@ -290,11 +290,11 @@ def test_many_connections_are_counted_and_not_all_listed(tmp_path: Path) -> None
 
 
 def test_files_are_called_by_time_and_robot() -> None:
-    """UTC, to the second, and what else is known of them."""
+    """UTC, to the second."""
     time_ns = 1_795_219_199_999_999_999
     assert stem(time_ns, "line-3") == "2026-11-20T23-59-59Z_line-3"
-    assert stem(time_ns, "3号线", "code:12") == "2026-11-20T23-59-59Z_3号线_code-12"
-    assert stem(0, "../..", "finding:4.15/3") == "1970-01-01T00-00-00Z_robot_finding-4.15-3"
+    assert stem(time_ns, "3号线") == "2026-11-20T23-59-59Z_3号线"
+    assert stem(0, "../..") == "1970-01-01T00-00-00Z_robot"
 
 
 @pytest.mark.parametrize(
@@ -314,12 +314,10 @@ def test_a_hostile_name_is_made_safe(name: str, safe: str) -> None:
     assert safe_name(name) == safe
 
 
-@given(st.text(st.characters()), st.text(st.characters()))
-def test_any_name_makes_a_file(
-    tmp_path_factory: pytest.TempPathFactory, robot: str, label: str
-) -> None:
+@given(st.text(st.characters()))
+def test_any_name_makes_a_file(tmp_path_factory: pytest.TempPathFactory, robot: str) -> None:
     """Whatever the robot is called, its file can be made, and is known again."""
-    name = f"{stem(1, robot, label)}.mcap"
+    name = f"{stem(1, robot)}.mcap"
     path = Folder(tmp_path_factory.getbasetemp(), []).new(name)
     assert path.parent == tmp_path_factory.getbasetemp()
     assert is_ours(path.name)

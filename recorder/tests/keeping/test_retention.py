@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaraspec_recorder.keeping.contents import FILE_NAME, Contents
-from scaraspec_recorder.keeping.retention import Keep, Retention, parse_keep
+from scaraspec_recorder.keeping.retention import Retention
 from scaraspec_recorder.keeping.tally import Entry
-from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError, parse_limits
+from scaraspec_recorder.quantities import SECOND_NS, Limits, parse_limits
 
 HOUR_NS = 3600 * SECOND_NS
 NOW_NS = 1_795_215_517 * SECOND_NS
@@ -26,17 +26,17 @@ class Disk:
         self.contents.save()
         self.free_bytes = 0
 
-    def add(self, name: str, *, age_h: int, size_mb: int = 1, trigger: str = "") -> None:
+    def add(self, name: str, *, age_h: int, size_mb: int = 1) -> None:
         """A recording of two files that ended so long ago."""
         end_ns = NOW_NS - age_h * HOUR_NS
         files = (f"{name}.mcap", f"{name}.rrd")
         for file in files:
             (self.contents.folder / file).touch()
         begin_ns = end_ns - HOUR_NS
-        self.contents.add(Entry(files[0], files, size_mb * MB, begin_ns, end_ns, trigger=trigger))
+        self.contents.add(Entry(files[0], files, size_mb * MB, begin_ns, end_ns))
 
     def enforce(self, keep: str = "", *, min_free_mb: int = 0, written_mb: int = 0) -> bool:
-        limits = parse_keep(keep) if keep else Keep()
+        limits = parse_limits(keep) if keep else Limits()
         retention = Retention(self.contents, limits, min_free_mb * MB, self._free)
         return retention.enforce(NOW_NS, written_mb * MB)
 
@@ -62,26 +62,25 @@ class Disk:
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Disk:
-    """Three recordings of 1 MB and an incident, one each of four days, the incident the oldest."""
+    """Three recordings of 1 MB, one each of three days."""
     disk = Disk(tmp_path)
     disk.add("b", age_h=48)
     disk.add("a", age_h=72)
     disk.add("c", age_h=24)
-    disk.add("incident", age_h=96, trigger="code:12")
     return disk
 
 
 def test_nothing_goes_where_nothing_is_said(disk: Disk) -> None:
     """By default all is kept."""
     assert disk.enforce()
-    assert disk.left == ["a", "b", "c", "incident"]
+    assert disk.left == ["a", "b", "c"]
 
 
 def test_what_is_too_old_goes(disk: Disk, caplog: pytest.LogCaptureFixture) -> None:
-    """By its end; it is logged, and noted in the table of contents. An incident stays."""
+    """By its end; it is logged, and noted in the table of contents."""
     caplog.set_level(logging.INFO)
     disk.enforce("2d")
-    assert disk.left == ["b", "c", "incident"]
+    assert disk.left == ["b", "c"]
     assert disk.removed == [("a.mcap", "older than 2 days")]
     assert [record.message for record in caplog.records] == ["removed a.mcap: older than 2 days"]
 
@@ -89,19 +88,19 @@ def test_what_is_too_old_goes(disk: Disk, caplog: pytest.LogCaptureFixture) -> N
 def test_the_oldest_go_until_the_rest_is_small_enough(disk: Disk) -> None:
     """What is being written counts, and does not go."""
     disk.enforce("3MB")
-    assert disk.left == ["a", "b", "c", "incident"]
+    assert disk.left == ["a", "b", "c"]
     disk.enforce("3MB", written_mb=2)
-    assert disk.left == ["c", "incident"]
+    assert disk.left == ["c"]
     assert disk.removed == [("a.mcap", "more than 3 MB"), ("b.mcap", "more than 3 MB")]
     disk.enforce("3MB", written_mb=9)
-    assert disk.left == ["incident"]
+    assert disk.left == []
 
 
 def test_the_oldest_go_until_enough_of_the_disk_is_free(disk: Disk) -> None:
     """As many as are needed, by their sizes: a file system may free them later."""
     disk.free_bytes = 3 * MB
     assert disk.enforce(min_free_mb=5)
-    assert disk.left == ["c", "incident"]
+    assert disk.left == ["c"]
     assert disk.removed == [
         ("a.mcap", "less than 5 MB free on the disk"),
         ("b.mcap", "less than 5 MB free on the disk"),
@@ -109,21 +108,11 @@ def test_the_oldest_go_until_enough_of_the_disk_is_free(disk: Disk) -> None:
 
 
 def test_a_disk_that_others_fill_is_told(disk: Disk) -> None:
-    """Where all that may go has gone; an incident may not."""
+    """Where all that may go has gone."""
     assert not disk.enforce(min_free_mb=9)
-    assert disk.left == ["incident"]
+    assert disk.left == []
     disk.free_bytes = 9 * MB
     assert disk.enforce(min_free_mb=9)
-
-
-def test_incidents_go_by_limits_of_their_own(disk: Disk) -> None:
-    """And recordings not by theirs."""
-    disk.enforce("incidents:95h")
-    assert disk.left == ["a", "b", "c"]
-    assert disk.removed == [("incident.mcap", "older than 3.95833 days")]
-    disk.add("other", age_h=1, size_mb=5, trigger="signal")
-    disk.enforce("50h,incidents:4MB")
-    assert disk.left == ["b", "c"]
 
 
 def test_a_file_that_is_gone_already_is_no_trouble(disk: Disk) -> None:
@@ -131,7 +120,7 @@ def test_a_file_that_is_gone_already_is_no_trouble(disk: Disk) -> None:
     for path in disk.contents.folder.glob("a.*"):
         path.unlink()
     disk.enforce("2d")
-    assert disk.left == ["b", "c", "incident"]
+    assert disk.left == ["b", "c"]
 
 
 def test_a_clock_that_was_set_back_removes_nothing_by_age(tmp_path: Path) -> None:
@@ -144,19 +133,19 @@ def test_a_clock_that_was_set_back_removes_nothing_by_age(tmp_path: Path) -> Non
 
 @settings(max_examples=25)
 @given(
-    st.lists(st.tuples(st.integers(0, 99), st.integers(0, 9), st.booleans()), max_size=8),
+    st.lists(st.tuples(st.integers(0, 99), st.integers(0, 9)), max_size=8),
     st.integers(0, 30),
 )
 def test_what_is_kept_is_the_youngest_that_fit(
-    tmp_path_factory: pytest.TempPathFactory, files: list[tuple[int, int, bool]], keep_mb: int
+    tmp_path_factory: pytest.TempPathFactory, files: list[tuple[int, int]], keep_mb: int
 ) -> None:
     """Whatever lies there: nothing that is kept is older than what went, and no more went."""
     disk = Disk(tmp_path_factory.mktemp("disk"))
-    for number, (age_h, size_mb, incident) in enumerate(files):
-        disk.add(f"{number}", age_h=age_h, size_mb=size_mb, trigger="signal" if incident else "")
-    recordings = {e.name: e for e in disk.contents.entries.values() if not e.trigger}
+    for number, (age_h, size_mb) in enumerate(files):
+        disk.add(f"{number}", age_h=age_h, size_mb=size_mb)
+    recordings = dict(disk.contents.entries)
     disk.enforce(f"{max(keep_mb, 1)}MB")
-    left = [e for e in disk.contents.entries.values() if not e.trigger]
+    left = list(disk.contents.entries.values())
     gone = [recordings[name] for name, _ in disk.removed]
     assert len(left) + len(gone) == len(recordings)
     size = sum(entry.size_bytes for entry in left)
@@ -164,20 +153,3 @@ def test_what_is_kept_is_the_youngest_that_fit(
     if gone:
         assert all(e.begin_ns >= gone[-1].begin_ns for e in left)
         assert size + gone[-1].size_bytes > max(keep_mb, 1) * MB
-
-
-def test_limits_are_read() -> None:
-    """Of recordings, of incidents, or of both."""
-    assert parse_keep("30d") == Keep(parse_limits("30d"))
-    assert parse_keep("30d,20GB") == Keep(Limits(720 * HOUR_NS, 20_000 * MB))
-    assert parse_keep("incidents:1GB") == Keep(incidents=Limits(size_bytes=1000 * MB))
-    assert parse_keep("30d, incidents:90d,1GB") == Keep(
-        parse_limits("30d"), Limits(90 * 24 * HOUR_NS, 1000 * MB)
-    )
-
-
-@pytest.mark.parametrize("text", ["", "for ever", "30d,", "incidents:", "30d incidents:", "30"])
-def test_nonsense_is_one_sentence(text: str) -> None:
-    """And not a recording removed by mistake."""
-    with pytest.raises(QuantityError, match=r" is neither a duration such as 1h nor a size such"):
-        parse_keep(text)

@@ -19,11 +19,11 @@ from typing import Any, Self
 
 import pytest
 
+from recipes import recipe
 from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import Direction
 from scaraspec_recorder.forwarding import tcp
 from scaraspec_recorder.forwarding.routes import Mode, Route, route
-from scaraspec_recorder.forwarding.rules import Rules
 from scaraspec_recorder.forwarding.tap import Tap, new_event_loop
 from scaraspec_recorder.spooling.records import Record
 
@@ -160,7 +160,7 @@ class Lab:
         self.client, self.controller = Machine(CLIENTS_GATEWAY), Machine(CONTROLLERS_GATEWAY)
         self.middle = Machine()
         self._stack = stack
-        self.script = folder / "rules.nft"
+        self._folder = folder
         for machine in (self.client, self.middle, self.controller):
             stack.callback(machine.close)
             machine.run("ip link set lo up")
@@ -185,18 +185,23 @@ class Lab:
         """What the recorder listens to."""
         return ("127.0.0.1" if mode is Mode.TPROXY else "0.0.0.0", 8878)
 
-    def rules(self, mode: Mode) -> Rules:
-        return Rules(mode, self.listen(mode), CONTROLLER)
-
     def install(self, mode: Mode) -> None:
-        """Follow the script's own instructions."""
-        self.script.write_text(str(self.rules(mode)))
-        for command in self.rules(mode).install:
-            self.middle.run(command.replace("FILE", str(self.script)))
+        """Do what docs/transparent-proxy.md says."""
+        steps = recipe(mode, CONTROLLER[0])
+        if steps.script:
+            (self._folder / steps.file_name).write_text(steps.script)
+        self._run(steps.install)
 
     def remove(self, mode: Mode) -> None:
-        for command in self.rules(mode).remove:
-            self.middle.run(command)
+        """Undo it, as the page says."""
+        self._run(recipe(mode, CONTROLLER[0]).remove)
+
+    def load_again(self, mode: Mode) -> None:
+        """Load only the script."""
+        self._run(f"nft -f {recipe(mode, CONTROLLER[0]).file_name}")
+
+    def _run(self, commands: str) -> None:
+        self.middle.run(f"set -e; cd '{self._folder}'\n{commands}")
 
     def tap(self, mode: Mode) -> RunningTap:
         running = RunningTap(self.middle, self.route(mode), self.listen(mode))

@@ -66,14 +66,16 @@ def test_rules_leave_a_live_session_alone(lab: Any, receive: Receive, mode: Mode
 
 @LED
 def test_rules_can_be_loaded_again(lab: Any, receive: Receive, mode: Mode) -> None:
-    """A session that is led through the tap survives it."""
+    """A session that is led through the tap survives it, and no rule is there twice."""
     server = lab.serve()
     lab.tap(mode)
     lab.install(mode)
     client = lab.connect(lab.address(mode))
     controller = lab.accept(server)
     exchange(client, controller, receive)
-    lab.middle.run(f"nft -f {lab.script}")
+    ruleset = lab.middle.run("nft list ruleset")
+    lab.load_again(mode)
+    assert lab.middle.run("nft list ruleset") == ruleset
     exchange(client, controller, receive)
 
 
@@ -97,7 +99,6 @@ def test_without_a_recorder_clients_are_refused(lab: Any, mode: Mode) -> None:
     """Explicit and REDIRECT fail closed."""
     lab.serve()
     lab.install(mode)
-    assert lab.rules(mode).failure.startswith("it fails closed: clients are refused")
     with pytest.raises(ConnectionRefusedError):
         lab.connect(lab.address(mode))
 
@@ -106,7 +107,6 @@ def test_without_a_recorder_tproxy_lets_clients_through(lab: Any, receive: Recei
     """TPROXY fails open, and such a session is unrecorded to its end."""
     server = lab.serve()
     lab.install(Mode.TPROXY)
-    assert lab.rules(Mode.TPROXY).failure.startswith("it fails open: clients pass straight through")
     client = lab.connect(lab.address(Mode.TPROXY))
     controller = lab.accept(server)
     assert controller.getpeername() == client.getsockname()

@@ -1,17 +1,19 @@
-"""Asking: whoever presses the button gets an incident, and so does a trigger, whoever is dead."""
+"""The user who asks gets a mark, and so does a trigger, whichever process is dead."""
 
 from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
 import pytest
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from mcap.reader import make_reader
 
 from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec_recorder.deriving.sinks import TICK_NS, Folder, SinkFactory, SinkFailed
-from scaraspec_recorder.keeping.archive import Archive, archive_sink
+from scaraspec_recorder.keeping.capture import capture_sink
+from scaraspec_recorder.keeping.marks import SOURCE
 from scaraspec_recorder.mcap.mcap_reading import read_mcap
-from scaraspec_recorder.quantities import SECOND_NS
 from scaraspec_recorder.scribe import Scribe
 from scaraspec_recorder.spooling.asking import ask, asked
 from scaraspec_recorder.spooling.records import stream_number
@@ -81,23 +83,20 @@ class Bench:
             pass
 
     @property
-    def incidents(self) -> list[Path]:
-        return sorted(self.out.glob("*.mcap"))
+    def marks(self) -> list[str]:
+        """The triggers that marked the finished files."""
+        found = []
+        for path in sorted(self.out.glob("*.mcap")):
+            with path.open("rb") as file:
+                for _, _, message in make_reader(file).iter_messages(topics=["/log"]):
+                    log = Log.FromString(message.data)
+                    if log.name == SOURCE:
+                        found.append(log.message.partition(":")[0])
+        return found
 
     @property
-    def archive(self) -> SinkFactory:
-        triggers = ("signal", "refusal")
-        ring_ns = 60 * SECOND_NS
-        archive = Archive(
-            *("cell 2", {}),
-            draw=False,
-            continuous=False,
-            triggers=triggers,
-            before_ns=ring_ns,
-            after_ns=ring_ns,
-        )
-        free = partial(int, 10**9)
-        return partial(archive_sink, archive=archive, now_ns=lambda: self.now_ns, free_bytes=free)
+    def capture(self) -> SinkFactory:
+        return partial(capture_sink, draw=False, triggers=("signal", "refusal"))
 
 
 @pytest.fixture
@@ -107,33 +106,31 @@ def bench(tmp_path: Path, shift: list[WireEvent]) -> Iterator[Bench]:
     made.close()
 
 
-def test_what_is_asked_while_nobody_writes_is_written_by_the_next(
+def test_what_is_asked_while_nobody_writes_is_marked_by_the_next(
     bench: Bench, shift: list[WireEvent]
 ) -> None:
-    """The file holds what passed meanwhile, for the spool has kept it."""
-    bench.scribe(bench.archive)  # and it dies
+    """In the file that holds what passed meanwhile, for the spool has kept it."""
+    bench.scribe(Asked().make)  # and it dies
     bench.put(shift[:20])
     ask(bench.spool)
-    assert not bench.incidents
-    scribe = bench.scribe(bench.archive)
+    scribe = bench.scribe(bench.capture)
     bench.tick(scribe)
     scribe.finish()
-    (incident,) = bench.incidents
-    assert incident.stem.endswith("_signal")
-    kept = b"".join(event.data for event in read_mcap(incident))
+    assert bench.marks == ["signal"]
+    kept = b"".join(event.data for event in read_mcap(bench.out / "capture.mcap"))
     assert kept == b"".join(event.data for event in shift[:20])
 
 
-def test_a_trigger_that_fires_while_nobody_writes_is_written_by_the_next(
+def test_a_trigger_that_fires_while_nobody_writes_is_marked_by_the_next(
     bench: Bench, shift: list[WireEvent]
 ) -> None:
     """Conditions are watched in what the spool has kept, and not as it passes."""
-    bench.scribe(bench.archive)
+    bench.scribe(Asked().make)
     bench.put(shift)
-    scribe = bench.scribe(bench.archive)
+    scribe = bench.scribe(bench.capture)
     bench.tick(scribe)
     scribe.finish()
-    assert [incident.stem.rpartition("_")[2] for incident in bench.incidents] == ["refusal"]
+    assert bench.marks == ["refusal"]
 
 
 @pytest.mark.parametrize("when", ["asked first", "dies before its tick", "dies in its tick"])
@@ -168,13 +165,13 @@ def test_each_asking_is_heeded_once(bench: Bench) -> None:
 
 @pytest.mark.parametrize("late", [False, True])
 def test_the_last_moment_is_not_too_late(bench: Bench, *, late: bool) -> None:
-    """Asked for, and ended before the next tick: there is a file."""
-    scribe = bench.scribe(bench.archive)
+    """Asked for, and ended before the next tick: there is a mark."""
+    scribe = bench.scribe(bench.capture)
     bench.tick(scribe)
     if late:
         ask(bench.spool)
     scribe.finish()
-    assert len(bench.incidents) == late
+    assert bench.marks == ["signal"] * late
 
 
 @pytest.mark.parametrize("damage", ["", "many", "-"])
