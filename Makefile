@@ -29,10 +29,11 @@ test-lowest: $(READY)
 	  --editable '.[all]' 'pytest-xdist>=3.6'
 	$(LOWEST) -m pytest -n $(WORKERS) --dist worksteal
 
-# Kills the recorder's processes at so many random moments under traffic; takes a quarter of an hour.
-test-kill: export SCARASPEC_KILLS ?= 200
+# Kills the recorder's processes at 200 random moments under traffic, and 40 certifications inside their
+# cases; SCARASPEC_KILLS sets another number for both. Takes an hour.
 test-kill: $(READY)
-	$(BIN)/pytest -s -m campaign recorder/tests/endurance
+	SCARASPEC_KILLS=$${SCARASPEC_KILLS:-200} $(BIN)/pytest -s -m campaign recorder/tests/endurance
+	$(BIN)/pytest -s -m campaign conformance/tests/cli/test_certify_killed.py
 
 # On machines and disks made of namespaces, which root may make, and whoever may make a user namespace.
 # The full one moves a gigabyte each way and 10,000 connections, in every mode, and takes minutes.

@@ -39,7 +39,8 @@ def resolved(url: str) -> str:
                 found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
             except OSError as error:
                 raise LinkError(f"the host {host} is not known: {error.strerror}") from None
-            return f"{Tcp(str(found[0][4][0]), port)}"
+            addresses = sorted(found, key=lambda each: each[0] is not socket.AF_INET)
+            return f"{Tcp(str(addresses[0][4][0]), port)}"  # its IPv4 address, if it has one
         case Serial(device):
             return f"serial://{os.path.realpath(device)}"
         case Rfcomm() as address:

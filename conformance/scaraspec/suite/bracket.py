@@ -7,6 +7,7 @@ joined to it in `run`.
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import pytest
@@ -29,6 +30,16 @@ from scaraspec.suite.wire import Wire
 _NS: Final = 1e9
 _SENTENCE: Final = 500
 _ATTEMPTS: Final = 3
+_WATCH_S: Final = 2.0
+_WATCH_MOST_S: Final = 10.0
+_WATCH_AGAIN_MOST_S: Final = 30.0
+_TIMES: Final = 2.0
+"""For how long a subject is watched after a failure: at least, at most, by the time of the case."""
+_LONGER: Final = 1.5
+_REPEATS: Final = 2
+"""How often a case has to pass that failed: a fault may depend on the time of day."""
+_STOP_WORKS: Final = ("4.17/6", "4.17/7")
+"""Requirements whose failure means that the emergency stop was refused, or had no effect."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +90,8 @@ class Bracket:
         over: The ids of cases that are over since an earlier sitting.
         before_last: Called ahead of the first case behind which the subject may be gone.
         before_motion: Called ahead of the first case that may move it, also behind a new start.
+        watch: Called after a failure, to find out whether another client has caused it: for how
+            many seconds at least.
         stood_still_s: For how long nothing happened on this machine since it was asked last.
     """
 
@@ -102,11 +115,13 @@ class Bracket:
         self.over: frozenset[str] = frozenset()
         self.before_last: Callable[[], None] = lambda: None
         self.before_motion: Callable[[], None] = lambda: None
+        self.watch: Callable[[float], None] = lambda _for_s: None
         self.stood_still_s: Callable[[], float] = lambda: 0.0
         self._dead = self._unmoved = ""
         self._drawing = Drawing(options.examples)
-        self._at_last = self._ready = False
+        self._at_last = self._ready = self._stop_reported = False
         self._failed: set[str] = set()
+        self._sighted: set[str] = set()
         self._raised: BaseException | None = None
 
     # ------------------------------------------------------------------ pytest's hooks
@@ -210,7 +225,10 @@ class Bracket:
             why = f"{', '.join(case.requirements)} failed already: --exhaustive goes on"
         if why:
             return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=why)
-        why = self._dead or (self._unmoved if Hazard.MOTION in case.hazards else "")
+        moves = Hazard.MOTION in case.hazards
+        why = self._dead or (self._unmoved if moves else "")
+        if (moves or case.undefined) and self.subject.stop_failure:
+            why = why or f"the emergency stop does not work: {self.subject.stop_failure.message}"
         if why:
             return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.DEPENDENCY, message=why)
         return None
@@ -221,10 +239,12 @@ class Bracket:
         for _ in range(1 if case.last else _ATTEMPTS):
             self.subject.observer.begin(case.id)
             self.stood_still_s()
+            since = len(self.subject.observer.sightings)
             outcome = self._attempt(case, item, nextitem)
             still_s = self.stood_still_s()
             if not still_s or outcome.verdict not in (Verdict.FAIL, Verdict.INCONCLUSIVE):
-                return outcome
+                again = partial(self._attempt, case, item, nextitem)
+                return self._unless_disturbed(outcome, since, again)
             if self._dead:
                 break
         message = f"this machine stood still for {still_s:.1f} s: {outcome.message}"
@@ -236,26 +256,82 @@ class Bracket:
             message=message,
         )
 
+    def _unless_disturbed(
+        self, outcome: Outcome, since: int, again: Callable[[], Outcome]
+    ) -> Outcome:
+        """The outcome of a case, unless another client may have caused its failure.
+
+        Args:
+            outcome: The outcome.
+            since: How many sightings of the judge there were before the case.
+            again: Repeats the case.
+        """
+        case, others = outcome.case, self.subject.others
+        found = self._found(since)
+        if self._dead or case.last or not (outcome.verdict is Verdict.FAIL or found):
+            return outcome
+        once = Hazard.DESTRUCTIVE in case.hazards
+        for_s = max(_WATCH_S, _TIMES * outcome.duration_s)
+        for_s = _WATCH_MOST_S if once else min(for_s, _WATCH_MOST_S)
+        self.watch(for_s)
+        if others.suspected and not others.reason(case.id) and not once:
+            self._repeat(again, for_s)
+        reason = others.reason(case.id)
+        if not reason:
+            self._sighted |= found
+        return unless_disturbed(outcome, reason)
+
+    def _repeat(self, again: Callable[[], Outcome], watched_s: float) -> None:
+        """Repeat a case that has failed: if it passes, another client may be the cause.
+
+        If it fails again, a client that comes every so often has come before and after the time for
+        which the subject was watched, so that it shows within a somewhat longer time.
+        """
+        lasted_s = watched_s
+        for _ in range(_REPEATS):
+            since = len(self.subject.observer.sightings)
+            outcome = again()
+            lasted_s += outcome.duration_s
+            if outcome.verdict not in (Verdict.PASS, Verdict.TOLERATED) or self._found(since):
+                break
+        else:
+            self.subject.others.passed_again()
+            return
+        if not self._dead:
+            self.watch(min(_LONGER * lasted_s, _WATCH_AGAIN_MOST_S))
+
+    def _found(self, since: int) -> set[str]:
+        """Which requirements the judge has seen violated since then, and never before."""
+        sightings = self.subject.observer.sightings[since:]
+        found = {s.finding.requirement for s in sightings if s.finding.verdict is Verdict.FAIL}
+        return found - self._failed - self._sighted
+
     def _attempt(self, case: Case, item: pytest.Item, nextitem: pytest.Item | None) -> Outcome:
         subject = self.subject
+        subject.others.begin()
         if case.last and not self._at_last:
             self._at_last = True
             self.before_last()
         if Hazard.MOTION in case.hazards and not self._ready:
             self._ready = True
             self.before_motion()
+            self._report_stop(case)
         begun_ns = subject.now_ns
-        subject.tolerated.clear()
+        subject.begin_case()
         self._raised = None
         with counted() as tally:
             runtestprotocol(item, log=self._loud, nextitem=nextitem)
         self._end_if_asked()
-        outcome = self._outcome(case)
+        outcome = self._unless_withheld(self._outcome(case))
+        if outcome.requirement in _STOP_WORKS:
+            subject.stop_has_failed(outcome.requirement, outcome.message)
+        self._report_stop(case, outcome)
         frames = subject.observer.evidence
         if case.last:
             subject.close_lines()
         else:
             outcome = self._afterwards(case, outcome)
+        self._report_stop(case, outcome)
         duration_s = (subject.now_ns - begun_ns) / _NS
         return replace(
             outcome,
@@ -311,6 +387,49 @@ class Bracket:
             )
         return Outcome(case, Verdict.PASS, message=case.sentence)
 
+    def _report_stop(self, case: Case, outcome: Outcome | None = None) -> None:
+        """Say first, and once, that the emergency stop does not work.
+
+        It is a failure of its own, unless the running case has failed of it.
+
+        Args:
+            case: The running case, or the one that is about to run.
+            outcome: What came of it.
+        """
+        failure = self.subject.stop_failure
+        if failure is None or self._stop_reported:
+            return
+        self._stop_reported = True
+        self.subject.notify(
+            f"THE EMERGENCY STOP DOES NOT WORK: {failure.message}. No motion was requested after "
+            "that; the cases concerned are inconclusive"
+        )
+        if outcome and outcome.requirement.startswith("4.17/"):
+            return
+        when = "in" if outcome else "before"
+        own = Outcome(
+            Case("run.emergency-stop", (failure.requirement,), case.hazards),
+            Verdict.FAIL,
+            failure.requirement,
+            Cause.SUBJECT,
+            f"the emergency stop does not work: {failure.message}; found {when} case {case.id}",
+            failure.expected,
+            failure.observed,
+            frames=self.subject.observer.evidence,
+        )
+        self.outcomes.append(own)
+        self._tell(own, len(self.cases))
+
+    def _unless_withheld(self, outcome: Outcome) -> Outcome:
+        """The outcome of a case, unless a request of it was not sent.
+
+        What a case finds of the stop itself it has found before.
+        """
+        withheld = self.subject.withheld
+        if not withheld or outcome.requirement.startswith("4.17/"):
+            return outcome
+        return Outcome(outcome.case, Verdict.INCONCLUSIVE, cause=Cause.DEPENDENCY, message=withheld)
+
     def _afterwards(self, case: Case, outcome: Outcome) -> Outcome:
         """The positive control behind a case: the subject is alive and at rest again."""
         subject = self.subject
@@ -359,6 +478,19 @@ class Bracket:
             self.give_up(f"the subject served nobody before this case, since {case.id}: {error}")
         except Undecided as error:
             self.give_up(f"before this case, since case {case.id}: {error}")
+
+
+def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:
+    """An outcome, which is inconclusive if there is a reason why a failure does not count."""
+    if outcome.verdict is not Verdict.FAIL or not reason:
+        return outcome
+    return replace(
+        outcome,
+        verdict=Verdict.INCONCLUSIVE,
+        requirement="",
+        cause=Cause.SET_UP,
+        message=f"{reason}. The case had found: {outcome.message}",
+    )
 
 
 def _was_ended(raised: BaseException | None) -> bool:

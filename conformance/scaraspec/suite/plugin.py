@@ -95,6 +95,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             run.begin()
         except RecoveryError as error:
             pytest.exit(f"{error}", int(ExitStatus.INCONCLUSIVE))
+        except JournalError as error:
+            pytest.exit(f"{error}", int(ExitStatus.USAGE))
 
 
 @pytest.hookimpl(trylast=True)

@@ -27,7 +27,7 @@ from scaraspec.report.exhibits import exhibit
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite import case as cases
-from scaraspec.suite.bracket import Bracket, Outcome
+from scaraspec.suite.bracket import Bracket, Outcome, unless_disturbed
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.observer import Observer, Sighting, Take, speaks
@@ -112,6 +112,9 @@ class Setting(Protocol[P]):
     def make_ready(self, subject: P) -> None:
         """Make it ready to move."""
 
+    def watch(self, subject: P, for_s: float) -> None:
+        """Watch for so many seconds whether another client has caused the failure of a case."""
+
     def put_back(self, subject: P, state: Mapping[str, Any]) -> list[str]:
         """Leave all as it was found; what could not be is told."""
 
@@ -157,6 +160,7 @@ class Run(Generic[P]):
         self.bracket = Bracket(self._subject, setting.role, setting.options, tell, loud=loud)
         self.bracket.before_last = self._put_back
         self.bracket.before_motion = partial(setting.make_ready, self._subject)
+        self.bracket.watch = partial(setting.watch, self._subject)
         cases_before = earlier.cases if earlier else ()
         self._earlier = {
             c.id: c for c in cases_before if c.verdict is not Verdict.NONE and c.requirements
@@ -235,12 +239,16 @@ class Run(Generic[P]):
         self._observer.close()
 
     def _put_back(self) -> None:
+        case, self._observer.case = self._observer.case, ""
         self._problems = self.setting.put_back(self._subject, self._state)
         self._subject.close_lines()
+        self._observer.case = case
 
     def told(self) -> Results:
         """What came of it."""
-        outcomes = (*self.bracket.outcomes, *self._wrong_claims())
+        reason = self._subject.others.reason
+        ran = (unless_disturbed(o, reason(o.case.id)) for o in self.bracket.outcomes)
+        outcomes = (*ran, *self._wrong_claims())
         tried = [self._earlier.get(o.case.id) or self._case(o) for o in outcomes]
         seen_before = [case for key, case in self._earlier.items() if model.SEEN in key]
         groups = _grouped(self._observer.sightings, seen_before)
@@ -368,8 +376,15 @@ class Run(Generic[P]):
 
     def _seen(self, number: int, sightings: list[Sighting]) -> Case:
         """What the judge saw, in the words of the results."""
+        reason = self._subject.others.reason
+        sightings = [s for s in sightings if not reason(s.case)] or sightings
         first = sightings[0]
-        finding = first.finding
+        finding, doubt = first.finding, reason(first.case)
+        if doubt and finding.verdict is Verdict.FAIL:
+            message = f"{doubt}. The judge had found: {finding.message}"
+            finding = replace(
+                finding, verdict=Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message
+            )
         times = "" if len(sightings) == 1 else f", {len(sightings)} times"
         wire = tuple(self._stats.exhibits.evidence(p) for p in finding.evidence[:_SHOWN])
         bad = finding.verdict is Verdict.FAIL

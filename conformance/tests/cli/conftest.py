@@ -2,6 +2,7 @@
 
 import os
 import re
+import select
 import signal
 import socket
 import subprocess
@@ -15,6 +16,7 @@ import pytest
 from scaraspec.cli.main import main
 
 TIMEOUT_S = 60
+Send = Callable[[bytes], None]
 
 
 class Witness:
@@ -55,6 +57,57 @@ def _pump(source: socket.socket, target: socket.socket, kept: bytearray) -> None
         kept += data
         target.sendall(data)
     target.shutdown(socket.SHUT_WR)
+
+
+class Relay:
+    """Passes everything on between processes and a controller.
+
+    Args:
+        upstream: Where the controller listens.
+        watch: Makes, of what passes data on to the controller, what is called with it instead.
+
+    Attributes:
+        address: Where it listens.
+        arrived: Counts the connections that have come.
+        open: While this is not set, nothing passes on a connection that comes.
+    """
+
+    def __init__(self, upstream: tuple[str, int], watch: Callable[[Send], Send]) -> None:
+        self._upstream, self._watch = upstream, watch
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.address: tuple[str, int] = self._listener.getsockname()
+        self.arrived, self.open = threading.Semaphore(0), threading.Event()
+        self.open.set()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        """Accept no more."""
+        self.open.set()
+        self._listener.close()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                client, _ = self._listener.accept()
+                threading.Thread(target=self._pass, args=(client,), daemon=True).start()
+
+    def _pass(self, client: socket.socket) -> None:
+        self.arrived.release()
+        self.open.wait()
+        with (
+            suppress(OSError),
+            client,
+            socket.create_connection(self._upstream, TIMEOUT_S) as server,
+        ):
+            ways = {client: (server, self._watch(server.sendall)), server: (client, client.sendall)}
+            while ways:
+                for source in select.select([*ways], (), ())[0]:
+                    target, send = ways[source]
+                    if data := source.recv(65536):
+                        send(data)
+                    else:
+                        target.shutdown(socket.SHUT_WR)
+                        del ways[source]
 
 
 class Processes:
@@ -147,3 +200,9 @@ def refused(
 def witness() -> Callable[[tuple[str, int]], AbstractContextManager[Witness]]:
     """Makes witnesses: ``with witness(upstream) as one``."""
     return lambda upstream: closing(Witness(upstream))
+
+
+@pytest.fixture
+def relay() -> Callable[..., AbstractContextManager[Relay]]:
+    """Makes relays: ``with relay(upstream) as one``."""
+    return lambda upstream, watch=lambda send: send: closing(Relay(upstream, watch))

@@ -22,6 +22,7 @@ from scaraspec.client import Client
 from scaraspec.protocol.commands import COMMANDS
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Results
+from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.interruption import Interruption
 
 ALL = ("--allow", "state,motion,destructive")
@@ -146,6 +147,49 @@ def test_a_wrong_password_is_not_held_against_the_subject(processes: Any) -> Non
     assert done.returncode == 3
     assert "the login was refused" in done.stdout
     assert "Traceback" not in done.stderr
+
+
+def test_the_password_from_the_environment(processes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SCARASPEC_PASSWORD is used, so that the password need not be on the command line."""
+    host, port = processes.controller("--password", "secret")
+    monkeypatch.setenv("SCARASPEC_PASSWORD", "secret")
+    done = processes.run("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8/2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "secret" not in done.stdout + done.stderr
+
+
+def test_a_state_directory_that_cannot_be_used(processes: Any, tmp_path: Path) -> None:
+    """Nothing is sent: one sentence names the directory and the option, and the status is 2."""
+    folder = tmp_path / "file" / "state"
+    folder.parent.touch()
+    url = "tcp://127.0.0.1:1"
+    done = processes.run(
+        *("certify", "controller", url, "--only", "4.8/2", "--state-dir", str(folder))
+    )
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.stderr == (
+        f"scaraspec: the state directory {folder} cannot be used: Not a directory; "
+        "name another one with --state-dir\n"
+    )
+
+
+def test_a_recovery_that_is_not_allowed(processes: Any, tmp_path: Path) -> None:
+    """One line says what would allow it, and the status is 3; with that the next run begins."""
+    host, port = processes.controller()
+    url = f"tcp://{host}:{port}"
+    with Journal.of(url, tmp_path / "state") as journal:
+        journal.begin("2026-01-01T00:00:00+00:00", {})
+        journal.write("motion")  # the run was killed then
+    run = ("certify", "controller", url, "--only", "4.8/2")
+    done = processes.run(*run)
+    assert done.returncode == 3, done.stdout + done.stderr
+    assert done.stderr == (
+        "scaraspec: the run of 2026-01-01T00:00:00+00:00 was interrupted, and the robot may still "
+        "be moving: allow the recovery with --allow motion\n"
+    )
+    done = processes.run(*run, "--allow", "motion")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "was interrupted: nothing moved" in done.stdout
 
 
 @pytest.fixture

@@ -109,7 +109,7 @@ def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:
     near, far = pty.openpty()
     with Client(url, password="password") as robot:
         before = robot.list_programs()
-        words = ("certify", "controller", url, "--allow", "state,motion", "--only", "5")
+        words = ("certify", "controller", url, "--allow", "state,motion", "--only", "5", "--yes")
         run = subprocess.Popen(
             [*SCARASPEC, *words, "--out", str(out)], stdin=far, stdout=far, stderr=far
         )
@@ -124,7 +124,7 @@ def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:
             run.kill()
             run.wait()
         assert robot.list_programs() == before
-    assert not (out / "state.json").exists()
+    assert not [*(tmp_path / "state").glob("*.journal")]
     assert "run.interrupted" in {case.id for case in Results.read(out / "results.json").cases}
 
 

@@ -118,11 +118,12 @@ def _is_summer_time(y: Exchange, x: Exchange) -> bool:
 
     Local time does so, and whether it is that or UTC is open (A-4.5-1).
     """
-    midnight = x.answer.replace(hour=0, minute=0, second=0)
-    sunday = midnight - timedelta(days=(midnight.weekday() + 1) % 7)
     advance_s = (x.answer - y.answer).total_seconds()
-    an_hour = any(not off_by_s(advance_s + hour_s, y, x) for hour_s in (-3600, 3600))
-    return an_hour and bool(y.answer < sunday + _NIGHT)
+    if all(off_by_s(advance_s + hour_s, y, x) for hour_s in (-3600, 3600)):
+        return False
+    midnight = x.answer.replace(hour=0, minute=0, second=0)
+    night_ends = timedelta(days=-((midnight.weekday() + 1) % 7)) + _NIGHT
+    return bool(y.answer - midnight < night_ends)  # a sum could leave the calendar
 
 
 def _comparable(y: Exchange, x: Exchange, scene: Scene) -> bool:

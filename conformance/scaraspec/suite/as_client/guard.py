@@ -13,6 +13,8 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, NameListPart
+from scaraspec.suite.as_client.emergency_stop import StopMonitor
+from scaraspec.suite.as_client.other_clients import OtherClients
 from scaraspec.suite.as_client.own_files import OwnFiles
 from scaraspec.suite.as_client.suite_passwords import usable
 from scaraspec.suite.engine.journal import Journal
@@ -32,7 +34,7 @@ EVERYTHING: Final = "*"
 
 _NAMES_A_FILE: Final = ("upload_name", "delete_program", "run_program", "simulate_program")
 _SUITES: Final = usable(factory_reset=True)
-_ANSWERED: Final = ("upload_name", "delete_program", "set_password")
+_ANSWERED: Final = ("upload_name", "delete_program", "set_password", *SETTINGS)
 _BAR: Final = b"|"
 _NS: Final = 1e9
 
@@ -45,12 +47,24 @@ class Guard:
         files: Which files are the suite's own.
         password: The user's password, which is never written down.
         reply_s: How long a reply is waited for.
+        others: Follows what is set and read.
+
+    Attributes:
+        stop: Watches whether the emergency stop works.
     """
 
-    def __init__(self, journal: Journal, files: OwnFiles, password: bytes, reply_s: float) -> None:
-        self._journal, self._files = journal, files
+    def __init__(
+        self,
+        journal: Journal,
+        files: OwnFiles,
+        password: bytes,
+        reply_s: float,
+        others: OtherClients,
+    ) -> None:
+        self._journal, self._files, self._others = journal, files, others
         self._password, self._reply_ns = password, reply_s * _NS
         self._pending: defaultdict[tuple[str, int], deque[FrameSeen]] = defaultdict(deque)
+        self.stop = StopMonitor()
 
     # ------------------------------------------------------------------ requests
 
@@ -58,12 +72,14 @@ class Guard:
         """A frame is about to be sent.
 
         Raises:
-            NotRun: It must not be sent.
+            NotRun: It names a file of the user.
+            StopFailed: The emergency stop might not end what it starts.
             JournalError: What it changes cannot be written down.
         """
         command = BY_OPCODE.get(frame.opcode)
         if frame.direction is not A2C:
             return
+        self.stop.before(frame)
         if command is None:
             self._before_motion()
             self.may_change(EVERYTHING)
@@ -108,6 +124,8 @@ class Guard:
 
     def sent(self, connection: str, seen: FrameSeen) -> None:
         """A frame was sent, to which a reply is due."""
+        self.stop.sent(connection, seen)
+        self._others.sent(seen)
         command = BY_OPCODE.get(seen.frame.opcode)
         if command is None or command.name not in _ANSWERED:
             return
@@ -118,15 +136,19 @@ class Guard:
 
     def received(self, connection: str, seen: FrameSeen) -> None:
         """A frame of the controller came."""
+        self.stop.received(connection, seen)
         command = BY_OPCODE.get(seen.frame.opcode)
         if command is None or seen.frame.tagged:
             return
         if isinstance(seen.value, NameListPart):
             self._files.listed(seen.value.names)
+        self._others.received(connection, seen)
         pending = self._pending.get((connection, seen.frame.opcode))
         if not pending:
             return
-        data, accepted = pending.popleft().frame.data, _accepts(seen)
+        request, accepted = pending.popleft(), _accepts(seen)
+        data = request.frame.data
+        self._others.answered(request, accepted=accepted)
         if command.name == "upload_name":
             self._files.answered(data, accepted=accepted)
         elif command.name == "delete_program" and accepted:

@@ -10,6 +10,7 @@ import string
 from collections.abc import Callable, Iterable
 from typing import Final
 
+from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.expect import NotRun
 
@@ -39,6 +40,7 @@ class OwnFiles:
     def __init__(self, journal: Journal, draw_token: Callable[[], str] = random_token) -> None:
         self._journal, self._draw_token = journal, draw_token
         self._foreign: set[bytes] = set()
+        self._accepted: set[bytes] = set()
         self._numbers = itertools.count(1)
         self.prefix = (STEM + draw_token()).encode()
 
@@ -59,8 +61,15 @@ class OwnFiles:
         raise NotRun(f"{_TOKENS} names for new files were all in use")
 
     def new_name(self, extension: str, stem: str = "", *, lead: str = "") -> bytes:
-        """A name that no file has: the prefix, `lead`, a number, `stem`, the extension."""
-        return self.prefix + f"{lead}{next(self._numbers)}{stem}{extension}".encode()
+        """A name that no file has: the prefix, `lead`, a number, `stem`, the extension.
+
+        The stem is cut where the name would be longer than any client may send (L226).
+        """
+        begin = f"{lead}{next(self._numbers)}"
+        room = NAME_MAX_BYTES - len(self.prefix) - len(begin) - len(extension)
+        if len(stem) > room:
+            stem = stem[: max(room, 0)].rstrip(".")
+        return self.prefix + f"{begin}{stem}{extension}".encode()
 
     @property
     def stored(self) -> list[bytes]:
@@ -68,8 +77,8 @@ class OwnFiles:
         return [name.encode("latin-1") for name in self._journal.changes.files]
 
     def is_own(self, name: bytes) -> bool:
-        """Whether the suite has uploaded this file."""
-        return name in self.stored
+        """Whether the suite has uploaded this file, in this run or in one that it recovers."""
+        return name in self._accepted or name in self.stored
 
     def listed(self, names: Iterable[bytes]) -> None:
         """Note the names of a program list: those that the suite did not make are another's."""
@@ -83,7 +92,7 @@ class OwnFiles:
         Raises:
             NotRun: It is.
         """
-        if _base(name) in self._foreign:
+        if _base(name) in self._foreign and not self.is_own(name):
             shown = name.decode("utf-8", "backslashreplace")
             raise NotRun(f"{shown} is a file on the controller that the suite did not make")
 
@@ -92,14 +101,24 @@ class OwnFiles:
         self._journal.write("offered", name=name.decode("latin-1"))
 
     def answered(self, name: bytes, *, accepted: bool) -> None:
-        """The request of an upload was answered."""
-        event = "accepted" if accepted else "refused"
-        self._journal.confirm(event, name=name.decode("latin-1"))
+        """The request of an upload was answered.
+
+        Raises:
+            JournalError: That it was accepted cannot be written down: its content must not be sent.
+        """
+        if not accepted:
+            self._journal.confirm("refused", name=name.decode("latin-1"))
+            return
+        self.remains(name)
         base = name.rstrip(b"\0").replace(b"\\", b"/").rpartition(b"/")[2]
-        if accepted and base != name and base.startswith(self.prefix):
-            self._journal.confirm(
-                "accepted", name=base.decode("latin-1")
-            )  # stored as this, perhaps
+        if base != name and base.startswith(self.prefix):
+            self.remains(base)  # it may be stored as this
+        self._journal.flush()
+
+    def remains(self, name: bytes) -> None:
+        """A file of the suite is stored, or may be."""
+        self._accepted.add(name)
+        self._journal.confirm("accepted", name=name.decode("latin-1"))
 
     def deleted(self, name: bytes) -> None:
         """A file is gone, or never came to be."""

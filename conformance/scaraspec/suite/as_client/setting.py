@@ -17,8 +17,10 @@ from scaraspec.suite.as_client.state.restore import (
     snapshot,
     without_the_unrestorable,
 )
+from scaraspec.suite.as_client.state.watch import watch
 from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.engine.journal import Journal
+from scaraspec.suite.as_client.two_stage.stop_proof import prove_stop
+from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.expect import Undecided, Unmet
 from scaraspec.suite.observer import Observer
 from scaraspec.suite.plan import Options
@@ -103,24 +105,49 @@ class ControllerSetting:
         probe_all(subject)
 
     def make_ready(self, subject: Subject) -> None:
-        """Make a robot ready that will not move; what it does wrong the cases find."""
+        """Prove the emergency stop, and make a robot ready that will not move.
+
+        What it does wrong besides the cases find.
+        """
+        prove_stop(subject)
+        if subject.stop_failure:
+            return
         with suppress(Unmet, Undecided):
             make_ready(subject)
             subject.settle()
+
+    def watch(self, subject: Subject, for_s: float) -> None:
+        """Watch whether another client has caused the failure of a case."""
+        watch(subject, for_s)
 
     def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
         """Put everything back, and compare with the start; a sentence for what differs."""
         if not state:  # the run never began
             return []
-        return [*restore(subject), *come_back(subject)]
+        left = restore(subject)
+        return [*left.ours, *left.others, *come_back(subject)]
 
     def finish(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
-        """End the run: the journal goes, unless something may be left on the controller."""
+        """End the run: the journal goes, unless something may be left on the controller.
+
+        Of a controller that was shut down nothing moves, and no output is on.
+        """
         if not state:
             return []
-        if subject.journal.changes.any:
+        changes = self.journal.changes
+        problems = [self.journal.failure] if self.journal.failure else []
+        if subject.off:
+            self.journal.confirm("rest")
+        if changes.any and not (subject.off and changes.only_outputs):
             self.journal.close()
-            where = self.journal.path or "memory"
-            return [f"the next run puts back what is left on the controller: journal {where}"]
-        self.journal.finish()
-        return []
+            subject.notify(
+                "Something may be left on the controller: the next run puts it back first. "
+                f"The journal {self.journal.path or 'in memory'} says what it is"
+            )
+            shut_down = ["it was shut down before all was put back"] if subject.off else []
+            return [*problems, *shut_down]
+        try:
+            self.journal.finish()
+        except JournalError as error:
+            problems.append(f"{error}")
+        return problems

@@ -10,17 +10,19 @@ from contextlib import suppress
 from typing import Any, Final
 
 from scaraspec.links.link import Link, LinkError
-from scaraspec.protocol.commands import BY_OPCODE, RunningProgram
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, RunningProgram
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.access import Access
 from scaraspec.suite.as_client.due import ANSWERED, Patience
 from scaraspec.suite.as_client.guard import EVERYTHING, Guard
 from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.other_clients import OtherClients
 from scaraspec.suite.as_client.own_files import OwnFiles, random_token
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.expect import NoAnswer, NotRun, Undecided, Unmet, Unreadable
 from scaraspec.suite.hooks import HookError
 from scaraspec.suite.observer import Observer
+from scaraspec.suite.party import StopFailure
 from scaraspec.suite.statement import Statement
 from scaraspec.suite.wire import Answer, Wire, pump
 
@@ -81,6 +83,7 @@ class Subject:
         patience: How long to wait for what never came.
         unanswered: Commands that it never answered before the running case.
         files: Which files on the controller are the suite's own.
+        others: What other clients do to it.
         guard: Checks every frame before it is sent.
         notices: What the reader of the results must know first.
     """
@@ -113,7 +116,8 @@ class Subject:
         self._say = say
         self.journal = journal
         self.files = OwnFiles(journal, draw_token)
-        self.guard = Guard(journal, self.files, password, statement.reply_s)
+        self.others = OtherClients(self)
+        self.guard = Guard(journal, self.files, password, statement.reply_s, self.others)
         self._lines: list[Line] = []
         self._left: list[Line] = []
         self._connections = itertools.count(1)
@@ -141,6 +145,25 @@ class Subject:
         return self.statement.motion.longest_s
 
     # ------------------------------------------------------------------ connections
+
+    @property
+    def stop_failure(self) -> StopFailure | None:
+        """What is wrong with the emergency stop."""
+        return self.guard.stop.failure
+
+    def stop_has_failed(self, requirement: str, message: str) -> None:
+        """A case has found that the emergency stop does not work."""
+        self.guard.stop.fail(requirement, message, "", "")
+
+    @property
+    def withheld(self) -> str:
+        """Why a request of the running case was not sent; empty if all were."""
+        return self.guard.stop.withheld
+
+    def begin_case(self) -> None:
+        """A case begins: nothing was tolerated or withheld in it."""
+        self.tolerated.clear()
+        self.guard.stop.withheld = ""
 
     @property
     def untried(self) -> str:
@@ -318,6 +341,7 @@ class Subject:
         if hook is None:
             raise NotRun(f"it needs the hook {name} in [hooks] of the statement of conformance")
         self.guard.may_change(EVERYTHING)
+        self.guard.stop.forget()
         try:
             hook.run(**values)
         except HookError as error:
@@ -408,6 +432,8 @@ class Subject:
             for remedy in _REMEDIES:
                 if line.ask("get_status").value == _READY:
                     break
+                if self.guard.stop.withholds(BY_NAME[remedy].opcode):
+                    continue
                 if remedy not in self.statement.lacks and line.ask(remedy).accepted:
                     with suppress(NoAnswer):
                         line.result(remedy, within_s=self.reply_s)

@@ -55,6 +55,9 @@ class ClientSetting:
     def make_ready(self, subject: Subject) -> None:
         """Nothing: a client moves nothing."""
 
+    def watch(self, subject: Subject, for_s: float) -> None:
+        """Nothing: a client has no clients."""
+
     def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
         """Tell what makes its driver doubtful."""
         problems = []

@@ -21,6 +21,7 @@ from scaraspec.suite.as_controller.polls import REPLIES
 from scaraspec.suite.as_controller.saying import same, shown
 from scaraspec.suite.expect import Declined, NoAnswer, NotRun, Undecided, Unmet, expect
 from scaraspec.suite.observer import Observer
+from scaraspec.suite.party import Interference
 from scaraspec.suite.statement import Statement
 from scaraspec.suite.wire import Wire, pump
 
@@ -68,6 +69,7 @@ class Subject:
         self.survival = ""
         self.off = False
         self.notices: list[str] = []
+        self.others = Interference()
         self._lines: list[Line] = []
         self._connections = itertools.count(1)
         self._files = itertools.count(1)
@@ -244,6 +246,27 @@ class Subject:
             if refusal.after_s > _AT_ONCE_S and not self.access.attended:
                 raise
             self.tolerate("", _DECLINED, refusal.observed, f"{refusal}")
+
+    @property
+    def stop_failure(self) -> None:
+        """Nothing: a client has no emergency stop."""
+        return
+
+    @property
+    def withheld(self) -> str:
+        """Nothing: whatever a case sends is sent."""
+        return ""
+
+    def stop_has_failed(self, requirement: str, message: str) -> None:
+        """Nothing: a client has no emergency stop."""
+
+    def notify(self, sentence: str) -> None:
+        """Say what the reader of the results must know first."""
+        self.notices.append(sentence)
+
+    def begin_case(self) -> None:
+        """A case begins: nothing was tolerated in it."""
+        self.tolerated.clear()
 
     @property
     def untried(self) -> str:

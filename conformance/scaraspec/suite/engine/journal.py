@@ -12,7 +12,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -63,6 +63,12 @@ class Changes:
         """Whether there may be anything to put back."""
         return bool(self.changed or self.passwords or self.files or self.offered or self.motion)
 
+    @property
+    def only_outputs(self) -> bool:
+        """Whether nothing but outputs may have to be put back."""
+        others = self.passwords or self.files or self.offered or self.motion
+        return not others and self.changed in ([], ["outputs"])
+
     def apply(self, record: Mapping[str, Any]) -> None:  # noqa: C901, PLR0912 - a branch for each event
         """Take in one record of the journal.
 
@@ -71,6 +77,8 @@ class Changes:
         """
         match record["event"]:
             case "run":
+                if record["format"] != FORMAT:
+                    raise KeyError(record["format"])
                 self.started = record["started"]
             case "settings":
                 self.settings = dict(record["before"])
@@ -114,6 +122,7 @@ class Journal:
         path: The file.
         earlier: What an interrupted run has left; None if there was none.
         changes: What this run may have changed and has not put back.
+        failure: Why a record of this run could not be written at once; empty if all could.
 
     Raises:
         JournalError: The journal of an earlier run cannot be read.
@@ -124,6 +133,9 @@ class Journal:
         self.changes = Changes()
         self.earlier = _load(path) if path else None
         self._descriptor: int | None = None
+        self.failure = ""
+        self._unwritten = b""
+        self._restoring = False
 
     @classmethod
     @contextmanager
@@ -141,26 +153,23 @@ class Journal:
         """
         digest = sha256(controller.encode()).hexdigest()[:_DIGEST_CHARACTERS]
         name = f"{_SLUG.sub('-', controller).strip('-')}-{digest}"
-        try:
-            make_private_folder(folder)
-            lock = locked(folder / f"{name}.lock", wait_s)
-            with lock:
-                journal = cls(folder / f"{name}.journal")
-                try:
-                    yield journal
-                finally:
-                    journal.close()
-        except LockedError:
-            raise ControllerBusyError(
-                f"another scaraspec run is using {controller}: wait for it with --wait-for-lock 60s"
-            ) from None
-        except OSError as error:
-            if error.filename is None or not str(error.filename).startswith(str(folder)):
-                raise
-            raise JournalError(
-                f"the state directory {folder} cannot be used: {error.strerror}; "
-                "name another one with --state-dir"
-            ) from None
+        with ExitStack() as held:
+            try:
+                make_private_folder(folder)
+                held.enter_context(locked(folder / f"{name}.lock", wait_s))
+            except LockedError:
+                raise ControllerBusyError(
+                    f"another scaraspec run is using {controller}: wait for it with "
+                    "--wait-for-lock 60s"
+                ) from None
+            except OSError as error:
+                raise JournalError(
+                    f"the state directory {folder} cannot be used: {error.strerror}; "
+                    "name another one with --state-dir"
+                ) from None
+            journal = cls(folder / f"{name}.journal")
+            held.callback(journal.close)
+            yield journal
 
     def begin(self, started: str, settings: Mapping[str, Any]) -> None:
         """Begin a run: what an earlier run has left is put back by now.
@@ -197,31 +206,56 @@ class Journal:
         self.changes = self.earlier
         if self.path:
             self._open(self.path, os.O_APPEND)
+            self._unwritten = b"\n"  # what follows a torn line begins a line of its own
 
     def write(self, event: str, **values: Any) -> None:
         """Write a record, and wait until it is on disk.
 
         Raises:
-            JournalError: It cannot be written: the change that it announces must not be made.
+            JournalError: It cannot be written yet: the change that it announces must not be made.
         """
-        record = {"event": event, **values}
+        record = self._queued(event, values)
+        try:
+            self.flush()
+        except JournalError:
+            if not self._restoring:
+                raise
         self.changes.apply(record)
-        if self._descriptor is not None:
-            line = json.dumps(record, ensure_ascii=True).encode() + b"\n"
-            try:
-                while line:
-                    line = line[os.write(self._descriptor, line) :]
-                os.fsync(self._descriptor)
-            except OSError as error:
-                raise self._unwritable(error) from None
 
     def confirm(self, event: str, **values: Any) -> None:
-        """Write a record of what has happened already; a disk that is full loses it.
+        """Write a record of what has happened already; if the disk is full it is written later.
 
         Without it a later run may look for more than there is to put back.
         """
+        self.changes.apply(self._queued(event, values))
         with suppress(JournalError):
-            self.write(event, **values)
+            self.flush()
+
+    def flush(self) -> None:
+        """Wait until all records are on disk.
+
+        Raises:
+            JournalError: They cannot be written.
+        """
+        if self._descriptor is None or not self._unwritten:
+            return
+        try:
+            while self._unwritten:
+                self._unwritten = self._unwritten[os.write(self._descriptor, self._unwritten) :]
+            os.fsync(self._descriptor)
+        except OSError as error:
+            failure = self._unwritable(error)
+            self.failure = f"{failure}"
+            raise failure from None
+
+    @contextmanager
+    def restoring(self) -> Iterator[None]:
+        """Within it, what is put back need not be written down: a full disk stops nothing."""
+        before, self._restoring = self._restoring, True
+        try:
+            yield
+        finally:
+            self._restoring = before
 
     def finish(self) -> None:
         """End a run that has left nothing behind: the journal is removed.
@@ -239,22 +273,22 @@ class Journal:
 
     def close(self) -> None:
         """Write nothing more; the file stays."""
+        self._unwritten = b""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
 
+    def _queued(self, event: str, values: Mapping[str, Any]) -> dict[str, Any]:
+        record = {"event": event, **values}
+        if self._descriptor is not None:
+            self._unwritten += json.dumps(record, ensure_ascii=True).encode() + b"\n"
+        return record
+
     def _open(self, path: Path, flag: int) -> None:
         try:
             self._descriptor = open_private(path, os.O_WRONLY | os.O_CREAT | flag)
-            if flag == os.O_APPEND:  # what follows a torn line begins a line of its own
-                self._end_torn_line(path)
         except OSError as error:
             raise self._unwritable(error) from None
-
-    def _end_torn_line(self, path: Path) -> None:
-        assert self._descriptor is not None
-        if path.read_bytes()[-1:] not in (b"", b"\n"):
-            os.write(self._descriptor, b"\n")
 
     def _unwritable(self, error: OSError) -> JournalError:
         return JournalError(f"the journal {self.path} cannot be written: {error.strerror}")

@@ -34,6 +34,7 @@ _DEAF_JOGGING: Final = "deaf while it jogs"
 _PUT_OFF_S: Final = 0.2  # what is answered so late, and as by an idle robot, had to wait for it …
 _TIMES_LATER: Final = 3  # … where an idle robot is that much quicker
 _NS: Final = 1e9
+_READINGS: Final = 3
 _STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
 _LATCHES: Final = "latches"
 _MOVE, _RESET, _LOCK = "set_tool_coordinates", "reset", "lock_joints"
@@ -383,9 +384,11 @@ def release_latch(subject: Subject, line: Line) -> None:
         return
     if line.ask("get_status").value == IDLE:
         with _set_aside(line, _MOVE):
-            answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
-            if answer.accepted:
-                end_of(subject, line, _MOVE)
+            for _ in range(_READINGS):  # unsteady ones may lie beyond the end of its travel
+                answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
+                if answer.accepted:
+                    end_of(subject, line, _MOVE)
+                    break
         if answer.accepted:
             if _LATCHES not in subject.known:
                 subject.known[LATCHED] = False

@@ -37,9 +37,7 @@ def restore_password(subject: Subject) -> None:
         if not _opens(subject, password):
             continue
         try:
-            if password != subject.password:
-                _change(subject, password)
-            subject.journal.confirm("password-restored")
+            set_back(subject, password)
         except NoAnswer:
             raise
         except Unmet as error:
@@ -49,12 +47,20 @@ def restore_password(subject: Subject) -> None:
     raise refused or _lost(subject)
 
 
-def _change(subject: Subject, password: bytes) -> None:
-    line = subject.open(login=False)
-    subject.log_in(line, password)
-    set_value(line, "set_password", PasswordChange(password, subject.password))
-    line.close()
-    expect(_opens(subject, subject.password), "the password that was set back opens no login")
+def set_back(subject: Subject, password: bytes) -> None:
+    """Set the user's password again in place of this one.
+
+    Raises:
+        Unmet: The controller does not answer, or refuses to.
+    """
+    if password != subject.password:
+        line = subject.open(login=False)
+        subject.log_in(line, password)
+        with subject.journal.restoring():
+            set_value(line, "set_password", PasswordChange(password, subject.password))
+        line.close()
+        expect(_opens(subject, subject.password), "the password that was set back opens no login")
+    subject.journal.confirm("password-restored")
 
 
 def working_password(subject: Subject) -> bytes:

@@ -1,13 +1,22 @@
 """Recovery: what an interrupted run has left on the controller is put back before anything else."""
 
+from contextlib import suppress
+
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.as_client.guard import EVERYTHING
-from scaraspec.suite.as_client.state.password import PasswordLost, working_password
-from scaraspec.suite.as_client.state.restore import ITEMS, restore, snapshot
+from scaraspec.suite.as_client.state.password import PasswordLost, set_back, working_password
+from scaraspec.suite.as_client.state.restore import (
+    DEFAULT_PROGRAM,
+    ITEMS,
+    restore,
+    shown,
+    snapshot,
+    write_default,
+)
 from scaraspec.suite.as_client.subject import Subject
 from scaraspec.suite.engine.journal import Changes
-from scaraspec.suite.expect import NoAnswer, Undecided
+from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
 
 
 class RecoveryError(Exception):
@@ -34,27 +43,46 @@ def recover(subject: Subject) -> None:
         told = _recovered(subject, earlier)
     except (PasswordLost, Undecided) as error:
         raise _failed(subject, f"{error}") from None
-    subject.notify(f"{_interrupted(subject)}: {', '.join(told) or 'nothing was left'}")
+    subject.notify(f"{_interrupted(subject)}: {'; '.join(told) or 'nothing was left'}")
 
 
 def _recovered(subject: Subject, earlier: Changes) -> list[str]:
     """Do it; what was done, in a few words each."""
     told = []
-    users = subject.password
-    if earlier.passwords and subject.access.needs_login:
-        subject.password = working_password(subject)
+    users = working = subject.password
+    may_differ = bool(earlier.passwords) and subject.access.needs_login
+    if may_differ:
+        subject.password = working = working_password(subject)
     try:
         if earlier.motion:
             told.append(_stopped(subject))
         left = _left(subject, earlier, users)
+        _require(subject, left)
+        _put_default_back(subject, earlier)
     finally:
         subject.password = users
         subject.close_lines()
-    _require(subject, left)
+    if may_differ:
+        try:
+            set_back(subject, working)
+        except Unmet as error:
+            raise _failed(subject, f"the password: {error}") from None
     subject.moved = earlier.motion
-    if problems := restore(subject):
-        raise _failed(subject, "; ".join(problems))
-    return [*told, *(f"{what}, put back" for what in left)]
+    differences = restore(subject)
+    if differences.ours:
+        raise _failed(subject, "; ".join(differences.ours))
+    return [*told, *(f"{what}, put back" for what in left), *differences.others]
+
+
+def _put_default_back(subject: Subject, earlier: Changes) -> None:
+    """Name the default program first: the suite's file in its place may resist deletion (A-4.11-1).
+
+    If that fails, `restore` tries again and reports it.
+    """
+    default = earlier.settings.get(DEFAULT_PROGRAM)
+    if default and DEFAULT_PROGRAM in earlier.changed and Hazard.STATE in subject.allowed:
+        with suppress(Unmet, Undecided):
+            write_default(subject, subject.open(), default)
 
 
 def _stopped(subject: Subject) -> str:
@@ -65,7 +93,7 @@ def _stopped(subject: Subject) -> str:
     try:
         line.result("emergency_stop", within_s=subject.reply_s)
     except NoAnswer:
-        return "the robot was told to stop, and did not say that it has stopped"
+        return "the emergency stop was accepted, and no final result came"
     return "the robot was stopped"
 
 
@@ -73,7 +101,9 @@ def _left(subject: Subject, earlier: Changes, users: bytes) -> dict[str, Hazard]
     """What has to be put back, in a few words each, and the hazard that it needs."""
     left = {}
     if subject.password != users:
-        left[f"the password was {show(subject.password)}"] = Hazard.DESTRUCTIVE
+        ours = subject.password.decode("latin-1") in earlier.passwords
+        named = show(subject.password) if ours else "an altered one"  # perhaps of the user's
+        left[f"the password was {named}"] = Hazard.DESTRUCTIVE
     if earlier.files:
         left[f"{', '.join(earlier.files)} was stored"] = Hazard.STATE
     now = snapshot(subject, subject.open())
@@ -81,7 +111,8 @@ def _left(subject: Subject, earlier: Changes, users: bytes) -> dict[str, Hazard]
         before = earlier.settings.get(item.name)
         changed = item.name in earlier.changed or EVERYTHING in earlier.changed
         if changed and before is not None and item.differs(subject, now.get(item.name), before):
-            left[f"the {item.name} was {now.get(item.name)} in place of {before}"] = item.hazard
+            values = shown(item, now.get(item.name)), shown(item, before)
+            left["the {} was {} in place of {}".format(item.name, *values)] = item.hazard
     return left
 
 

@@ -5,9 +5,10 @@ as it is: another client may have changed it on purpose.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from scaraspec.protocol.commands import Network, Point, PortValue, Pose
 from scaraspec.protocol.hazard import Hazard
@@ -16,6 +17,7 @@ from scaraspec.suite.as_client.guard import EVERYTHING
 from scaraspec.suite.as_client.line import Line
 from scaraspec.suite.as_client.state.password import restore_password, set_value
 from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.expect import NoAnswer, Undecided, Unmet, expect
 from scaraspec.suite.programs.listed import program_names
 
@@ -24,8 +26,10 @@ _HALF_S: Final = 0.5
 _COMES_BACK_S: Final = 10
 _ONCE_MORE_S: Final = 1
 _NS: Final = 1_000_000_000
-_REFUSED_PERHAPS: Final = ("default program", "initial tool position")
+DEFAULT_PROGRAM: Final = "default program"
+_REFUSED_PERHAPS: Final = (DEFAULT_PROGRAM, "initial tool position")
 _PROGRAMS: Final = "programs"
+_CLOCK: Final = "clock"
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,54 +73,80 @@ def without_the_unrestorable(
         if item.name in _REFUSED_PERHAPS and item.hazard in subject.allowed and state[item.name]:
             try:
                 item.write(subject, line, state[item.name])
+            except JournalError:
+                raise
             except (Unmet, Undecided):
                 state[item.name] = None
     return state
 
 
-def restore(subject: Subject) -> list[str]:
+class Differences(NamedTuple):
+    """What differs from the start, one sentence each.
+
+    Attributes:
+        ours: What the suite has changed and could not put back.
+        others: What the suite has not changed, or has no means to put back.
+    """
+
+    ours: list[str]
+    others: list[str]
+
+
+def restore(subject: Subject) -> Differences:
     """Bring the controller to rest, put back what the run has changed, and compare with the start.
 
     Returns:
-        A sentence for each difference that is left.
+        What is left.
     """
     before, changed = subject.journal.changes.settings, subject.journal.changes.changed
-    try:
-        line = _reached(subject)
-    except (Unmet, Undecided) as error:
-        return [f"nothing could be put back: {error}"]
-    problems = [
-        problem
-        for item in ITEMS
-        if before.get(item.name) is not None
-        if (problem := _put_back(item, subject, line, before[item.name], changed))
-    ]
-    line.close()
-    if not problems:
+    left = Differences([], [])
+    with subject.journal.restoring():
+        try:
+            line = _reached(subject)
+        except (Unmet, Undecided) as error:
+            return Differences([f"nothing could be put back: {error}"], [])
+        for item in ITEMS:
+            if before.get(item.name) is None:
+                continue
+            ours = item.name != _PROGRAMS and not {item.name, EVERYTHING}.isdisjoint(changed)
+            if problem := _put_back(item, subject, line, before[item.name], ours=ours):
+                (left.ours if ours else left.others).append(problem)
+        line.close()
+    if not left.ours:
         subject.journal.confirm("restored")
-    return problems
+    return left
 
 
-def _put_back(item: Item, subject: Subject, line: Line, wanted: Any, changed: list[str]) -> str:
+def _put_back(item: Item, subject: Subject, line: Line, wanted: Any, *, ours: bool) -> str:
     """Put one item back where the suite may have changed it; what is wrong with it then."""
     try:
         now = _read(item, subject, line)
+        if item.name == _CLOCK and ours and not item.differs(subject, now, wanted):
+            now = _set_once_more(item, subject, line, wanted)
         if not item.differs(subject, now, wanted):
             return ""
         if item.name == _PROGRAMS:
             return _of_programs(subject, line, now, wanted)
-        if item.name not in changed and EVERYTHING not in changed:
+        if not ours:
             return (
-                f"the {item.name} was {_shown(wanted)} at the start and is {_shown(now)}: the "
-                "suite has not set it"
+                f"the {item.name} was {shown(item, wanted)} at the start and is "
+                f"{shown(item, now)}: the suite has not set it"
             )
         expect(item.hazard in subject.allowed, f"it needs --allow {item.hazard.value}")
         item.write(subject, line, wanted)
         now = _read(item, subject, line)
-        expect(not item.differs(subject, now, wanted), f"it is {_shown(now)}")
+        expect(not item.differs(subject, now, wanted), f"it is {shown(item, now)}")
     except (Unmet, Undecided) as error:
-        return f"the {item.name} could not be put back to {_shown(wanted)}: {error}"
+        return f"the {item.name} could not be put back to {shown(item, wanted)}: {error}"
     return ""
+
+
+def _set_once_more(clock: Item, subject: Subject, line: Line, wanted: Any) -> Any:
+    """Set a clock that is about right, as it drifts each time that a case puts it back."""
+    with suppress(Unmet, Undecided):
+        if clock.hazard in subject.allowed:
+            clock.write(subject, line, wanted)
+    return _read(clock, subject, line)
 
 
 def _of_programs(subject: Subject, line: Line, now: list[str] | None, wanted: list[str]) -> str:
@@ -128,6 +158,9 @@ def _of_programs(subject: Subject, line: Line, now: list[str] | None, wanted: li
         return "the program list cannot be read, so it was not compared with that of the start"
     more, less = sorted({*now} - {*wanted}), sorted({*wanted} - {*now})
     told = []
+    for name in more:
+        if subject.files.is_own(name.encode("latin-1")):
+            subject.files.remains(name.encode("latin-1"))  # the next run deletes it
     if more:
         default = _read_default(subject, line)
         ours = [f"{n} (the default program)" if n == default else n for n in more]
@@ -137,8 +170,16 @@ def _of_programs(subject: Subject, line: Line, now: list[str] | None, wanted: li
     return f"the program list differs: {'; '.join(told)}"
 
 
-def _shown(value: Any) -> str:
-    return "unknown" if value is None else f"{value}"
+def shown(item: Item, value: Any) -> str:
+    """A value of an item, as a sentence names it."""
+    match value:
+        case None:
+            return "unknown"
+        case [ahead_s, _] if item.name == _CLOCK:
+            return f"{ahead_s:+.0f} s from the clock of this computer"
+        case list():
+            return "|".join(map(str, value))
+    return f"{value}"
 
 
 def _reached(subject: Subject) -> Line:
@@ -186,7 +227,7 @@ def _read_clock(subject: Subject, line: Line) -> list[float] | None:
     if value is None:
         return None
     ahead_s: float = (value - _ours(subject)).total_seconds()
-    return [round(ahead_s + _HALF_S), subject.now_ns / _NS]  # it shows whole seconds
+    return [ahead_s + _HALF_S, subject.now_ns / _NS]  # it shows whole seconds
 
 
 def _ahead_s(subject: Subject, before: list[float]) -> float:
@@ -217,7 +258,7 @@ def _read_default(_: Subject, line: Line) -> str | None:
     return value.decode("latin-1") if value else None
 
 
-def _write_default(_: Subject, line: Line, name: str) -> None:
+def write_default(_: Subject, line: Line, name: str) -> None:
     """Set it by the bytes that were told, be they a name or not."""
     set_value(line, "set_default_program", data=name.encode("latin-1"))
 
@@ -250,8 +291,8 @@ def _write_tuple(name: str, make: type) -> Callable[[Subject, Line, list[Any]], 
 
 
 ITEMS: Final = (
-    Item("clock", Hazard.STATE, _read_clock, _write_clock, _clock_differs),
-    Item("default program", Hazard.STATE, _read_default, _write_default),
+    Item(_CLOCK, Hazard.STATE, _read_clock, _write_clock, _clock_differs),
+    Item(DEFAULT_PROGRAM, Hazard.STATE, _read_default, write_default),
     Item(_PROGRAMS, Hazard.STATE, _read_programs, _delete_own),
     Item(
         "gripper centre",

@@ -1,0 +1,211 @@
+"""Watch: after a failure, whether settings change while the suite sends nothing but queries.
+
+A fault of the controller must not be taken for another client. A change counts only if the setting
+does not vary all the time. A change to a value that no request of the suite explains is proof. A
+value that the suite has set, or that was there at the start, may also come back because the
+controller forgets what was set. It forgets after a fixed time, and a client comes at any time:
+proof is a change that comes sooner than the time for which a value has stayed.
+"""
+
+import itertools
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any, Final
+
+from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.as_client.line import Line
+from scaraspec.suite.as_client.setting_values import (
+    CLOCK,
+    DEFAULT_PROGRAM,
+    GRIPPER_CENTRE,
+    INITIAL_POSITION,
+    PROGRAMS,
+    QUERIES,
+    SETTERS,
+    reported,
+)
+from scaraspec.suite.as_client.state.defaults import default_kept
+from scaraspec.suite.as_client.state.keeping import kept
+from scaraspec.suite.as_client.subject import Subject
+from scaraspec.suite.expect import NoAnswer, Undecided, Unmet
+from scaraspec.suite.programs.listed import program_names, store_program
+from scaraspec.suite.wire import Answer
+
+_SET_AGAIN: Final = (CLOCK, GRIPPER_CENTRE, INITIAL_POSITION)
+"""What is set to another value in each round, so that a client shows that sets the old one."""
+_NOON: Final = b"20240615120000"
+"""The clock is set to a time after which nothing but seconds and minutes rolls over."""
+
+_SHARES: Final = (32, 12, 4, 1)
+_STRETCHES: Final = (1.0, 1.1, 1.2, 1.3, 1.4)
+"""The rounds are of many lengths."""
+_ROUNDS_S: Final = sum(_SHARES) * sum(_STRETCHES)
+_LONGER_ROUNDS: Final = 3
+_LONGER: Final = 1.5
+"""After a change there are some rounds that are longer than the one in which it came."""
+_TWICE: Final = 2
+_OFTEN: Final = 12
+"""How often a setting must give a value in a row: before it has changed, and after that."""
+_LOOSE: Final = 2.0
+"""A clock that stands still, or runs three times as fast, is a fault and no client."""
+_NEVER_S: Final = float("inf")
+_NS: Final = 1e9
+
+
+def watch(subject: Subject, for_s: float) -> None:
+    """Read again what the failed case depended on, and watch what has deviated.
+
+    What is found is in `subject.others` afterwards.
+
+    Args:
+        subject: The controller, at rest.
+        for_s: How long to watch.
+    """
+    others = subject.others
+    with suppress(Unmet, Undecided):
+        line = subject.open()
+        read = {name for name in others.touched if _read(subject, line, name) is not None}
+        if read & others.deviating.keys() and not others.proved:
+            names = [name for name in QUERIES if _read(subject, line, name) is not None]
+            with _set_again(subject, line, others.deviating) as requests:
+                _Watch(subject, line, names, requests).run(for_s)
+        subject.clear(line)
+    subject.close_lines()
+
+
+@contextmanager
+def _set_again(subject: Subject, line: Line, names: Collection[str]) -> Iterator[dict[str, bytes]]:
+    """What to set in each round, by name; afterwards all is set to what it is now.
+
+    So the judge compares with this, too, and no longer with what was set before.
+    """
+    settings = subject.others.settings
+    harmless = [n for n in names if n in _SET_AGAIN and Hazard.STATE in subject.allowed]
+    requests = {name: settings[name].request for name in harmless if settings[name].request}
+    if CLOCK in requests:
+        requests[CLOCK] = _NOON
+    with kept(subject, line, *harmless), default_kept(subject, line):
+        if DEFAULT_PROGRAM in names and settings[DEFAULT_PROGRAM].request:
+            with suppress(Unmet, Undecided):
+                requests[DEFAULT_PROGRAM] = store_program(subject, line)
+        yield requests
+
+
+@dataclass
+class _Lasting:
+    """How long the values of one setting have lasted, in seconds.
+
+    Attributes:
+        stayed_s: The longest time for which one has stayed.
+        changed_s: The shortest time within which one has changed.
+        change: What it changed from and to.
+    """
+
+    stayed_s: float = 0.0
+    changed_s: float = _NEVER_S
+    change: tuple[Any, Any] = (None, None)
+
+
+class _Watch:
+    """One time of watching.
+
+    Args:
+        subject: The controller.
+        line: A connection.
+        names: What to watch.
+        requests: What to set in each round, by name.
+    """
+
+    def __init__(
+        self, subject: Subject, line: Line, names: list[str], requests: Mapping[str, bytes]
+    ) -> None:
+        self._subject, self._line, self._requests = subject, line, requests
+        self._lasting = {name: _Lasting() for name in names}
+
+    def run(self, for_s: float) -> None:
+        """Watch until another client is proved, for so many seconds at most.
+
+        Raises:
+            Unmet: The controller does not answer.
+        """
+        until_ns = self._subject.now_ns + round(for_s * _NS)
+        for stretch, share in itertools.product(_STRETCHES, _SHARES):
+            if not self._subject.others.proved and self._subject.now_ns < until_ns:
+                self._round(stretch * share * for_s / _ROUNDS_S)
+        for _ in range(_LONGER_ROUNDS):
+            changes = [each.changed_s for each in self._lasting.values()]
+            longest_s = max((each for each in changes if each < _NEVER_S), default=0.0)
+            if not self._subject.others.proved and longest_s:
+                self._round(_LONGER * longest_s)
+
+    def _round(self, for_s: float) -> None:
+        """Set what is set again, read everything, wait, and read it again."""
+        begun_ns = self._subject.now_ns
+        before = {name: self._read(name, self._requests.get(name)) for name in self._lasting}
+        self._line.wait(for_s)
+        for name, was in before.items():
+            least_s = (self._subject.now_ns - begun_ns) / _NS
+            now = self._read(name)
+            most_s = (self._subject.now_ns - begun_ns) / _NS
+            if None not in (was, now):
+                self._compare(name, was, now, least_s, most_s)
+
+    def _compare(self, name: str, was: Any, now: Any, least_s: float, most_s: float) -> None:
+        """Compare two values of a setting; how much time lies between them is known in bounds."""
+        lasting, setting = self._lasting[name], self._subject.others.settings[name]
+        set_again = name in self._requests and setting.same(setting.last_set, was)
+        if setting.same(was, now, loose=_LOOSE):
+            lasting.stayed_s = max(lasting.stayed_s, least_s)
+        elif self._read(name, times=_OFTEN) is None:
+            return  # it varies
+        elif not setting.is_explained(now):
+            self._subject.others.prove(name, was, now)
+        elif set_again and most_s < lasting.changed_s:
+            lasting.changed_s, lasting.change = most_s, (was, now)
+        if lasting.changed_s <= lasting.stayed_s:
+            self._subject.others.prove(name, *lasting.change)
+
+    def _read(self, name: str, data: bytes | None = None, times: int = _TWICE) -> Any:
+        return _read(self._subject, self._line, name, data, times)
+
+
+def _read(
+    subject: Subject, line: Line, name: str, data: bytes | None = None, times: int = 1
+) -> Any:
+    """Set a setting if there is data, and read it several times in a row.
+
+    All is sent together if the controller takes that, so that no other client comes in between.
+
+    Returns:
+        The value; None if it varies, or if the controller does not tell it.
+    """
+    query, setting = QUERIES[name], subject.others.settings[name]
+    if query in subject.statement.lacks | subject.unanswered:
+        return None
+    with suppress(NoAnswer):
+        if name == PROGRAMS:
+            setting.read = False
+            program_names(subject, line)
+            return setting.expected if setting.read else None
+        requests = [] if data is None else [line.request(SETTERS[name], data=data)]
+        requests += [line.request(query)] * times
+        answers = _answers(subject, line, requests)
+        values = [reported(answer.seen) for answer in answers if answer.seen.name == query]
+        varies = any(each is None or not setting.same(values[0], each) for each in values)
+        return None if varies else values[-1]
+    return None
+
+
+def _answers(subject: Subject, line: Line, requests: list[Frame]) -> list[Answer]:
+    """Send requests together, or one after another if the controller takes only one at a time."""
+    if subject.dialect["pipelining"] != "one":
+        line.send_bytes(b"".join(frame.encode() for frame in requests))
+        return [line.reply(BY_OPCODE[frame.opcode].name) for frame in requests]
+    answers = []
+    for frame in requests:
+        line.send_frame(frame)
+        answers.append(line.reply(BY_OPCODE[frame.opcode].name))
+    return answers

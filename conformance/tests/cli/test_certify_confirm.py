@@ -1,0 +1,101 @@
+"""On a terminal, a run that will move the robot asks once before it sends anything."""
+
+import os
+import pty
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from typing import Any
+
+import pytest
+
+CERTIFY = [sys.executable, "-m", "scaraspec", "certify", "controller"]
+MOTION = ("--allow", "state,motion", "--only", "4.24/5")
+LIMIT_S = 60
+
+
+@pytest.fixture
+def url(processes: Any) -> str:
+    """A virtual controller."""
+    host, port = processes.controller()
+    return f"tcp://{host}:{port}"
+
+
+class Terminal:
+    """A run of scaraspec on a terminal of its own."""
+
+    def __init__(self, *arguments: str) -> None:
+        self._near, far = pty.openpty()
+        self.run = subprocess.Popen([*CERTIFY, *arguments], stdin=far, stdout=far, stderr=far)
+        os.close(far)
+        self.shown = ""
+
+    def until(self, text: str) -> None:
+        """Read until this is shown."""
+        while text not in self.shown:
+            self.shown += os.read(self._near, 4096).decode()
+
+    def answer(self, text: str) -> None:
+        """Type a line."""
+        os.write(self._near, f"{text}\n".encode())
+
+    def end(self) -> int:
+        """Read to the end; the exit status."""
+        with suppress(OSError):  # the terminal ends with the process
+            while data := os.read(self._near, 4096):
+                self.shown += data.decode()
+        return self.run.wait(LIMIT_S)
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+        self.run.kill()
+        self.run.wait()
+        os.close(self._near)
+
+
+@pytest.fixture
+def terminals() -> Iterator[list[Terminal]]:
+    """What is in this list is ended."""
+    started: list[Terminal] = []
+    yield started
+    for terminal in started:
+        terminal.close()
+
+
+def test_no_answer_but_yes_moves_the_robot(terminals: list[Terminal]) -> None:
+    """It names axes, travel and speed; after "n" nothing was sent, and the exit status is 2."""
+    controller = socket.create_server(("127.0.0.1", 0))
+    controller.settimeout(0)
+    url = f"tcp://127.0.0.1:{controller.getsockname()[1]}"
+    terminals.append(terminal := Terminal(url, *MOTION))
+    terminal.until("[y/N]")
+    assert "x, y, z" in terminal.shown
+    assert "4.5 mm" in terminal.shown
+    assert "10 %" in terminal.shown
+    terminal.answer("n")
+    assert terminal.end() == 2
+    assert "nothing was sent" in terminal.shown
+    with closing(controller), pytest.raises(BlockingIOError):
+        controller.accept()
+
+
+@pytest.mark.parametrize(("more", "answers"), [((), ["y"]), (("--yes",), [])])
+def test_it_asks_once(
+    url: str, terminals: list[Terminal], more: tuple[str, ...], answers: list[str]
+) -> None:
+    """After "y", or with --yes, the run goes on to its verdict."""
+    terminals.append(terminal := Terminal(url, *MOTION, *more))
+    for answer in answers:
+        terminal.until("[y/N]")
+        terminal.answer(answer)
+    assert terminal.end() == 0
+    assert terminal.shown.count("[y/N]") == len(answers)
+
+
+def test_a_run_that_moves_nothing_does_not_ask(url: str, terminals: list[Terminal]) -> None:
+    """Queries need no answer."""
+    terminals.append(terminal := Terminal(url, "--only", "4.7"))
+    assert terminal.end() == 0
+    assert "[y/N]" not in terminal.shown

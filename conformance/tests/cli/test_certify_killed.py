@@ -1,0 +1,305 @@
+"""SIGKILL inside a case of `scaraspec certify controller`: the next run puts everything back.
+
+A few moments in each test run; as many as SCARASPEC_KILLS says by `make test-kill`. SCARASPEC_SEED
+draws other moments.
+"""
+
+import itertools
+import os
+import random
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from queue import SimpleQueue
+from tempfile import mkdtemp
+from typing import Any, NamedTuple, Self
+
+import pytest
+
+from scaraspec.client import Client
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import Frame, Framer
+
+TIMEOUT_S = 60
+CLOCK_SLACK_S = 2
+TIME_SCALE = 2
+PASSWORD = "geheim-7"
+ALLOWED = ("--allow", "state,motion,destructive")
+PROGRAMS = Path(__file__).parents[3] / "fixtures" / "programs"
+FILES = {
+    "mine.rob": "pick-and-place.rob",
+    "zs1.rob": "endless.rob",
+    "ZSAAAA1.ROB": "left-over.rob",
+    "焊接.rob": "every-node.ilp32.rob",
+    "notes.txt": "README.md",  # which is not listed
+}
+"""The user's files, and what is in them."""
+
+
+class Kind(NamedTuple):
+    """Where a run is killed.
+
+    Attributes:
+        only: The cases that it tries.
+        request: The request at which it is killed, or after which.
+        from_number: The first of these requests that is inside such a case.
+    """
+
+    only: str
+    request: str
+    from_number: int = 1
+
+
+KINDS = {
+    "password": Kind("4.2", "set_password"),
+    "upload": Kind("5.2/6", "upload_chunk", 6),  # after those of the probes
+    "default program": Kind("4.13", "set_default_program", 2),  # after that of the start
+    "network": Kind("4.4", "set_network"),
+    "jog": Kind("4.28", "jog"),
+    "program": Kind("4.15", "run_program"),
+}
+MORE_KINDS = {
+    "clock": Kind("4.5", "set_time"),
+    "outputs": Kind("4.32", "set_digital_output"),
+    "gripper centre": Kind("4.20", "set_gripper_center"),
+    "tool": Kind("4.21", "set_initial_tool_position", 2),
+}
+OUTS = (("none", "none"), ("one", "one"), ("one", "other"), ("one", "none"))
+"""Which --out the killed and the next run have."""
+
+
+@dataclass
+class Moment:
+    """When a run is killed.
+
+    Attributes:
+        request: The name of a request.
+        number: Which of these requests.
+        further: How many other requests later.
+        forwards: Whether the controller still gets that request.
+    """
+
+    request: str
+    number: int
+    further: int
+    forwards: bool
+
+    def has_come(self, frame: Frame) -> bool:
+        """Whether it is this request of the run, which are given one after the other."""
+        if self.number:
+            self.number -= frame.opcode == BY_NAME[self.request].opcode
+        else:
+            self.further -= 1
+        return not self.number and self.further <= 0
+
+
+class Gate:
+    """Kills a process at a request that passes a relay."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._victims: SimpleQueue[int] = SimpleQueue()
+        self._moment: Moment | None = None
+
+    def kill(self, process: subprocess.Popen[str], moment: Moment) -> str:
+        """Kill a process that is about to use the relay; what it has printed."""
+        self._moment = moment
+        self._victims.put(process.pid)
+        out, _ = process.communicate(timeout=TIMEOUT_S)
+        assert process.returncode == -signal.SIGKILL, out
+        return out
+
+    def watch(self, send: Callable[[bytes], None]) -> Callable[[bytes], None]:
+        """Watch what a client sends on one connection."""
+        framer = Framer(A2C)
+
+        def take(data: bytes) -> None:
+            due = self._due(framer.feed(data))
+            if due is None or due.forwards:
+                send(data)
+            if due:
+                os.kill(self._victims.get(), signal.SIGKILL)
+
+        return take
+
+    def _due(self, items: Iterable[object]) -> Moment | None:
+        """The moment, if it is that of one of these requests."""
+        with self._lock:
+            for frame in items:
+                if self._moment and isinstance(frame, Frame) and self._moment.has_come(frame):
+                    due, self._moment = self._moment, None
+                    return due
+        return None
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A virtual controller process with the user's settings and files.
+
+    Attributes:
+        data: Its folder.
+        address: Where it listens.
+        outputs: What its outputs were switched to.
+        clock: What its clock showed, and when that was on the monotonic clock of this machine.
+    """
+
+    data: Path
+    address: tuple[str, int]
+    outputs: str
+    clock: tuple[datetime, float]
+
+    @classmethod
+    def start(cls, processes: Any, folder: Path) -> Self:
+        programs, data = folder / "programs", folder / "data"
+        programs.mkdir(parents=True)
+        for name, source in FILES.items():
+            (programs / name).write_bytes((PROGRAMS / source).read_bytes())
+        address = processes.controller(
+            *("--data", str(data), "--programs", str(programs)),
+            *("--password", PASSWORD, "--time-scale", str(TIME_SCALE)),
+        )
+        with Client("tcp://{}:{}".format(*address), password=PASSWORD) as client:
+            client.set_default_program("mine.rob")
+            client.set_gripper_center(1, 2, 3)
+            client.set_initial_tool_position(250, 10, 240, 5, 0, 0)
+            client.set_network("10.1.2.3", "255.255.0.0", "10.1.0.1")
+            for port in (2, 5):
+                client.set_digital_output(port, 1)
+            return cls(data, address, client.get_digital_outputs(), _clock(client))
+
+    def stored(self) -> dict[str, bytes]:
+        """Every file of its folder: programs, and settings.json with the password."""
+        paths = (path for path in self.data.rglob("*") if path.is_file())
+        return {str(path.relative_to(self.data)): path.read_bytes() for path in paths}
+
+    def assert_as(self, stored: dict[str, bytes], *, off: bool = False) -> None:
+        """Files, settings, outputs and clock are those of the user.
+
+        Args:
+            stored: The files.
+            off: Whether the controller was shut down, after which it has no outputs and no clock.
+        """
+        assert self.stored() == stored
+        if off:
+            return
+        with Client("tcp://{}:{}".format(*self.address), password=PASSWORD) as client:
+            assert client.get_digital_outputs() == self.outputs
+            (shown, now_s), (before, then_s) = _clock(client), self.clock
+        ahead_s = (shown - before).total_seconds() - TIME_SCALE * (now_s - then_s)
+        assert abs(ahead_s) <= CLOCK_SLACK_S
+
+
+def _clock(client: Client) -> tuple[datetime, float]:
+    """What the clock shows, at the beginning of a second of it."""
+    first = now = client.get_time()
+    while now == first:
+        now = client.get_time()
+    return now, time.monotonic()
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Runs against controllers, some of which are killed.
+
+    Args:
+        processes: Starts processes.
+        relay: Makes relays.
+        folder: Where all of them work.
+    """
+
+    processes: Any
+    relay: Any
+    folder: Path
+    fresh: dict[tuple[str, ...], int] = field(default_factory=dict)
+
+    def certify(self, url: str, *arguments: str) -> tuple[int, str]:
+        """A run that is not killed: its exit status, and what it prints."""
+        process = self.processes.start(*self.command(url, *arguments))
+        out, _ = process.communicate(timeout=10 * TIMEOUT_S)
+        return process.returncode, out
+
+    def kill(
+        self, kind: Kind, moment: Moment, outs: tuple[str, str], what: tuple[str, ...]
+    ) -> None:
+        """Kill a run at this moment, and expect the next one to put everything back.
+
+        Args:
+            kind: What the run tries.
+            moment: When it is killed.
+            outs: Whether and where both runs write.
+            what: What the next run tries.
+        """
+        folder = Path(mkdtemp(dir=self.folder))
+        robot = Robot.start(self.processes, folder)
+        stored = robot.stored()
+        first, then = (() if out == "none" else ("--out", str(folder / out)) for out in outs)
+        gate = Gate()
+        with self.relay(robot.address, gate.watch) as relay:
+            url = "tcp://{}:{}".format(*relay.address)
+            run = self.command(url, "--only", kind.only, *first)
+            gate.kill(self.processes.start(*run), moment)
+            status, said = self.certify(url, *what, *then)
+        assert status == self.status_of_a_fresh_controller(*what), said
+        robot.assert_as(stored, off=not what)  # the last case of all shuts it down
+
+    def status_of_a_fresh_controller(self, *what: str) -> int:
+        """The exit status of such a run against a controller on which no run was killed."""
+        if what not in self.fresh:
+            robot = Robot.start(self.processes, self.folder / f"fresh-{len(self.fresh)}")
+            with self.relay(robot.address) as relay:
+                url = "tcp://{}:{}".format(*relay.address)
+                self.fresh[what] = self.certify(url, *what)[0]
+        return self.fresh[what]
+
+    def command(self, url: str, *arguments: str) -> tuple[str, ...]:
+        """The command line of a run."""
+        ics = self.folder / "ics.toml"
+        ics.write_text(f"[subject]\ntime_scale = {TIME_SCALE}\n", "utf-8")
+        common = ("--ics", str(ics), "--password", PASSWORD, "--examples", "2", "--yes")
+        return ("certify", "controller", url, *ALLOWED, *common, *arguments)
+
+
+def dice_for(number: int) -> random.Random:
+    return random.Random(f"{os.environ.get('SCARASPEC_SEED', '0')} {number}")
+
+
+def a_moment(kind: Kind, dice: random.Random) -> Moment:
+    number = kind.from_number + dice.randrange(3)
+    return Moment(kind.request, number, dice.randrange(4), forwards=dice.random() < 0.5)
+
+
+def test_killed_one_after_the_other(processes: Any, relay: Any, tmp_path: Path) -> None:
+    """A run recovers what the one before has left, is killed itself, and the last one passes."""
+    campaign, gate = Campaign(processes, relay, tmp_path), Gate()
+    robot = Robot.start(processes, tmp_path / "robot")
+    stored, outs = robot.stored(), {"upload": "one", "default program": "one"}
+    with relay(robot.address, gate.watch) as between:
+        url = "tcp://{}:{}".format(*between.address)
+        for number, (name, kind) in enumerate(KINDS.items()):
+            out = ("--out", str(tmp_path / outs[name])) if name in outs else ()
+            run = campaign.command(url, "--only", kind.only, *out)
+            said = gate.kill(processes.start(*run), a_moment(kind, dice_for(number)))
+            assert ("was interrupted" in said) is bool(number), said
+        status, said = campaign.certify(url, "--only", "4.8/2")
+    assert status == 0, said
+    robot.assert_as(stored)
+
+
+@pytest.mark.campaign
+def test_killed_again_and_again(processes: Any, relay: Any, tmp_path: Path) -> None:
+    """However often runs are killed, wherever and whichever run is next, nothing is lost."""
+    campaign = Campaign(processes, relay, tmp_path)
+    usual, others = itertools.cycle(KINDS.values()), itertools.cycle(MORE_KINDS.values())
+    for number in range(int(os.environ.get("SCARASPEC_KILLS", "40"))):
+        kind, dice = next(others if number % 4 == 3 else usual), dice_for(number)
+        moment, outs = a_moment(kind, dice), dice.choice(OUTS)
+        part = dice.choice(("", kind.only, kind.only, "4.8/2", "4.8/2", "4.8/2"))
+        what = ("--only", part) if part else ()
+        print(f"kill {number + 1}: {moment}, --out {outs}, then {what or 'all'}", flush=True)  # noqa: T201 - it takes minutes
+        campaign.kill(kind, moment, outs, what)

@@ -1,0 +1,80 @@
+"""One run of `scaraspec certify controller` at a time uses a controller."""
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+TIMEOUT_S = 60
+
+
+class Bench(NamedTuple):
+    """A controller that a run uses, and waits for.
+
+    Attributes:
+        processes: Starts processes.
+        relay: What is between them and the controller: nothing passes yet.
+        first: The run.
+        options: What every run is given.
+    """
+
+    processes: Any
+    relay: Any
+    first: subprocess.Popen[str]
+    options: tuple[str, ...]
+
+    def second(self, *more: str, host: str = "127.0.0.1") -> subprocess.Popen[str]:
+        """Another run against the same controller."""
+        return self.processes.start(*_certify(host, self.relay), *self.options, *more)  # type: ignore[no-any-return]
+
+
+def _certify(host: str, relay: Any) -> tuple[str, ...]:
+    return ("certify", "controller", f"tcp://{host}:{relay.address[1]}")
+
+
+@pytest.fixture
+def bench(processes: Any, relay: Any, tmp_path: Path) -> Iterator[Bench]:
+    """A run that waits for the reply to its login."""
+    ics = tmp_path / "ics.toml"
+    ics.write_text(f'[readings]\nreply_timeout = "{TIMEOUT_S}"\n', encoding="utf-8")
+    options = ("--only", "4.8/2", "--ics", str(ics))
+    with relay(processes.controller()) as one:
+        one.open.clear()
+        first = processes.start(*_certify("127.0.0.1", one), *options)
+        assert one.arrived.acquire(timeout=TIMEOUT_S)
+        yield Bench(processes, one, first, options)
+        first.kill()
+        first.wait(TIMEOUT_S)
+
+
+def test_a_second_run(bench: Bench) -> None:
+    """It ends with 3 and one sentence and sends nothing; the lock of a killed run ends with it."""
+    second = bench.second("--wait-for-lock", "50ms", host="localhost")
+    said, _ = second.communicate(timeout=TIMEOUT_S)
+    assert second.returncode == 3, said
+    *plan, sentence = said.splitlines()
+    address = "{}:{}".format(*bench.relay.address)
+    assert sentence.startswith(f"scaraspec: another scaraspec run is using tcp://{address}: ")
+    assert sentence.endswith("wait for it with --wait-for-lock 60s")
+    assert len(plan) == 2
+    assert not bench.relay.arrived.acquire(blocking=False)
+    bench.relay.open.set()
+    bench.first.kill()
+    bench.first.wait(TIMEOUT_S)
+    third = bench.second()
+    said, _ = third.communicate(timeout=TIMEOUT_S)
+    assert third.returncode == 0, said
+
+
+def test_a_run_that_waits(bench: Bench) -> None:
+    """With --wait-for-lock it begins when the first run has ended, and has the usual verdict."""
+    second = bench.second("--wait-for-lock", f"{TIMEOUT_S}s")
+    assert second.stdout
+    assert "cases will be tried" in second.stdout.readline()  # from now on it waits
+    bench.relay.open.set()
+    said, _ = bench.first.communicate(timeout=TIMEOUT_S)
+    assert bench.first.returncode == 0, said
+    said, _ = second.communicate(timeout=TIMEOUT_S)
+    assert second.returncode == 0, said
