@@ -1,10 +1,13 @@
 """A second client that changes settings during a run makes it inconclusive, never nonconformant."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from scaraspec.client import Client
 from scaraspec.judgement.verdicts import Verdict
@@ -13,20 +16,36 @@ from scaraspec.report.model import Results
 REASON = "another client is using this robot"
 
 
-@contextmanager
-def _second_client(url: str) -> Iterator[None]:
+Change = Callable[[Client, int], None]
+
+
+def _another_value(robot: Client, times: int) -> None:
     """Set the gripper centre to one value after another."""
-    over = threading.Event()
+    robot.set_gripper_center(100.0 + times, -7.5, 3.25)
 
-    def change() -> None:
+
+def _same_values(robot: Client, _times: int) -> None:
+    """Set gripper centre and clock to what they were at the start of the run."""
+    robot.set_gripper_center(1, 2, 3)
+    robot.set_time(datetime.now(UTC))
+
+
+@contextmanager
+def _second_client(url: str, change: Change) -> Iterator[None]:
+    """Change something again and again."""
+    over, changed = threading.Event(), threading.Event()
+
+    def change_all() -> None:
         with Client(url, password="password") as robot:
-            number = 0
+            times = 0
             while not over.wait(0.05):
-                number += 1
-                robot.set_gripper_center(100.0 + number, -7.5, 3.25)
+                times += 1
+                change(robot, times)
+                changed.set()
 
-    thread = threading.Thread(target=change)
+    thread = threading.Thread(target=change_all)
     thread.start()
+    changed.wait(60)
     try:
         yield
     finally:
@@ -34,13 +53,16 @@ def _second_client(url: str) -> Iterator[None]:
         thread.join()
 
 
-def test_a_second_client(processes: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("change", "only"), [(_another_value, "4.19,4.20"), (_same_values, "4.5,4.6,4.20")]
+)
+def test_a_second_client(processes: Any, tmp_path: Path, change: Change, only: str) -> None:
     """Exit status 3, no failure, and the reason in terminal, results and report."""
     host, port = processes.controller()
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
-    with _second_client(url):
+    with _second_client(url, change):
         done = processes.run(
-            *("certify", "controller", url, "--allow", "state", "--only", "4.19,4.20"),
+            *("certify", "controller", url, "--allow", "state", "--only", only),
             *("--out", str(out)),
         )
     assert done.returncode == 3, done.stdout + done.stderr

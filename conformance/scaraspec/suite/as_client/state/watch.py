@@ -11,7 +11,7 @@ import itertools
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.frames import Frame
@@ -35,17 +35,20 @@ from scaraspec.suite.programs.listed import program_names, store_program
 from scaraspec.suite.wire import Answer
 
 _SET_AGAIN: Final = (CLOCK, GRIPPER_CENTRE, INITIAL_POSITION)
-"""What is set to another value in each round, so that a client shows that sets the old one."""
+"""What is set to another value in turn, so that a client shows that sets the old one."""
 _NOON: Final = b"20240615120000"
 """The clock is set to a time after which nothing but seconds and minutes rolls over."""
 
-_SHARES: Final = (32, 12, 4, 1)
-_STRETCHES: Final = (1.0, 1.1, 1.2, 1.3, 1.4)
-"""The rounds are of many lengths."""
-_ROUNDS_S: Final = sum(_SHARES) * sum(_STRETCHES)
-_LONGER_ROUNDS: Final = 3
+_TURNS: Final = 10
+"""In how many turns all is looked at, or one setting is set again."""
+_PAUSES: Final = 4
+"""How many pauses there are in a turn at first."""
+_SHORTER: Final = 0.5
 _LONGER: Final = 1.5
-"""After a change there are some rounds that are longer than the one in which it came."""
+_SHORTEST_S: Final = 0.002
+"""The pause after a setting was set again gets shorter after a change and else longer: so a client
+that comes every so often leaves alone one value and not another."""
+_LONGER_ROUNDS: Final = 3
 _TWICE: Final = 2
 _OFTEN: Final = 12
 """How often a setting must give a value in a row: before it has changed, and after that."""
@@ -78,7 +81,7 @@ def watch(subject: Subject, for_s: float) -> None:
 
 @contextmanager
 def _set_again(subject: Subject, line: Line, names: Collection[str]) -> Iterator[dict[str, bytes]]:
-    """What to set in each round, by name; afterwards all is set to what it is now.
+    """What to set in turn, by name; afterwards all is set to what it is now.
 
     So the judge compares with this, too, and no longer with what was set before.
     """
@@ -94,16 +97,26 @@ def _set_again(subject: Subject, line: Line, names: Collection[str]) -> Iterator
         yield requests
 
 
+class _Reading(NamedTuple):
+    """A value, and when it was asked for and answered, in seconds."""
+
+    value: Any
+    asked_s: float
+    answered_s: float
+
+
 @dataclass
 class _Lasting:
-    """How long the values of one setting have lasted, in seconds.
+    """How long the values of one setting have lasted after it was set again, in seconds.
 
     Attributes:
-        stayed_s: The longest time for which one has stayed.
+        pause_s: How long to wait in the next round.
+        stayed_s: The longest time for which a value has stayed.
         changed_s: The shortest time within which one has changed.
         change: What it changed from and to.
     """
 
+    pause_s: float
     stayed_s: float = 0.0
     changed_s: float = _NEVER_S
     change: tuple[Any, Any] = (None, None)
@@ -116,60 +129,79 @@ class _Watch:
         subject: The controller.
         line: A connection.
         names: What to watch.
-        requests: What to set in each round, by name.
+        requests: What to set in turn, by name.
     """
 
     def __init__(
         self, subject: Subject, line: Line, names: list[str], requests: Mapping[str, bytes]
     ) -> None:
-        self._subject, self._line, self._requests = subject, line, requests
-        self._lasting = {name: _Lasting() for name in names}
+        self._subject, self._line = subject, line
+        self._names, self._requests = names, requests
 
     def run(self, for_s: float) -> None:
-        """Watch until another client is proved, for so many seconds at most.
+        """Watch until another client is proved, for about so many seconds at most.
 
         Raises:
             Unmet: The controller does not answer.
         """
-        until_ns = self._subject.now_ns + round(for_s * _NS)
-        for stretch, share in itertools.product(_STRETCHES, _SHARES):
-            if not self._subject.others.proved and self._subject.now_ns < until_ns:
-                self._round(stretch * share * for_s / _ROUNDS_S)
-        for _ in range(_LONGER_ROUNDS):
-            changes = [each.changed_s for each in self._lasting.values()]
-            longest_s = max((each for each in changes if each < _NEVER_S), default=0.0)
-            if not self._subject.others.proved and longest_s:
-                self._round(_LONGER * longest_s)
+        subject, turn_s = self._subject, for_s / _TURNS
+        until_ns = subject.now_ns + round(for_s * _NS)
+        lasting = {name: _Lasting(turn_s / _PAUSES) for name in self._requests}
+        for name in itertools.cycle(("", *lasting)):
+            if subject.others.proved or subject.now_ns >= until_ns:
+                break
+            if not name:
+                self._look(turn_s)
+            turn_ends_ns = subject.now_ns + round(turn_s * _NS)
+            while name and not subject.others.proved and subject.now_ns < turn_ends_ns:
+                self._set_and_look(name, lasting[name])
+        for name, each in lasting.items():
+            for _ in range(_LONGER_ROUNDS):
+                if each.changed_s < _NEVER_S and not subject.others.proved:
+                    each.pause_s = _LONGER * each.changed_s
+                    self._set_and_look(name, each)
 
-    def _round(self, for_s: float) -> None:
-        """Set what is set again, read everything, wait, and read it again."""
-        begun_ns = self._subject.now_ns
-        before = {name: self._read(name, self._requests.get(name)) for name in self._lasting}
+    def _look(self, for_s: float) -> None:
+        """Read everything, wait, and read it again."""
+        before = {name: self._read(name) for name in self._names}
         self._line.wait(for_s)
         for name, was in before.items():
-            least_s = (self._subject.now_ns - begun_ns) / _NS
             now = self._read(name)
-            most_s = (self._subject.now_ns - begun_ns) / _NS
-            if None not in (was, now):
-                self._compare(name, was, now, least_s, most_s)
+            if was is not None and now is not None:
+                self._has_changed(name, was.value, now.value)
 
-    def _compare(self, name: str, was: Any, now: Any, least_s: float, most_s: float) -> None:
-        """Compare two values of a setting; how much time lies between them is known in bounds."""
-        lasting, setting = self._lasting[name], self._subject.others.settings[name]
-        set_again = name in self._requests and setting.same(setting.last_set, was)
-        if setting.same(was, now, loose=_LOOSE):
-            lasting.stayed_s = max(lasting.stayed_s, least_s)
-        elif self._read(name, times=_OFTEN) is None:
-            return  # it varies
-        elif not setting.is_explained(now):
-            self._subject.others.prove(name, was, now)
-        elif set_again and most_s < lasting.changed_s:
-            lasting.changed_s, lasting.change = most_s, (was, now)
+    def _set_and_look(self, name: str, lasting: _Lasting) -> None:
+        """Set a setting again, read it, wait, and read it again."""
+        setting = self._subject.others.settings[name]
+        was = self._read(name, self._requests[name])
+        self._line.wait(lasting.pause_s)
+        now = self._read(name)
+        if was is None or now is None or not setting.same(setting.last_set, was.value):
+            return
+        if setting.same(was.value, now.value, loose=_LOOSE):
+            lasting.stayed_s = max(lasting.stayed_s, now.asked_s - was.answered_s)
+            lasting.pause_s *= _LONGER
+        elif self._has_changed(name, was.value, now.value):
+            lasting.pause_s = max(_SHORTER * lasting.pause_s, _SHORTEST_S)
+            if now.answered_s - was.asked_s < lasting.changed_s:
+                lasting.changed_s = now.answered_s - was.asked_s
+                lasting.change = was.value, now.value
         if lasting.changed_s <= lasting.stayed_s:
             self._subject.others.prove(name, *lasting.change)
 
-    def _read(self, name: str, data: bytes | None = None, times: int = _TWICE) -> Any:
-        return _read(self._subject, self._line, name, data, times)
+    def _has_changed(self, name: str, was: Any, now: Any) -> bool:
+        """Whether a setting has another value and keeps it: proof if that is not explained."""
+        setting = self._subject.others.settings[name]
+        if setting.same(was, now, loose=_LOOSE) or self._read(name, times=_OFTEN) is None:
+            return False
+        if not setting.is_explained(now):
+            self._subject.others.prove(name, was, now)
+        return True
+
+    def _read(self, name: str, data: bytes | None = None, times: int = _TWICE) -> _Reading | None:
+        asked_s = self._subject.now_ns / _NS
+        value = _read(self._subject, self._line, name, data, times)
+        return None if value is None else _Reading(value, asked_s, self._subject.now_ns / _NS)
 
 
 def _read(
