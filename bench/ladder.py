@@ -21,9 +21,9 @@ from bench.peers import Peer
 from bench.stage import DIRECT, Playing, Stage, Turn, spread
 from bench.tap_forward import spool_writer
 
-from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C
-from scaraspec_recorder.spooling.records import stream_number
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.spool.records import stream_number
 
 CHUNKS: Final = 200_000
 CHUNK: Final = b"\xaa\x09\x00\xcc"  # as the load asks

@@ -28,7 +28,7 @@ class Samples:
     """Seconds by place.
 
     Args:
-        places: By the beginning of a dotted name, as `scaraspec.suite.wire.Wire.wait` or
+        places: By the beginning of a dotted name, as `scaraspec.suite.engine.wire.Wire.wait` or
             `scaraspec.suite`, what to call the place. Of several beginnings the longest counts.
         clock: What is shared out.
 

@@ -19,28 +19,28 @@ from typing import Final
 
 from bench import sampling, traffic
 
-from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec_recorder.deriving.sinks import TICK_NS
-from scaraspec_recorder.keeping.archive import Archive, archive_sink
-from scaraspec_recorder.keeping.rotation import Rotate, parse_rotate
-from scaraspec_recorder.scribe import Scribe, collect_rarely
-from scaraspec_recorder.spooling.records import stream_number
-from scaraspec_recorder.spooling.spool import SpoolReader, SpoolWriter
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.recordings.archive import Archive, archive_sink
+from scaraspec_recorder.recordings.rotation import Rotate, parse_rotate
+from scaraspec_recorder.sinks.runner import Scribe, collect_rarely
+from scaraspec_recorder.sinks.sinks import TICK_NS
+from scaraspec_recorder.spool.records import stream_number
+from scaraspec_recorder.spool.spool import SpoolReader, SpoolWriter
 
 PER_SECOND: Final = 200
 POINTS: Final = 12
 
 PLACES: Final = {
-    "scaraspec.judgement": "judging",
+    "scaraspec.judge": "judging",
     "scaraspec.protocol": "protocol",
     "scaraspec_recorder": "the rest of the recorder",
-    "scaraspec_recorder.mcap.schemas": "schemas",
-    "scaraspec_recorder.mcap.mcap_file": "mcap_file",
-    "scaraspec_recorder.mcap.chunk_writer": "chunk_writer",
-    "scaraspec_recorder.drawing": "drawing",
-    "scaraspec_recorder.spooling": "spool and scribe",
-    "scaraspec_recorder.scribe": "spool and scribe",
+    "scaraspec_recorder.sinks.mcap.schemas": "schemas",
+    "scaraspec_recorder.sinks.mcap.mcap_file": "mcap_file",
+    "scaraspec_recorder.sinks.mcap.chunk_writer": "chunk_writer",
+    "scaraspec_recorder.sinks.rerun": "drawing",
+    "scaraspec_recorder.spool": "spool and scribe",
+    "scaraspec_recorder.sinks.runner": "spool and scribe",
     "__main__": sampling.LEFT_OUT,
     "bench": sampling.LEFT_OUT,
 }

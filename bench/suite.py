@@ -22,16 +22,16 @@ from typing import Final
 from bench import peers, sampling
 
 from scaraspec.cli import certify
-from scaraspec.cli.prove.proofs import STANDS
-from scaraspec.controller.brain import Brain
-from scaraspec.controller.plant import Plant
-from scaraspec.controller.store import Store
+from scaraspec.mutants.kill_matrix import STANDS
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Results, Role
-from scaraspec.suite.plan import ALL, Options
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.store import Store
 
 ROUNDS: Final = 3
 SCARASPEC: Final = (sys.executable, "-m", "scaraspec")
@@ -45,12 +45,12 @@ PATIENCE_S: Final = 10 / FAST
 """It is granted as many of its seconds for a case as any other controller is."""
 
 ROOMS: Final = {
-    "scaraspec.judgement": "judgement",
-    "scaraspec.controller": "controller",
+    "scaraspec.judge": "judgement",
+    "scaraspec.virtual_controller": "controller",
     "scaraspec.client": "client",
     "scaraspec.suite": "suite",
     "scaraspec.report": "report",
-    "scaraspec.links": "links",
+    "scaraspec.transports": "links",
     "scaraspec.protocol": "protocol",
     "hypothesis": "hypothesis",
     "_pytest": "pytest",
@@ -58,15 +58,15 @@ ROOMS: Final = {
 }
 """What a profile of the suite in memory tells apart."""
 
-_AS_CLIENT: Final = "scaraspec.suite.as_client"
+_AS_CLIENT: Final = "scaraspec.suite.controller.harness"
 WAITS: Final = {
-    "scaraspec.suite.wire.Wire.wait": "time is let pass",
+    "scaraspec.suite.engine.wire.Wire.wait": "time is let pass",
     f"{_AS_CLIENT}.subject.Subject.pause": "time is let pass",
     f"{_AS_CLIENT}.access.UrlAccess.pause": "time is let pass",
     f"{_AS_CLIENT}.line.Line.result": "a final result is awaited",
     f"{_AS_CLIENT}.line.Line.reply": "an answer is awaited",
     f"{_AS_CLIENT}.line.Line.fence": "an answer is awaited",
-    "scaraspec.suite.observer": "what passed is judged and kept",
+    "scaraspec.suite.engine.observer": "what passed is judged and kept",
 }
 """What a profile of the suite over TCP tells apart."""
 

@@ -10,9 +10,9 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from scaraspec_recorder.forwarding import tap
-from scaraspec_recorder.forwarding.routes import Upstream
-from scaraspec_recorder.spooling.spool import SpoolWriter
+from scaraspec_recorder.spool.spool import SpoolWriter
+from scaraspec_recorder.tap import tap
+from scaraspec_recorder.tap.routes import Upstream
 
 CallLater = Callable[[float, Callable[[], None]], object]
 

@@ -13,17 +13,17 @@ from pathlib import Path
 from typing import Any, Final
 
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec_recorder.deriving.sinks import SinkFactory
-from scaraspec_recorder.forwarding.routes import Mode
-from scaraspec_recorder.injection.files import load_injection
-from scaraspec_recorder.injection.rules import Injection
-from scaraspec_recorder.keeping.archive import Archive, archive_sink
-from scaraspec_recorder.keeping.capture import capture_sink
-from scaraspec_recorder.keeping.leftovers import repairing_sink
-from scaraspec_recorder.keeping.rotation import Rotate, parse_rotate
-from scaraspec_recorder.keeping.seams import safe_name
-from scaraspec_recorder.keeping.triggers import parse_trigger
+from scaraspec_recorder.fault_injection.files import load_injection
+from scaraspec_recorder.fault_injection.rules import Injection
 from scaraspec_recorder.quantities import Limits, parse_limits, parse_size
+from scaraspec_recorder.recordings.archive import Archive, archive_sink
+from scaraspec_recorder.recordings.capture import capture_sink
+from scaraspec_recorder.recordings.leftovers import repairing_sink
+from scaraspec_recorder.recordings.rotation import Rotate, parse_rotate
+from scaraspec_recorder.recordings.triggers import parse_trigger
+from scaraspec_recorder.sinks.seams import safe_name
+from scaraspec_recorder.sinks.sinks import SinkFactory
+from scaraspec_recorder.tap.routes import Mode
 from scaraspec_recorder.toml_file import TomlError, read_toml
 
 DEFAULT_OUT: Final = Path("captures")

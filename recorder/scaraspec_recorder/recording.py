@@ -12,17 +12,17 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from scaraspec_recorder import scribe
 from scaraspec_recorder.children import Child
-from scaraspec_recorder.deriving.sinks import SinkFactory
-from scaraspec_recorder.forwarding import tap
-from scaraspec_recorder.forwarding.routes import Route
-from scaraspec_recorder.injection.connection import InjectedConnection
-from scaraspec_recorder.injection.rules import Injection
-from scaraspec_recorder.scribe import Progress
-from scaraspec_recorder.spooling import asking
-from scaraspec_recorder.spooling.claims import claimed_spool
-from scaraspec_recorder.spooling.spool import LIMIT_BYTES, Trouble, read_checkpoint, trouble_of
+from scaraspec_recorder.fault_injection.connection import InjectedConnection
+from scaraspec_recorder.fault_injection.rules import Injection
+from scaraspec_recorder.sinks import runner as scribe
+from scaraspec_recorder.sinks.runner import Progress
+from scaraspec_recorder.sinks.sinks import SinkFactory
+from scaraspec_recorder.spool import asking
+from scaraspec_recorder.spool.claims import claimed_spool
+from scaraspec_recorder.spool.spool import LIMIT_BYTES, Trouble, read_checkpoint, trouble_of
+from scaraspec_recorder.tap import tap
+from scaraspec_recorder.tap.routes import Route
 
 DRAIN_S: Final = 60.0
 """How long the scribe may take to write what is left when a recording ends."""

@@ -10,16 +10,16 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from scaraspec.judgement.dialogue import Dialogue
-from scaraspec.judgement.happenings import FrameSeen, Undecodable
-from scaraspec.judgement.scene import Scene
-from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.commands import Parsed, read
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec.traffic.dialogue import Dialogue
+from scaraspec.traffic.happenings import FrameSeen, Undecodable
+from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.wire import WireEvent
 
 _MOST_UNANSWERED: Final = 256
 """Requests whose answer is looked for further on in the capture."""

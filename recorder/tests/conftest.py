@@ -11,13 +11,13 @@ import pytest
 from hypothesis import settings
 from mcap.reader import make_reader
 
-from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.commands import BY_NAME, JointValues, PortValue, Pose, RunningProgram
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.transfer import Chunk
-from scaraspec_recorder.spooling.passages import Passage
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.spool.passages import Passage
 
 # A failure prints the blob that replays it; examples are drawn the same way on every machine.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)

@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 from scaraspec_recorder.config import ConfigError, Robot, read_config, read_robot
-from scaraspec_recorder.forwarding.routes import Mode
-from scaraspec_recorder.keeping.archive import archive_sink
-from scaraspec_recorder.keeping.leftovers import repairing_sink
-from scaraspec_recorder.keeping.rotation import parse_rotate
 from scaraspec_recorder.quantities import SECOND_NS
+from scaraspec_recorder.recordings.archive import archive_sink
+from scaraspec_recorder.recordings.leftovers import repairing_sink
+from scaraspec_recorder.recordings.rotation import parse_rotate
+from scaraspec_recorder.tap.routes import Mode
 
 SAMPLE = Path(__file__).parents[2] / "fixtures" / "recorder" / "two-lines.toml"
 URL = "tcp://192.0.2.7"

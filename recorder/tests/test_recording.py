@@ -18,10 +18,10 @@ import pytest
 
 import journal
 from scaraspec_recorder.children import Child
-from scaraspec_recorder.deriving.sinks import SinkFactory
-from scaraspec_recorder.forwarding.routes import Upstream
 from scaraspec_recorder.recording import Recording, record
-from scaraspec_recorder.spooling import claims
+from scaraspec_recorder.sinks.sinks import SinkFactory
+from scaraspec_recorder.spool import claims
+from scaraspec_recorder.tap.routes import Upstream
 
 TIMEOUT_S = 30
 pytestmark = pytest.mark.skipif(
@@ -343,9 +343,9 @@ import asyncio, pathlib, sys
 sys.path.insert(0, sys.argv[1])
 import journal
 from scaraspec_recorder import recording
-from scaraspec_recorder.forwarding.routes import Upstream
-from scaraspec_recorder.deriving.sinks import SinkFactory
-from scaraspec_recorder.spooling import claims
+from scaraspec_recorder.tap.routes import Upstream
+from scaraspec_recorder.sinks.sinks import SinkFactory
+from scaraspec_recorder.spool import claims
 
 async def main():
     claims._has_room = lambda _: False

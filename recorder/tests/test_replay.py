@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.transfer import Chunk
+from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.replay import LinkEndedError, Step, play, steps
 
 READ_ONLY = {Hazard.READ_ONLY}

@@ -6,13 +6,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
-from scaraspec.judgement.judge import Judge
-from scaraspec.judgement.verdicts import Conclusion
+from scaraspec.judge.judge import Judge
+from scaraspec.judge.verdicts import Conclusion
 from scaraspec.protocol.readings import Dialect
 from scaraspec.report.audit import from_audit
 from scaraspec.report.model import Results, Role, Subject
 from scaraspec.report.session import SessionStats
-from scaraspec_recorder.source import McapCapture, open_capture
+from scaraspec_recorder.sources.capture import McapCapture, open_capture
 
 _EVENTS_A_STEP = 1000
 

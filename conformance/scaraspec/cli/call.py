@@ -17,13 +17,13 @@ from scaraspec.cli.options import DEFAULT_PASSWORD, Real, password_option
 from scaraspec.cli.problems import Problem
 from scaraspec.client import Client, ClientError, LinkLost, ReplyTimeout
 from scaraspec.client.words import OPERATIONS, TRANSFERS, arguments, json_of, json_of_error, lines
-from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec.links.connect import CONNECT_TIMEOUT_S
-from scaraspec.links.link import LinkError
-from scaraspec.links.url import Tcp, parse
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec.transports.connect import CONNECT_TIMEOUT_S
+from scaraspec.transports.link import LinkError
+from scaraspec.transports.url import Tcp, parse
 
 EXAMPLE = "Example: scaraspec call tcp://127.0.0.1:8877 set_digital_output 8 1"
 

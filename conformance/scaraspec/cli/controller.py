@@ -16,23 +16,23 @@ import click
 
 from scaraspec.cli.options import Real, password_option
 from scaraspec.cli.problems import Problem, no_such_fault
-from scaraspec.controller.behaviour.settings import PASSWORD_MAX_BYTES
-from scaraspec.controller.brain import Brain
-from scaraspec.controller.console import Console
-from scaraspec.controller.faults import faults
-from scaraspec.controller.journal import line
-from scaraspec.controller.plant import Plant
-from scaraspec.controller.serial_port import SerialPort, SerialPortError
-from scaraspec.controller.server import Server
-from scaraspec.controller.store import DirectoryStore, Store, StoreError, seed
-from scaraspec.links.link import LinkError
-from scaraspec.links.url import Serial, join_host_port, parse, split_host_port
+from scaraspec.mutants.controller import faults
 from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.frames import Found
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import Dialect, ReadingError
+from scaraspec.transports.link import LinkError
+from scaraspec.transports.url import Serial, join_host_port, parse, split_host_port
+from scaraspec.virtual_controller.behaviour.settings import PASSWORD_MAX_BYTES
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.console import Console
+from scaraspec.virtual_controller.journal import line
+from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.serial_port import SerialPort, SerialPortError
+from scaraspec.virtual_controller.server import Server
+from scaraspec.virtual_controller.store import DirectoryStore, Store, StoreError, seed
 
-_logger = logging.getLogger("scaraspec.controller")
+_logger = logging.getLogger("scaraspec.virtual_controller")
 _PATH = click.Path(path_type=Path)
 _SCALE = Real(0.001, 1000)
 _LISTEN = f"127.0.0.1:{DEFAULT_PORT}"

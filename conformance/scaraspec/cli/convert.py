@@ -7,14 +7,14 @@ import click
 
 from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
-from scaraspec.judgement.judge import Judge
-from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec_recorder.deriving.deriver import Deriver
-from scaraspec_recorder.keeping.capture import draw_capture
-from scaraspec_recorder.mcap.mcap_file import LINK, SERIAL, McapSink
-from scaraspec_recorder.pcap.pcap_writing import PcapngWriter
+from scaraspec.judge.judge import Judge
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.source import Capture, McapCapture, open_capture
+from scaraspec_recorder.recordings.capture import draw_capture
+from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.mcap.mcap_file import LINK, SERIAL, McapSink
+from scaraspec_recorder.sinks.pcap_writing import PcapngWriter
+from scaraspec_recorder.sources.capture import Capture, McapCapture, open_capture
 
 EXAMPLE = "Example: scaraspec convert field.pcapng field.mcap"
 

@@ -7,12 +7,12 @@ from contextlib import closing
 import click
 
 from scaraspec.cli.options import Real
-from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
-from scaraspec.suite.as_controller.call import Call
-from scaraspec.suite.as_controller.driver import Driver, DriverError
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.driver import Driver, DriverError
 
 EXAMPLE = "Example: scaraspec driver-check 'scaraspec client-driver'"
 

@@ -3,7 +3,7 @@
 import click
 
 from scaraspec.cli.problems import Problem
-from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.commands import read
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.fields import show

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, BinaryIO, Final, cast
 
 import click
 
-from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import ending_signals
 
 if TYPE_CHECKING:

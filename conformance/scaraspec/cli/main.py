@@ -14,7 +14,7 @@ import click
 
 from scaraspec.cli.leaving import ending_alike, outliving_readers
 from scaraspec.cli.problems import Problem
-from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.visible import visible
 
 COMMANDS = {

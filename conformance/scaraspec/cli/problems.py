@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from pathlib import Path
 
-from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.judge.verdicts import ExitStatus
 
 
 class Problem(Exception):  # noqa: N818 - it is told to a user, who made no error in Python

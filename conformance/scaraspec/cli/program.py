@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from scaraspec.cli.problems import Problem
-from scaraspec.judgement.verdicts import ExitStatus
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.programs import (
     LAYOUTS,
     MAX_FILE_BYTES,

@@ -19,8 +19,9 @@ from scaraspec.cli.grouped import GroupedCommand
 from scaraspec.cli.leaving import insists
 from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.viewer import has_viewer, open_viewer
-from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec.links.url import (
+from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.operating_system import ending_signals
+from scaraspec.transports.url import (
     Rfcomm,
     Serial,
     Tcp,
@@ -29,7 +30,6 @@ from scaraspec.links.url import (
     parse,
     split_host_port,
 )
-from scaraspec.operating_system import ending_signals
 from scaraspec_recorder.config import (
     DEFAULT_LISTEN,
     DEFAULT_OUT,
@@ -40,16 +40,16 @@ from scaraspec_recorder.config import (
     read_config,
     read_robot,
 )
-from scaraspec_recorder.deriving.sinks import SinkFactory
-from scaraspec_recorder.drawing.live import live_sink
-from scaraspec_recorder.forwarding import relay
-from scaraspec_recorder.forwarding.routes import Mode, Route, route
-from scaraspec_recorder.forwarding.tcp import is_loopback
-from scaraspec_recorder.keeping.seams import safe_name
-from scaraspec_recorder.keeping.triggers import SIGNAL
+from scaraspec_recorder.monitoring.dashboard import Dashboard, Display, Lines
+from scaraspec_recorder.monitoring.status import Status, Watch
 from scaraspec_recorder.recording import Recording, record
-from scaraspec_recorder.watching.dashboard import Dashboard, Display, Lines
-from scaraspec_recorder.watching.status import Status, Watch
+from scaraspec_recorder.recordings.triggers import SIGNAL
+from scaraspec_recorder.sinks.rerun.live import live_sink
+from scaraspec_recorder.sinks.seams import safe_name
+from scaraspec_recorder.sinks.sinks import SinkFactory
+from scaraspec_recorder.tap import relay
+from scaraspec_recorder.tap.routes import Mode, Route, route
+from scaraspec_recorder.tap.tcp import is_loopback
 
 EXAMPLE = "Example: scaraspec record tcp://192.168.1.2 --listen 0.0.0.0:8877 --live"
 
@@ -209,7 +209,7 @@ def _metrics(
     if not address:
         return contextlib.nullcontext()
     try:
-        from scaraspec_recorder.watching import metrics  # noqa: PLC0415 - an optional extra
+        from scaraspec_recorder.monitoring import metrics  # noqa: PLC0415 - an optional extra
     except ImportError as error:
         raise Problem(f"{error}") from None
 

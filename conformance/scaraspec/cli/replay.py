@@ -7,18 +7,18 @@ import click
 
 from scaraspec.cli.options import DEFAULT_PASSWORD, Real, capture_port, password_option
 from scaraspec.cli.problems import Problem
-from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec.links.connect import connect
-from scaraspec.links.link import Link, LinkError
-from scaraspec.links.url import Tcp, parse
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.transports.connect import connect
+from scaraspec.transports.link import Link, LinkError
+from scaraspec.transports.url import Tcp, parse
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.replay import LinkEndedError, Step, play, steps
-from scaraspec_recorder.source import open_capture
+from scaraspec_recorder.sources.capture import open_capture
 
 EXAMPLE = "Example: scaraspec replay capture.mcap tcp://127.0.0.1:8877 --allow state"
 

@@ -10,17 +10,17 @@ from rich.padding import Padding
 from rich.text import Text
 
 from scaraspec.cli.problems import Problem
-from scaraspec.judgement.requirements import (
+from scaraspec.judge.requirements import (
     REQUIREMENTS,
     Method,
     Requirement,
     UnknownRequirementError,
     select,
 )
-from scaraspec.judgement.rules import RULES
-from scaraspec.judgement.rules.undecided import UNDECIDED
-from scaraspec.suite.plan import Options
-from scaraspec.suite.run import METHODS, collect
+from scaraspec.judge.rules import RULES
+from scaraspec.judge.rules.undecided import UNDECIDED
+from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.run import METHODS, collect
 
 if TYPE_CHECKING:
     from scaraspec.report.model import Role

@@ -13,10 +13,10 @@ from scaraspec.client.exchange import Exchange
 from scaraspec.client.operations import Call, Text
 from scaraspec.client.problems import LinkLost, Refused
 from scaraspec.client.shell import CLOSED_HERE, LOST_BY, NOT_CONNECTED, Begun, Shell
-from scaraspec.links.connect import CONNECT_TIMEOUT_S
-from scaraspec.links.link import Ending
-from scaraspec.links.url import Tcp, UrlError, parse
 from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.transports.connect import CONNECT_TIMEOUT_S
+from scaraspec.transports.link import Ending
+from scaraspec.transports.url import Tcp, UrlError, parse
 
 T = TypeVar("T")
 

@@ -16,10 +16,10 @@ from scaraspec.client.operations import Call, Text
 from scaraspec.client.problems import ClientError, LinkLost, Refused
 from scaraspec.client.shell import CLOSED_HERE, LOST_BY, NOT_CONNECTED, Begun, Shell
 from scaraspec.client.transfer import Transfer
-from scaraspec.links.connect import CONNECT_TIMEOUT_S, connect
-from scaraspec.links.link import Ending, Link, LinkError
-from scaraspec.links.url import Tcp, parse
 from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.transports.connect import CONNECT_TIMEOUT_S, connect
+from scaraspec.transports.link import Ending, Link, LinkError
+from scaraspec.transports.url import Tcp, parse
 
 T = TypeVar("T")
 

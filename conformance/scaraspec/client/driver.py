@@ -19,11 +19,11 @@ from scaraspec.client.operations import direction_of
 from scaraspec.client.problems import ClientError, Failed, Refused
 from scaraspec.client.results import Status
 from scaraspec.client.words import OPERATIONS, TRANSFERS, json_of
-from scaraspec.links.link import LinkError
-from scaraspec.links.url import join_host_port
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.transports.link import LinkError
+from scaraspec.transports.url import join_host_port
 
 MakeClient = Callable[[str, str | None], AsyncClient]
 """A client for a URL and a password."""

@@ -6,8 +6,8 @@ from scaraspec.client.core import ClientCore
 from scaraspec.client.exchange import Exchange
 from scaraspec.client.operations import Operations
 from scaraspec.client.problems import ReplyTimeout
-from scaraspec.links.link import Ending
 from scaraspec.protocol.readings import Dialect
+from scaraspec.transports.link import Ending
 
 LOST_BY = {
     Ending.CLOSED: "the controller has closed the connection",

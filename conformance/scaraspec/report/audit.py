@@ -10,9 +10,9 @@ from collections.abc import Iterator, Mapping
 from itertools import islice
 from typing import Final
 
-from scaraspec.judgement.judge import Judge, Tally
-from scaraspec.judgement.requirements import REQUIREMENTS, Method
-from scaraspec.judgement.verdicts import Finding, Verdict
+from scaraspec.judge.judge import Judge, Tally
+from scaraspec.judge.requirements import REQUIREMENTS, Method
+from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report.exhibits import Exhibits

@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any, Final
 
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, Results
 from scaraspec.report.telling import cases_for_machines

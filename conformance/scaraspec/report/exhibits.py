@@ -10,7 +10,14 @@ from collections.abc import Iterator, Sequence
 from itertools import chain
 from typing import Final
 
-from scaraspec.judgement.happenings import (
+from scaraspec.judge.verdicts import Finding, Verdict
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Answer, FinalResult, FirstReply, NameList, Payload
+from scaraspec.protocol.secrecy import is_secret, mask, mask_loose
+from scaraspec.protocol.transfer import Chunk
+from scaraspec.report.model import Evidence, FrameField
+from scaraspec.traffic.happenings import (
     Ending,
     Exchange,
     FrameSeen,
@@ -18,14 +25,7 @@ from scaraspec.judgement.happenings import (
     Transfer,
     Undecodable,
 )
-from scaraspec.judgement.verdicts import Finding, Verdict
-from scaraspec.judgement.wire import Place
-from scaraspec.protocol.fields import show
-from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.payloads import Answer, FinalResult, FirstReply, NameList, Payload
-from scaraspec.protocol.secrecy import is_secret, mask, mask_loose
-from scaraspec.protocol.transfer import Chunk
-from scaraspec.report.model import Evidence, FrameField
+from scaraspec.traffic.wire import Place
 
 _RECENT_FRAMES: Final = 256
 _FINDINGS_PER_REQUIREMENT: Final = 50

@@ -16,8 +16,8 @@ from urllib.parse import quote
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from scaraspec.judgement.requirements import REQUIREMENTS, Requirement
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judge.requirements import REQUIREMENTS, Requirement
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.errors import TABLE_8_1

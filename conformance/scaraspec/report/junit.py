@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, Results
 from scaraspec.report.telling import cases_for_machines

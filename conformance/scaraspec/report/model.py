@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.codec import MisfitError, from_plain, to_plain

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Final, NamedTuple
 
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.figures import duration
 from scaraspec.report.model import CommandSeen, Results, Session, Timing
 

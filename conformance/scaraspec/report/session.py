@@ -8,19 +8,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
-from scaraspec.judgement.happenings import (
-    Ending,
-    Exchange,
-    FrameSeen,
-    Happening,
-    Injected,
-    LinkChange,
-    Lost,
-    Transfer,
-    Undecodable,
-)
-from scaraspec.judgement.verdicts import Finding
-from scaraspec.judgement.wire import Kind, Place, WireEvent
+from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.fields import show
 from scaraspec.report.exhibits import Exhibits
@@ -33,6 +21,18 @@ from scaraspec.report.model import (
     Session,
     TransferSeen,
 )
+from scaraspec.traffic.happenings import (
+    Ending,
+    Exchange,
+    FrameSeen,
+    Happening,
+    Injected,
+    LinkChange,
+    Lost,
+    Transfer,
+    Undecodable,
+)
+from scaraspec.traffic.wire import Kind, Place, WireEvent
 
 _LISTED: Final = 500
 _RUNS: Final = ("run_program", "simulate_program")

@@ -6,8 +6,8 @@ Every writer takes its cases from here, so that they all tell the same.
 from collections.abc import Iterable
 from typing import Final
 
-from scaraspec.judgement.requirements import REQUIREMENTS, Basis, Strength
-from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.judge.requirements import REQUIREMENTS, Basis, Strength
+from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.report.model import SEEN, Case, Results
 
 TELLING: Final = (

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.model import Case, Results
 from scaraspec.report.telling import TELLING, most_telling_first, told_once
 from scaraspec.report.visible import visible

@@ -1,6 +1,6 @@
 """The pytest plugin: the suite beside a team's own tests, under a pytest that the team runs.
 
-    pytest -p scaraspec.suite.plugin --pyargs scaraspec.suite.controller --subject tcp://192.168.1.2
+    pytest -p scaraspec.suite.plugin --pyargs scaraspec.suite.controller.cases --subject tcp://192.168.1.2
 
 The fixtures `subject` and `line` serve a team's own tests too. The exit status is that of the
 results, as of ``scaraspec certify``.
@@ -14,21 +14,21 @@ from typing import Final
 import pytest
 from rich.console import Console
 
-from scaraspec.judgement.requirements import UnknownRequirementError, select
-from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec.links.connect import resolved
-from scaraspec.links.link import LinkError
+from scaraspec.judge.requirements import UnknownRequirementError, select
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import state_directory
 from scaraspec.report import terminal
-from scaraspec.suite.as_client.access import UrlAccess
-from scaraspec.suite.as_client.setting import ControllerSetting
-from scaraspec.suite.as_client.state.recovery import RecoveryError
-from scaraspec.suite.as_client.subject import Subject
-from scaraspec.suite.case import declare_mark
+from scaraspec.suite.controller.harness.access import UrlAccess
+from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.state.recovery import RecoveryError
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import declare_mark
 from scaraspec.suite.engine.journal import ControllerBusyError, Journal, JournalError
-from scaraspec.suite.plan import Options, hazards
-from scaraspec.suite.run import Run
-from scaraspec.suite.statement import Statement
+from scaraspec.suite.engine.plan import Options, hazards
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.transports.connect import resolved
+from scaraspec.transports.link import LinkError
 
 _RUN: Final = pytest.StashKey[Run[Subject]]()
 

@@ -22,8 +22,8 @@ from scaraspec.client import Client
 from scaraspec.protocol.commands import COMMANDS
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Results
+from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.journal import Journal
-from scaraspec.suite.interruption import Interruption
 
 ALL = ("--allow", "state,motion,destructive")
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from scaraspec.client import Client
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.model import Results
 
 REASON = "another client is using this robot"

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from scaraspec.judgement.wire import Kind
-from scaraspec_recorder.source import open_capture
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.sources.capture import open_capture
 
 SHIFT = "plant-a-morning-shift"
 

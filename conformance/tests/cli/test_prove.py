@@ -9,11 +9,11 @@ import pytest
 from click.testing import CliRunner
 
 from scaraspec.cli.prove import command
-from scaraspec.cli.prove.proofs import STANDS, alarm_of, dialects
-from scaraspec.judgement.requirements import REQUIREMENTS, by_clause
+from scaraspec.judge.requirements import REQUIREMENTS, by_clause
+from scaraspec.mutants.kill_matrix import STANDS, alarm_of, dialects
 from scaraspec.report.model import Role
-from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run, collect
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run, collect
 
 Refused = Callable[..., str]
 

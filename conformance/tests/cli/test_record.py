@@ -13,9 +13,9 @@ import pytest
 
 from scaraspec.cli.demo import session
 from scaraspec.client import Client
-from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec_recorder.source import open_capture
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.sources.capture import open_capture
 
 PASSWORD = "a-secret-of-this-test"
 

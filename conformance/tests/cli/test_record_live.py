@@ -14,7 +14,7 @@ import pytest
 
 from scaraspec.client import Client
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec_recorder.source import open_capture
+from scaraspec_recorder.sources.capture import open_capture
 
 chunks = pytest.importorskip("rerun.chunk")
 

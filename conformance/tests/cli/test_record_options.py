@@ -18,12 +18,12 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from mcap.reader import make_reader
 
 from scaraspec.client import Client
-from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec_recorder.source import open_capture
-from scaraspec_recorder.spooling.claims import spool_folder
-from scaraspec_recorder.spooling.passages import Passage
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.sources.capture import open_capture
+from scaraspec_recorder.spool.claims import spool_folder
+from scaraspec_recorder.spool.passages import Passage
 
 LOCAL = ("--listen", "127.0.0.1:0")
 DEADLINE_S = 60

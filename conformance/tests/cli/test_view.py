@@ -12,7 +12,7 @@ import pytest
 import rerun_cli
 from rerun.experimental import ViewerClient
 
-from scaraspec_recorder.source import open_capture
+from scaraspec_recorder.sources.capture import open_capture
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a script stands in as the viewer")
 

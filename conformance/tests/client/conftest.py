@@ -8,10 +8,10 @@ import pytest
 
 from scaraspec.client.core import ClientCore, Event
 from scaraspec.client.exchange import Exchange
-from scaraspec.links.link import Arrival, Ending, LinkError
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer, Skipped
 from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.transports.link import Arrival, Ending, LinkError
 
 
 def frames_of(data: bytes) -> list[tuple[int, bytes]]:

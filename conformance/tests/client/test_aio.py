@@ -21,15 +21,15 @@ from scaraspec.client import (
     State,
     TransferFailed,
 )
-from scaraspec.controller.brain import Brain
-from scaraspec.controller.plant import Plant
-from scaraspec.controller.server import Server
-from scaraspec.controller.store import Store
-from scaraspec.links.url import UrlError
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, chunks_of
+from scaraspec.transports.url import UrlError
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.server import Server
+from scaraspec.virtual_controller.store import Store
 
 URL = "tcp://127.0.0.1"
 PASSWORD = "password"

@@ -18,14 +18,14 @@ from scaraspec.client import (
     ReplyTimeout,
     TransferFailed,
 )
-from scaraspec.links.link import Ending
-from scaraspec.links.tcp import SocketLink
-from scaraspec.links.url import UrlError
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, chunks_of
+from scaraspec.transports.link import Ending
+from scaraspec.transports.tcp import SocketLink
+from scaraspec.transports.url import UrlError
 
 ANSWER_WITHIN_S = 20  # a bound for tests that hang, far beyond what they take
 

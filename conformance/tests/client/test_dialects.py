@@ -5,12 +5,12 @@ from datetime import datetime
 import pytest
 
 from scaraspec.client import Client, Interrupted, State
-from scaraspec.controller.brain import Brain
-from scaraspec.controller.plant import Plant
-from scaraspec.controller.store import Store
-from scaraspec.links.memory import MemoryNetwork
 from scaraspec.protocol.programs import Node, NodeType, Program, WaitSeconds, build
 from scaraspec.protocol.readings import READINGS, Dialect
+from scaraspec.transports.memory import MemoryNetwork
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.store import Store
 
 CONTENT = build(Program(nodes=(Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(60)),)))
 CHOICES = [(key, option.name) for key, reading in READINGS.items() for option in reading.options]

@@ -10,7 +10,7 @@ from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, COMMANDS, Command, r
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Payload
-from scaraspec.suite.strategies import payload_values
+from scaraspec.suite.engine.strategies import payload_values
 
 PAYLOADS = [
     pytest.param(payload, id=f"{command.name}-{part}")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scaraspec.protocol.commands import plausible
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Found, Frame, Framer, Skipped, Why
-from scaraspec.suite.strategies import frames
+from scaraspec.suite.engine.strategies import frames
 
 directions = st.sampled_from(Direction)
 # Bytes that look like frames: delimiters, tags and small lengths are common.

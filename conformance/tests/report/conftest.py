@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.judgement.judge import Judge
-from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.judge.judge import Judge
+from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.audit import from_audit
@@ -31,7 +31,7 @@ from scaraspec.report.model import (
     TransferSeen,
 )
 from scaraspec.report.session import SessionStats
-from scaraspec_recorder.pcap.pcap_reading import read_capture
+from scaraspec_recorder.sources.pcap_reading import read_capture
 
 HOSTILE = (
     "</script><script>alert(1)</script><!-- ]]> & \"'` onload=x \x00\x1b[31m\u202etxt.exe\ufffe"

@@ -5,15 +5,15 @@ from collections.abc import Callable
 
 import pytest
 
-from scaraspec.judgement.judge import Judge
-from scaraspec.judgement.requirements import REQUIREMENTS, Method
-from scaraspec.judgement.verdicts import Cause, Conclusion, Finding, Verdict
-from scaraspec.judgement.wire import Place
+from scaraspec.judge.judge import Judge
+from scaraspec.judge.requirements import REQUIREMENTS, Method
+from scaraspec.judge.verdicts import Cause, Conclusion, Finding, Verdict
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.audit import from_audit
 from scaraspec.report.model import ReadingSeen, Results, Role, Subject
 from scaraspec.report.session import SessionStats
+from scaraspec.traffic.wire import Place
 
 SUBJECT = Subject(Role.CAPTURE, file="x.pcapng")
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from scaraspec.judgement.verdicts import Conclusion
+from scaraspec.judge.verdicts import Conclusion
 from scaraspec.report import ctrf
 from scaraspec.report.model import Results
 

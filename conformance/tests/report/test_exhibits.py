@@ -2,9 +2,7 @@
 
 import pytest
 
-from scaraspec.judgement.happenings import Ending, Exchange, FrameSeen, Undecodable
-from scaraspec.judgement.verdicts import Cause, Finding, Verdict
-from scaraspec.judgement.wire import Place
+from scaraspec.judge.verdicts import Cause, Finding, Verdict
 from scaraspec.protocol import commands
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
@@ -12,6 +10,8 @@ from scaraspec.protocol.frames import Frame, Why
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
 from scaraspec.report.exhibits import Exhibits, exhibit
 from scaraspec.report.model import FrameField
+from scaraspec.traffic.happenings import Ending, Exchange, FrameSeen, Undecodable
+from scaraspec.traffic.wire import Place
 
 
 def seen(frame: Frame, at: int = 0) -> FrameSeen:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.judgement.verdicts import Conclusion, Verdict
+from scaraspec.judge.verdicts import Conclusion, Verdict
 from scaraspec.report import html
 from scaraspec.report.model import Case, Results, Role
 from scaraspec.report.words import WORDS, Language

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report import model

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.histogram import Histogram
 from scaraspec.report.model import CommandSeen, Results, RunSeen, Session, Timing
 from scaraspec.report.plots import WIDTH, LatencyPlot, timeline

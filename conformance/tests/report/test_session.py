@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import pytest
 
-from scaraspec.judgement.happenings import LinkChange, Lost, Transfer
-from scaraspec.judgement.judge import Judge
-from scaraspec.judgement.wire import Kind, WireEvent
+from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import State
 from scaraspec.report.model import Results, Session
 from scaraspec.report.session import SessionStats
+from scaraspec.traffic.happenings import LinkChange, Lost, Transfer
+from scaraspec.traffic.wire import Kind, WireEvent
 
 MS = 10**6
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
+from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.report.model import Case, Results
 from scaraspec.report.telling import cases_for_machines, most_telling_first, told_once
 

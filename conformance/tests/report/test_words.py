@@ -6,16 +6,16 @@ from string import Formatter
 
 import pytest
 
-from scaraspec.judgement.happenings import Ending
-from scaraspec.judgement.requirements import REQUIREMENTS, Basis, Strength
-from scaraspec.judgement.verdicts import Cause, Conclusion, Verdict
-from scaraspec.judgement.wire import Kind
+from scaraspec.judge.requirements import REQUIREMENTS, Basis, Strength
+from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import State
 from scaraspec.report import words
 from scaraspec.report.model import Role
 from scaraspec.report.words import CLAUSES, WORDS, Words
+from scaraspec.traffic.happenings import Ending
+from scaraspec.traffic.wire import Kind
 
 SETTLED = ("OPEN", "ANSWERED")
 ALL = {**WORDS, **{f"clause {clause}": heading for clause, heading in CLAUSES.items()}}

@@ -7,21 +7,21 @@ from typing import Any
 import pytest
 
 from scaraspec.cli.data import sample_program
-from scaraspec.cli.prove.controller import PASSWORD, Robot, certified, hooks_of
-from scaraspec.controller.brain import Brain
-from scaraspec.controller.session import Session
-from scaraspec.judgement.verdicts import Conclusion, Verdict
+from scaraspec.judge.verdicts import Conclusion, Verdict
+from scaraspec.mutants.controller_run import PASSWORD, Robot, certified, hooks_of
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.as_client.access import MemoryAccess
-from scaraspec.suite.as_client.setting import ControllerSetting
-from scaraspec.suite.as_client.state.recovery import RecoveryError
+from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.state.recovery import RecoveryError
 from scaraspec.suite.engine.journal import Journal
-from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run
-from scaraspec.suite.statement import Statement
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.session import Session
 
 STORED = b"stored.rob"
 HAZARDS = {command.name: command.hazard for command in BY_OPCODE.values()}

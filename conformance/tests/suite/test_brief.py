@@ -2,14 +2,14 @@
 
 import pytest
 
-from scaraspec.cli.prove.controller import Robot, certified
-from scaraspec.controller.brain import Brain
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants.controller_run import Robot, certified
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.plan import ALL, Options, why_not
-from scaraspec.suite.run import collect
-from scaraspec.suite.statement import Statement
+from scaraspec.suite.engine.plan import ALL, Options, why_not
+from scaraspec.suite.engine.run import collect
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.virtual_controller.brain import Brain
 
 
 @pytest.mark.parametrize("undefined", [False, True])

@@ -4,21 +4,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 
-from scaraspec.cli.prove.controller import Robot, certified, hooks_of
-from scaraspec.controller.brain import Brain
-from scaraspec.controller.faults import faults
-from scaraspec.controller.robot import DONE
-from scaraspec.controller.session import Request, Session
-from scaraspec.judgement.requirements import REQUIREMENTS
-from scaraspec.judgement.verdicts import Conclusion, Verdict
+from scaraspec.judge.requirements import REQUIREMENTS
+from scaraspec.judge.verdicts import Conclusion, Verdict
+from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller_run import Robot, certified, hooks_of
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Results
-from scaraspec.suite.as_client.emergency_stop import StopMonitor
-from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.statement import Statement
+from scaraspec.suite.controller.harness.emergency_stop import StopMonitor
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.robot import DONE
+from scaraspec.virtual_controller.session import Request, Session
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from scaraspec.controller.brain import Brain
-from scaraspec.judgement.verdicts import Verdict
+from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec.virtual_controller.brain import Brain
 
 Try = Callable[..., Any]
 

@@ -16,26 +16,26 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from scaraspec.cli.prove.controller import Robot, hooks_of
-from scaraspec.controller.brain import Brain
-from scaraspec.controller.faults import faults
-from scaraspec.judgement.requirements import select
-from scaraspec.judgement.verdicts import Conclusion
-from scaraspec.links.link import Arrival, Link
+from scaraspec.judge.requirements import select
+from scaraspec.judge.verdicts import Conclusion
+from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller_run import Robot, hooks_of
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Results
-from scaraspec.suite.as_client.access import MemoryAccess
-from scaraspec.suite.as_client.guard import EVERYTHING, SETTINGS
-from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.guard import EVERYTHING, SETTINGS
+from scaraspec.suite.controller.harness.setting import ControllerSetting
 from scaraspec.suite.engine import journal as journal_module
 from scaraspec.suite.engine.journal import Journal, JournalError
-from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run
-from scaraspec.suite.statement import Statement
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.transports.link import Arrival, Link
+from scaraspec.virtual_controller.brain import Brain
 
 PROGRAMS = Path(__file__).parents[3] / "fixtures" / "programs"
 Only = tuple[str, ...]

@@ -23,15 +23,15 @@ from typing import Any
 
 import pytest
 
-from scaraspec.judgement.wire import Kind, WireEvent
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.transfer import Chunk
-from scaraspec_recorder.mcap.mcap_reading import read_mcap
-from scaraspec_recorder.scribe import Progress
-from scaraspec_recorder.spooling.claims import spool_folder
-from scaraspec_recorder.spooling.spool import read_checkpoint
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.sinks.runner import Progress
+from scaraspec_recorder.sources.mcap_reading import read_mcap
+from scaraspec_recorder.spool.claims import spool_folder
+from scaraspec_recorder.spool.spool import read_checkpoint
 
 TIMEOUT_S = 60.0
 PACE_S = 0.002

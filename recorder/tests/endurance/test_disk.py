@@ -18,10 +18,10 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from scaraspec.judgement.wire import WireEvent
 from scaraspec.protocol.direction import Direction
-from scaraspec_recorder.mcap.mcap_file import McapSink
-from scaraspec_recorder.mcap.mcap_reading import Summary, records
+from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
+from scaraspec_recorder.sources.mcap_reading import Summary, records
 
 DISK_BYTES = 16 << 20
 FULL = "No space left on device"

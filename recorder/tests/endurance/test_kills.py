@@ -19,7 +19,7 @@ import pytest
 import rerun_cli  # type: ignore[import-untyped]  # it holds nothing but the tool
 from mcap.reader import make_reader
 
-from scaraspec_recorder.deriving.sinks import TICK_NS
+from scaraspec_recorder.sinks.sinks import TICK_NS
 
 pytestmark = pytest.mark.skipif(
     not hasattr(os, "pidfd_open"), reason="waits for processes by pidfd"

@@ -20,12 +20,12 @@ from typing import Any, Self
 import pytest
 
 from recipes import recipe
-from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import Direction
-from scaraspec_recorder.forwarding import tcp
-from scaraspec_recorder.forwarding.routes import Mode, Route, route
-from scaraspec_recorder.forwarding.tap import Tap, new_event_loop
-from scaraspec_recorder.spooling.records import Record
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.spool.records import Record
+from scaraspec_recorder.tap import tcp
+from scaraspec_recorder.tap.routes import Mode, Route, route
+from scaraspec_recorder.tap.tap import Tap, new_event_loop
 
 TIMEOUT_S = 10.0
 CLIENT = "10.77.1.2"

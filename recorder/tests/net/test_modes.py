@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import Direction
-from scaraspec_recorder.forwarding.routes import Mode
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.tap.routes import Mode
 
 pytestmark = pytest.mark.network
 

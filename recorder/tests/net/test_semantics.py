@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec_recorder.forwarding.routes import Mode
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.tap.routes import Mode
 
 pytestmark = [pytest.mark.network, pytest.mark.parametrize("mode", Mode)]
 

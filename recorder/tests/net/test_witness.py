@@ -22,11 +22,11 @@ from typing import Any
 import pytest
 
 from ledger import Ledger
-from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec_recorder.forwarding.routes import Mode
-from scaraspec_recorder.pcap.pcap_reading import read_capture
+from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.recording import record
+from scaraspec_recorder.sources.pcap_reading import read_capture
+from scaraspec_recorder.tap.routes import Mode
 
 pytestmark = [pytest.mark.network, pytest.mark.parametrize("mode", Mode)]
 

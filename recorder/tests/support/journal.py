@@ -8,8 +8,8 @@ import json
 import os
 from pathlib import Path
 
-from scaraspec.judgement.wire import WireEvent
-from scaraspec_recorder.deriving.sinks import Folder
+from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.sinks.sinks import Folder
 
 
 class Journal:

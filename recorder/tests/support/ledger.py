@@ -5,9 +5,9 @@ Importable in the processes of a recorder, as no fixture is.
 
 import json
 
-from scaraspec.judgement.wire import WireEvent
-from scaraspec_recorder.deriving.accounts import Accounts
-from scaraspec_recorder.deriving.sinks import Folder
+from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.sinks.accounts import Accounts
+from scaraspec_recorder.sinks.sinks import Folder
 
 
 class Ledger:

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from scaraspec_recorder.forwarding.routes import Mode
+from scaraspec_recorder.tap.routes import Mode
 
 PAGE = Path(__file__).parents[3] / "docs" / "transparent-proxy.md"
 

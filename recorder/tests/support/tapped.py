@@ -5,13 +5,13 @@ import socket
 from collections.abc import Awaitable, Callable
 from typing import Any, Self
 
-from scaraspec.judgement.wire import Kind
 from scaraspec.protocol.direction import Direction
-from scaraspec_recorder.forwarding import tap as tap_module
-from scaraspec_recorder.forwarding import tcp
-from scaraspec_recorder.forwarding.routes import Upstream
-from scaraspec_recorder.forwarding.tap import Connect, Tap
-from scaraspec_recorder.spooling.records import Mark, Record
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.spool.records import Mark, Record
+from scaraspec_recorder.tap import tap as tap_module
+from scaraspec_recorder.tap import tcp
+from scaraspec_recorder.tap.routes import Upstream
+from scaraspec_recorder.tap.tap import Connect, Tap
 
 TIMEOUT_S = 20
 

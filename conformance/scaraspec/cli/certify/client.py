@@ -23,14 +23,14 @@ from scaraspec.cli.certify.running import Display, Files, end_in_order
 from scaraspec.cli.grouped import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
-from scaraspec.links.url import split_host_port
 from scaraspec.report.model import Role
-from scaraspec.suite.as_controller.access import DriverAccess
-from scaraspec.suite.as_controller.attended import HELP, Attended
-from scaraspec.suite.as_controller.setting import ClientSetting
-from scaraspec.suite.plan import Options
-from scaraspec.suite.pulse import Pulse
-from scaraspec.suite.run import Run, collect
+from scaraspec.suite.client.harness.access import DriverAccess
+from scaraspec.suite.client.harness.attended import HELP, Attended
+from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.pulse import Pulse
+from scaraspec.suite.engine.run import Run, collect
+from scaraspec.transports.url import split_host_port
 
 _GROUPS = {
     "The subject": ("driver", "listen", "attended", "ics", "transfer_timeout", "answer_timeout"),

@@ -26,14 +26,14 @@ from scaraspec.cli.certify.running import (
 from scaraspec.cli.grouped import GroupedCommand
 from scaraspec.cli.options import DEFAULT_PASSWORD, Duration, Real, password_option
 from scaraspec.cli.problems import Problem
-from scaraspec.links.connect import resolved
 from scaraspec.operating_system import state_directory
-from scaraspec.suite.as_client.access import UrlAccess
-from scaraspec.suite.as_client.setting import ControllerSetting
+from scaraspec.suite.controller.harness.access import UrlAccess
+from scaraspec.suite.controller.harness.setting import ControllerSetting
 from scaraspec.suite.engine.journal import Journal
-from scaraspec.suite.plan import Options, hazards
-from scaraspec.suite.pulse import Pulse
-from scaraspec.suite.run import Run, collect
+from scaraspec.suite.engine.plan import Options, hazards
+from scaraspec.suite.engine.pulse import Pulse
+from scaraspec.suite.engine.run import Run, collect
+from scaraspec.transports.connect import resolved
 
 _GROUPS = {
     "The subject": ("password", "ics", "transfer_timeout", "wait_for_lock"),

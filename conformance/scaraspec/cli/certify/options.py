@@ -10,18 +10,18 @@ from rich.console import Console
 
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
-from scaraspec.judgement.requirements import UnknownRequirementError, select
-from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec.links.link import LinkError
+from scaraspec.judge.requirements import UnknownRequirementError, select
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import ReadingError
 from scaraspec.report import terminal
 from scaraspec.report.model import Results, ResultsError
-from scaraspec.suite.as_client.state.recovery import RecoveryError
-from scaraspec.suite.as_controller.driver import DriverError
+from scaraspec.suite.client.harness.driver import DriverError
+from scaraspec.suite.controller.harness.state.recovery import RecoveryError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
-from scaraspec.suite.plan import HazardError
-from scaraspec.suite.run import SuiteError
-from scaraspec.suite.statement import Statement, StatementError
+from scaraspec.suite.engine.plan import HazardError
+from scaraspec.suite.engine.run import SuiteError
+from scaraspec.suite.engine.statement import Statement, StatementError
+from scaraspec.transports.link import LinkError
 
 _PATH: Final = click.Path(path_type=Path)
 _OPTIONS: Final = (

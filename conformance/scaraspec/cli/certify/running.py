@@ -19,21 +19,21 @@ from rich.text import Text
 from scaraspec.cli.leaving import insists
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import has_viewer
-from scaraspec.judgement.verdicts import Cause, Verdict
-from scaraspec.judgement.wire import WireEvent
+from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report import ctrf, html, junit
 from scaraspec.report.model import Results
 from scaraspec.report.visible import visible
-from scaraspec.suite.bracket import Outcome
-from scaraspec.suite.case import Case
-from scaraspec.suite.interruption import Interruption
-from scaraspec.suite.plan import Options, why_not
-from scaraspec.suite.statement import Statement
-from scaraspec_recorder.aside import Aside
-from scaraspec_recorder.deriving.sinks import SinkFailed
-from scaraspec_recorder.keeping.capture import capture_sink
+from scaraspec.suite.engine.bracket import Outcome
+from scaraspec.suite.engine.case import Case
+from scaraspec.suite.engine.interruption import Interruption
+from scaraspec.suite.engine.plan import Options, why_not
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.recordings.capture import capture_sink
+from scaraspec_recorder.sinks.background_recorder import Aside
+from scaraspec_recorder.sinks.sinks import SinkFailed
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
 CAPTURE: Final = "capture.mcap"

@@ -19,15 +19,15 @@ from scaraspec.cli.demo import session
 from scaraspec.cli.problems import Problem, make_folder
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer, open_viewer
 from scaraspec.client import Client, ClientError
-from scaraspec.judgement.verdicts import ExitStatus
-from scaraspec.links.url import join_host_port, split_host_port
+from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report import html, terminal
-from scaraspec_recorder.drawing.live import live_sink
-from scaraspec_recorder.forwarding.routes import Upstream
-from scaraspec_recorder.keeping.capture import capture_sink
+from scaraspec.transports.url import join_host_port, split_host_port
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recording import record
+from scaraspec_recorder.recordings.capture import capture_sink
+from scaraspec_recorder.sinks.rerun.live import live_sink
+from scaraspec_recorder.tap.routes import Upstream
 
 EXAMPLE: Final = "Example: scaraspec demo --out demo"
 

@@ -1,1 +1,1 @@
-"""Cases for clients, one file for each clause; the suite plays the controller."""
+"""Certification of a client: the cases, and the harness in which the suite acts as controller."""

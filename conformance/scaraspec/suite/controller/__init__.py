@@ -1,1 +1,1 @@
-"""The cases against a controller, one file per clause of the document."""
+"""Certification of a controller: the cases, and the harness in which the suite acts as client."""

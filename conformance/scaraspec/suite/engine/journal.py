@@ -2,7 +2,8 @@
 
 Each controller has one journal in the user's state directory, whatever ``--out`` is. A run that
 ends in order removes it. If a run is killed, the next run reads it and puts everything back first
-(see `as_client.state.recovery`). Only the suite's own passwords are stored, never the user's.
+(see `suite.controller.harness.state.recovery`). Only the suite's own passwords are stored, never
+the user's.
 
 The file holds one JSON object a line. Each line is on disk before the change that it announces is
 sent, so that a torn last line announces nothing that was sent.
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
 from scaraspec.operating_system import LockedError, locked, make_private_folder, open_private
-from scaraspec.suite.expect import Undecided
+from scaraspec.suite.engine.expect import Undecided
 
 T = TypeVar("T")
 

@@ -9,13 +9,12 @@ from typing import Any
 
 import pytest
 
-from scaraspec.cli.prove.controller import Robot
-from scaraspec.controller.brain import Brain
-from scaraspec.judgement.requirements import select
+from scaraspec.judge.requirements import select
+from scaraspec.mutants.controller_run import Robot
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.as_client.access import MemoryAccess
-from scaraspec.suite.as_client.setting import ControllerSetting
-from scaraspec.suite.as_client.suite_passwords import PLAIN_PASSWORD
+from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.engine import journal as journal_module
 from scaraspec.suite.engine.journal import (
     Changes,
@@ -23,9 +22,10 @@ from scaraspec.suite.engine.journal import (
     Journal,
     JournalError,
 )
-from scaraspec.suite.plan import ALL, Options
-from scaraspec.suite.run import Run
-from scaraspec.suite.statement import Statement
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.virtual_controller.brain import Brain
 
 URL = "tcp://127.0.0.1:8877"
 BEGUN = "2026-01-01T00:00:00+00:00"

@@ -1,0 +1,68 @@
+"""4.8: read the robot's status, 0x09 (L205-217)."""
+
+from scaraspec.judge.catalogue.entry import (
+    AC,
+    AK,
+    CLIENT,
+    CONTROLLER,
+    DERIVED,
+    FIRM,
+    MOTION,
+    PC,
+    READ_ONLY,
+    TEXT,
+    TOLERANT,
+    R,
+)
+
+# A requirement is one paragraph of a table; the formatter would give it a dozen lines.
+# fmt: off
+ROWS = (
+    R("4.8/1", lines=((209, 212),), register=("A-3-12",),
+      sentence="The request 0x09 must carry no data.",
+      original="0xAA | 0x09 | 0 | 0xCC",
+      binds=CLIENT, testable=AK | PC, hazard=READ_ONLY, strength=FIRM, basis=TEXT),
+    R("4.8/2", lines=((214, 217),), register=("A-4.8-1",),
+      sentence="The reply to 0x09 must be one two-character code of table 8-1 and nothing else.",
+      original="详见错误列表 / 0xCC | 0x09 | 2 | “00” | 0xAA",
+      binds=CONTROLLER, testable=AC | PC, hazard=READ_ONLY, strength=FIRM, basis=TEXT),
+    R("4.8/3", lines=(1017,), register=("A-4-5",),
+      sentence="The status of an idle robot must be '00'.",
+      original="00 | 空闲",
+      binds=CONTROLLER, testable=AC | PC, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
+    R("4.8/4", lines=(1018,), register=("A-4-5",),
+      sentence="While 0x30 runs a program, the status must be '01'.",
+      original="01 | 正在正常执行程序",
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+    R("4.8/5", lines=(1019,), register=("A-4-5",),
+      sentence="While 0x31 simulates a program, the status must be '02'.",
+      original="02 | 正在模拟运行程序",
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+    R("4.8/6", lines=(1020,), register=("A-4-5",),
+      sentence="While 0x33 resets the robot, the status must be '03'.",
+      original="03 | 正在复位",
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+    R("4.8/7", lines=(1021,), register=("A-4-5", "A-4-3"),
+      sentence="A status that is answered during a move (0x39) or a jog (0x3D) must be '04'.",
+      original="04 | 正在移动",
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+    R("4.8/8", lines=((1022, 1043),), register=("A-4.8-2",),
+      sentence="While a fault is present, the status should be "
+               "that fault's code: 05, 06 or one of 11 to 1F.",
+      original="05 | 坐标异常 / 06 | 角度异常 / 11 | 大臂关节电机错误",
+      binds=CONTROLLER, testable=PC, hazard=MOTION, strength=TOLERANT, basis=DERIVED),
+    R("4.8/9", lines=((1024, 1028), 1044), register=("A-8-3",),
+      sentence="A status should be neither a reserved code, 07 to 10, "
+               "nor '20', which tells of a missing file and is no state.",
+      original="07 | 保留 / 10 | 保留 / 20 | 程序文件不存在",
+      binds=CONTROLLER, testable=AC | PC, hazard=READ_ONLY, strength=TOLERANT, basis=DERIVED),
+    R("4.8/10", lines=(214,), register=("A-4-3",),
+      sentence="The status should be answered while a two-stage command is being executed.",
+      original="控制层返回信息包含 IDLE，RUNNING，ERROR 三种状态",
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=TOLERANT, basis=DERIVED),
+    R("4.8/11", lines=(214,), register=("A-4-5",),
+      sentence="A client must place every code of table 8-1 under idle, "
+               "running or error, and survive a code it does not know.",
+      original="控制层返回信息包含 IDLE，RUNNING，ERROR 三种状态，详见错误列表",
+      binds=CLIENT, testable=AK, hazard=READ_ONLY, strength=FIRM, basis=DERIVED),
+)

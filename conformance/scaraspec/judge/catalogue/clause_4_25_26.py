@@ -1,0 +1,61 @@
+"""4.25 and 4.26: release and lock all joints, 0x3A and 0x3B (L518-582)."""
+
+from scaraspec.judge.catalogue.entry import (
+    AC,
+    AK,
+    CLIENT,
+    CONTROLLER,
+    DERIVED,
+    FIRM,
+    MOTION,
+    PC,
+    TEXT,
+    R,
+)
+
+# A requirement is one paragraph of a table; the formatter would give it a dozen lines.
+# fmt: off
+ROWS = (
+    R("4.25/1", lines=((520, 523),), register=("A-3-12",),
+      sentence="The request 0x3A must carry no data.",
+      original="0xAA | 0x3A | 0 | 0xCC",
+      binds=CLIENT, testable=AK | PC, hazard=MOTION, strength=FIRM, basis=TEXT),
+    R("4.25/2", lines=((525, 532),), register=("A-4-7",),
+      sentence="The first reply to 0x3A must be '1' or '0|code'.",
+      original="若没有，则返回失败及原因 / 若满足松开所有关节的条件，则返回“1”",
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=TEXT),
+    R("4.25/3", lines=((539, 542),), register=("A-4.25-2",),
+      sentence="When the joints have been released, the tagged result '11' must be sent.",
+      original='执行“松开所有关节”指令，指令结束后返回结果 / 0xCC | 0x90 | 0x3A | 2 | "11" | 0xAA',
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=TEXT),
+    R("4.25/4", lines=((544, 549),), register=("A-3-8",),
+      sentence="When the release fails, the tagged result '00|code' must be sent.",
+      original='执行失败时，返回失败及原因 / 0xCC | 0x90 | 0x3A | 5 | "00 12" | 0xAA',
+      binds=CONTROLLER, testable=PC, hazard=MOTION, strength=FIRM, basis=TEXT),
+    R("4.25/5", lines=(525,), register=("A-4.25-1",),
+      sentence="While a program or a move is being executed, a release must not be answered '1'.",
+      original="首先判断是否具有松开关节的条件",
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+    R("4.26/1", lines=((553, 556),), register=("A-3-12",),
+      sentence="The request 0x3B must carry no data.",
+      original="0xAA | 0x3B | 0 | 0xCC",
+      binds=CLIENT, testable=AK | PC, hazard=MOTION, strength=FIRM, basis=TEXT),
+    R("4.26/2", lines=((558, 568),), register=("A-4-7",),
+      sentence="The first reply to 0x3B must be '1' or '0|code'.",
+      original="若不满足，发送失败及原因 / 若满足“锁住所有关节”条件，则发送结果“1”",
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=TEXT),
+    R("4.26/3", lines=((570, 575),), register=("A-4.25-2",),
+      sentence="When the joints have been locked, the tagged result '11' must be sent.",
+      original="执行“锁住所有关节”指令，指令结束后，返回结果 / "
+               '0xCC | 0x90 | 0x3B | 2 | "11" | 0xAA',
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=TEXT),
+    R("4.26/4", lines=((577, 582),), register=("A-3-8",),
+      sentence="When the lock fails, the tagged result '00|code' must be sent.",
+      original='当执行不成功时，返回失败及原因 / 0xCC | 0x90 | 0x3B | 5 | "00 12" | 0xAA',
+      binds=CONTROLLER, testable=PC, hazard=MOTION, strength=FIRM, basis=TEXT),
+    R("4.26/5", lines=(553,), register=("A-4.25-1",),
+      sentence="After a lock that ended with '11' the joint "
+               "angles must not change while the robot is idle.",
+      original="该请求可以使用户锁住机器人各关节，不可被随意移动",
+      binds=CONTROLLER, testable=AC | PC, hazard=MOTION, strength=FIRM, basis=DERIVED),
+)

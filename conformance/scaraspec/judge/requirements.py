@@ -1,0 +1,97 @@
+"""The requirement catalogue: find a requirement, a clause, or what a user selected.
+
+Nothing is written here that the document demands; the sentences are the tables in
+``scaraspec.judge.catalogue``. A name that selects nothing is an error, never an empty result: a
+mistyped selection must not look like a run without failures.
+"""
+
+import difflib
+import reprlib
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from scaraspec.judge.catalogue import CATALOGUE
+from scaraspec.judge.catalogue.entry import (
+    Basis,
+    Binds,
+    LineRange,
+    Method,
+    Requirement,
+    Strength,
+)
+
+__all__ = [
+    "REQUIREMENTS",
+    "Basis",
+    "Binds",
+    "LineRange",
+    "Method",
+    "Requirement",
+    "Strength",
+    "UnknownRequirementError",
+    "by_clause",
+    "requirement",
+    "select",
+]
+
+REQUIREMENTS: Mapping[str, Requirement] = MappingProxyType({entry.id: entry for entry in CATALOGUE})
+"""Every requirement by its id, in the order of the document."""
+
+_LONGEST_NAME = 32  # far above any id: bounds the search for similar names in hostile input
+
+
+class UnknownRequirementError(LookupError):
+    """A name that is no requirement, clause or selection; the message suggests near ones."""
+
+
+def requirement(requirement_id: str) -> Requirement:
+    """Return the requirement called, for example, ``"4.15/3"``.
+
+    Raises:
+        UnknownRequirementError: There is none of that id.
+    """
+    try:
+        return REQUIREMENTS[requirement_id]
+    except KeyError:
+        raise _unknown("requirement", requirement_id, list(REQUIREMENTS)) from None
+
+
+def by_clause(prefix: str) -> tuple[Requirement, ...]:
+    """Return the requirements of a clause and of its subclauses, in the order of the document.
+
+    A number is matched whole: ``"4.1"`` is clause 4.1 and not 4.15, ``"4"`` is all of clause 4,
+    ``"6.6"`` both clauses of that number.
+
+    Raises:
+        UnknownRequirementError: No clause is called so.
+    """
+    found = tuple(r for r in CATALOGUE if _is_within(r.clause, prefix))
+    if not found:
+        raise _unknown("clause", prefix, [r.clause for r in CATALOGUE])
+    return found
+
+
+def select(selection: str) -> tuple[Requirement, ...]:
+    """Return what a comma list of clauses and requirement ids names, such as ``"4.15, 2/3"``.
+
+    Each requirement comes once, in the order of the document.
+
+    Raises:
+        UnknownRequirementError: An item of the list is neither a clause nor a requirement.
+    """
+    chosen = set[str]()
+    for name in (item.strip() for item in selection.split(",")):
+        named = (requirement(name),) if "/" in name else by_clause(name)
+        chosen.update(r.id for r in named)
+    return tuple(r for r in CATALOGUE if r.id in chosen)
+
+
+def _is_within(clause: str, prefix: str) -> bool:
+    number_ends = not clause[len(prefix) :][:1].isdigit()
+    return bool(prefix) and clause.startswith(prefix) and number_ends
+
+
+def _unknown(kind: str, name: str, known: list[str]) -> UnknownRequirementError:
+    near = difflib.get_close_matches(name[:_LONGEST_NAME], dict.fromkeys(known))
+    hint = f"did you mean {' or '.join(near)}?" if near else "`scaraspec requirements` lists all."
+    return UnknownRequirementError(f"There is no {kind} {reprlib.repr(name)}; {hint}")

@@ -1,0 +1,67 @@
+"""The arm as far as a recording shows it: readings of joints and pose, and what moved between them.
+
+The recording need not show all who can move the arm: another client, a pendant, a hand. So rules
+hold readings against each other only within moments of an evidence that nothing else moved it.
+"""
+
+from typing import Final
+
+from scaraspec.judge.rules.rule import Judged, failed, places_of
+from scaraspec.judge.rules.text import observed
+from scaraspec.traffic.happenings import Exchange
+from scaraspec.traffic.scene import Scene
+
+JOINTS: Final = "get_joint_angles"
+POSE: Final = "get_tool_coordinates"
+STOP, LOCK, RELEASE = "emergency_stop", "lock_joints", "release_joints"
+MOVE, JOG = "set_tool_coordinates", "jog"
+MOTIONS: Final = ("run_program", "reset", MOVE, JOG)
+
+MOMENT_NS: Final = 2_000_000_000
+"""So soon after a motion nobody else has begun another one."""
+_SOON_NS: Final = 60_000_000_000
+"""How old a reading may be that tells how things were before a command."""
+
+
+def ended_ns(y: Exchange) -> int:
+    """When its final result came; -1 where none came."""
+    return y.result.place.time_ns if y.result else -1
+
+
+def last_motion(x: Exchange, scene: Scene) -> Exchange | None:
+    """The last two-stage command, if it succeeded and the robot has been idle since."""
+    motion = scene.memory.accepted[-1] if scene.memory.accepted else None
+    done = motion is not None and motion.outcome is not None and motion.outcome.done
+    idle = scene.memory.idle_since_ns is not None and not scene.busy
+    return motion if motion and done and idle and x.time_ns > ended_ns(motion) else None
+
+
+def reading_before(motion: Exchange, name: str, scene: Scene) -> Exchange | None:
+    """The last reading before a two-stage command, behind the end of the one before it."""
+    earlier = [y for y in scene.memory.accepted if y.time_ns < motion.time_ns]
+    found = scene.memory.last(name, before_ns=motion.time_ns)
+    if found is None or not found.answer or motion.time_ns - found.time_ns > _SOON_NS:
+        return None
+    return found if all(0 < ended_ns(y) < found.time_ns for y in earlier) else None
+
+
+def gripper_asked_since(time_ns: int, scene: Scene) -> bool:
+    """Whether the gripper centre may have changed, which may be part of the pose (A-4.23-1)."""
+    asked = scene.memory.asked.get("set_gripper_center")
+    return asked is not None and asked.place.time_ns > time_ns
+
+
+def locked(scene: Scene) -> bool | None:
+    """Whether the joints are locked, by the last lock, release or motion; None if not known."""
+    about = (y for y in reversed(scene.memory.accepted) if y.name in (LOCK, RELEASE, *MOTIONS))
+    return next((y.name != RELEASE for y in about if y.outcome and y.outcome.done), None)
+
+
+def changed(first: Exchange, x: Exchange, what: str) -> Judged:
+    """Two readings contradict each other."""
+    return failed(
+        what,
+        expected=observed(first.reply) if first.reply else "",
+        observed=observed(x.reply) if x.reply else "",
+        at=(*places_of(first), *places_of(x)),
+    )

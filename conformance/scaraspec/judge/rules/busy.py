@@ -1,0 +1,221 @@
+"""A robot that executes one two-stage command: what it says of itself, and to further requests."""
+
+from collections.abc import Iterable
+from typing import Final
+
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.two_stage import NOT_STOP
+from scaraspec.protocol import errors
+from scaraspec.protocol.fields import show
+from scaraspec.traffic.happenings import Ending, Exchange
+from scaraspec.traffic.memory import answered_ns
+from scaraspec.traffic.scene import Scene
+
+STATE_OF: Final = {
+    "run_program": "01",
+    "simulate_program": "02",
+    "reset": "03",
+    "set_tool_coordinates": "04",
+    "jog": "04",
+}
+"""The status during each command that has one (L1018-1021); release and lock have none (A-4-5)."""
+
+BUSY: Final = frozenset(STATE_OF.values())
+
+_STATUS: Final = ("get_status",)
+_SECOND_NS: Final = 1_000_000_000
+"""Within it nobody whom the recording does not show begins and ends something unnoticed; and by
+it the frames of two connections may be in another order than they were sent in."""
+_REPLY_NS: Final = 5_000_000_000
+"""So long the answer to a request may be on its way (A-3-15)."""
+_MOMENT_NS: Final = 100_000_000
+"""For how long behind its end a status may be that of a command."""
+_SWAPPED_NS: Final = 50_000_000
+"""By so much packets of two connections are swapped in a capture at most."""
+
+
+def surely_executes(y: Exchange, x: Exchange, scene: Scene) -> bool:
+    """Whether a command of `x.during` executed when `x` was answered, not only by its place.
+
+    On one connection the order of frames is sure; on two the end must come clearly later, and one
+    that has not come when `x` is over so soon may be on its way. Where a status 00 came meanwhile,
+    it has ended or that status is wrong, which is told for itself.
+    """
+    if y.idle:
+        return False
+    if y.request.place.connection == x.request.place.connection:
+        return True
+    now = next((z for z in scene.memory.accepted if z.request is y.request), y)
+    if now.result is None:
+        late_ns = x.result.begun_ns - answered_ns(x) if x.result else _SWAPPED_NS
+        return now in scene.executing and late_ns >= _SWAPPED_NS
+    return now.result.begun_ns - answered_ns(x) > _SECOND_NS
+
+
+# Further requests
+
+
+def _not_accepted(x: Exchange, scene: Scene, during: Iterable[Exchange]) -> Judged | None:
+    executing = [y for y in during if surely_executes(y, x, scene)]
+    if not executing or x.unsettled:
+        return None
+    if x.accepted is False:
+        return PASSED
+    if not x.accepted:
+        if x.ending is not Ending.UNANSWERED:
+            return None
+        return tolerated("busy_reply", "silence", f"{x.name} was not answered by the busy robot")
+    first = executing[0]
+    if first.name == "release_joints":
+        return tolerated("A-4.25-2", "at lock", "the release had not ended when the next began")
+    if first.name == x.name == "jog":
+        return tolerated("A-4.28-5", "replace", "another jog replaced the one before")
+    return failed(
+        f"{x.name} was accepted while {first.name} executed",
+        expected="0|code",
+        observed="1",
+        at=(first.request.place, *places_of(x)),
+    )
+
+
+@rule("4/6", on=Exchange, names=NOT_STOP)
+def no_second_command(x: Exchange, scene: Scene) -> Judged | None:
+    """While one two-stage command executes no other is answered "1" (L399; A-4-2)."""
+    return _not_accepted(x, scene, x.during)
+
+
+@rule("4.15/8", on=Exchange, names=("run_program",))
+def no_second_run(x: Exchange, scene: Scene) -> Judged | None:
+    """A second run during a run is not answered "1" (L1018)."""
+    return _not_accepted(x, scene, (y for y in x.during if y.name == "run_program"))
+
+
+@rule("4.25/5", on=Exchange, names=("release_joints",))
+def no_release_in_motion(x: Exchange, scene: Scene) -> Judged | None:
+    """Release is not answered "1" while a program or a move executes (A-4.25-1)."""
+    return _not_accepted(x, scene, (y for y in x.during if y.name in STATE_OF))
+
+
+@rule("4.18/2", on=Exchange, names=("reset",))
+@rule("4.35/4", on=Exchange, names=("shutdown",))
+def refused_during_a_program(x: Exchange, scene: Scene) -> Judged | None:
+    """While a program runs the refusal is "0|01" (L394-399, L706); a fault may win (A-4.8-2)."""
+    if [y.name for y in x.during] != ["run_program"] or x.unsettled or not x.reply:
+        return None
+    said = x.reply.text
+    code = errors.lookup(x.answer.code) if x.answer and x.answer.code else None
+    if said == b"0|01" or (code and code.kind is errors.Kind.FAULT):
+        return PASSED
+    if not surely_executes(x.during[0], x, scene):
+        return None
+    return failed(
+        f"{x.name} was not refused with 01 while a program ran",
+        expected="0|01",
+        observed=show(said),
+        at=(x.during[0].request.place, *places_of(x)),
+    )
+
+
+@rule("4/15", on=Exchange, names=(*NOT_STOP, "shutdown"))
+def busy_code_is_the_state(x: Exchange, scene: Scene) -> Judged | None:
+    """The code of a busy refusal is the state that 0x09 reports then (A-4-2)."""
+    code = x.answer.code if x.accepted is False else None
+    if code not in BUSY or len(x.during) != 1 or x.unsettled:
+        return None
+    executing = x.during[0]
+    expected = STATE_OF.get(executing.name)
+    if code == expected:
+        return PASSED
+    if expected is None or not surely_executes(executing, x, scene):
+        return None
+    return failed(
+        f"{x.name} was refused with {code} while {executing.name} executed",
+        expected=expected,
+        observed=code,
+        at=(executing.request.place, *places_of(x)),
+    )
+
+
+@rule("4/15", on=Exchange, names=_STATUS)
+def idle_robot_is_not_busy(x: Exchange, scene: Scene) -> Judged | None:
+    """A robot whose status is 00 before and after is not refused as busy between (L1017-1021)."""
+    begin_ns = scene.memory.idle_seen_ns
+    idle = scene.memory.idle_since_ns is not None and not scene.busy and x.answer == "00"
+    if not idle or x.time_ns - begin_ns > _SECOND_NS:
+        return None
+    for name in (*NOT_STOP, "shutdown"):
+        for y in scene.memory.between(name, begin_ns, x.time_ns):
+            if y.accepted is False and y.answer.code in BUSY:
+                return failed(
+                    f"{name} was refused with {y.answer.code} although the robot was idle",
+                    expected="1, or another code",
+                    observed=f"0|{y.answer.code}",
+                    at=(*places_of(y), *places_of(x)),
+                )
+    return None
+
+
+# The status
+
+
+@rule("4/8", on=Exchange, names=_STATUS)
+def busy_while_executing(x: Exchange, _: Scene) -> Judged | None:
+    """Between first reply and final result the status is not 00 (L318)."""
+    return PASSED if x.during and not x.unsettled and x.answer in BUSY else None
+
+
+@rule("4/8", on=Exchange, names=STATE_OF)
+def never_idle_while_executing(x: Exchange, _: Scene) -> Judged | None:
+    """A status 00 that came before the final result contradicts it (L318)."""
+    if not x.idle or not x.result:
+        return None
+    same = x.idle.place.connection == x.request.place.connection
+    if not same and x.result.begun_ns - x.idle.place.time_ns < _SECOND_NS:
+        return None
+    return failed(
+        f"the status is 00 (idle) while {x.name} executes",
+        expected=STATE_OF[x.name],
+        observed="00",
+        at=(x.request.place, x.idle.place, x.result.place),
+    )
+
+
+@rule("4/7", on=Exchange, names=_STATUS)
+def idle_after_success(x: Exchange, scene: Scene) -> Judged | None:
+    """After a successful final result the status returns to 00 (L318).
+
+    At what moment is not said: not every robot changes both at once, and on another connection they
+    may have been captured in another order. What another client asked for may have begun, its "1"
+    being on the way.
+    """
+    ended = scene.memory.accepted[-1] if scene.memory.accepted else None
+    if ended is None or not ended.result or not ended.outcome or not ended.outcome.done:
+        return None
+    since_ns = x.time_ns - ended.result.place.time_ns
+    if scene.executing or x.unsettled or not 0 < since_ns <= _SECOND_NS:
+        return None
+    if x.answer == "00":
+        return PASSED
+    if since_ns < _MOMENT_NS:
+        return None
+    begun = any(scene.memory.awaits(name, x.time_ns - _REPLY_NS) for name in STATE_OF)
+    if begun or x.answer not in BUSY:
+        return None
+    return failed(
+        f"the status is still {x.answer} although {ended.name} has ended",
+        expected="00",
+        observed=x.answer,
+        at=(*places_of(ended), *places_of(x)),
+    )
+
+
+@rule("4.18/6", on=Exchange, names=("reset",))
+def reset_from_error(x: Exchange, scene: Scene) -> Judged | None:
+    """A robot in error can be reset (A-4.18-2)."""
+    status = scene.memory.last("get_status", before_ns=x.time_ns)
+    code = errors.lookup(status.answer) if status and status.answer else None
+    if code is None or code.kind is not errors.Kind.FAULT or x.accepted is None or x.during:
+        return None
+    if x.accepted:
+        return PASSED
+    return tolerated("reset_from_error", "idle-only", "a robot in error refused the reset")

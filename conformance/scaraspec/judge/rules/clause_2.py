@@ -1,0 +1,101 @@
+"""Clause 2: who connects to whom, plain text, and what is done for whom without a login."""
+
+import re
+
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.traffic.happenings import Ending, Exchange, FrameSeen, LinkChange, Undecodable
+from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.wire import Kind, Place
+
+_TLS_RECORD = re.compile(rb"[\x14-\x17]\x03[\x00-\x04]")
+_COMPRESSED = re.compile(rb"\x1f\x8b\x08|\x28\xb5\x2f\xfd")
+_STOP = "emergency_stop"
+
+
+@rule("2/1", on=LinkChange)
+def client_opens(change: LinkChange, _: Scene) -> Judged | None:
+    """The client opens the connection, the controller listens (L79)."""
+    event = change.event
+    if event.kind is not Kind.OPENED:
+        return None
+    if event.direction is A2C:
+        return PASSED
+    return failed(
+        "the controller opened the connection",
+        expected="opened by the client",
+        observed=event.note,
+        at=(Place(event.connection, event.direction, 0, 0, event.time_ns),),
+    )
+
+
+@rule("2/3", on=LinkChange)
+def default_port(change: LinkChange, _: Scene) -> Judged | None:
+    """The client connects to port 8877 (L79); to another one its user may have sent it."""
+    opened = change.event.kind is Kind.OPENED
+    return PASSED if opened and change.event.note.endswith(f":{DEFAULT_PORT}") else None
+
+
+@rule("2/4", on=FrameSeen)
+def readable_frame(_seen: FrameSeen, _: Scene) -> Judged | None:
+    """What can be read as a frame is plain (L79)."""
+    return PASSED
+
+
+@rule("2/4", on=Undecodable)
+def readable_bytes(found: Undecodable, _: Scene) -> Judged | None:
+    """A stream that begins as TLS or as compressed data is not plain (L79)."""
+    if found.place.offset_bytes:
+        return None
+    tls, compressed = _TLS_RECORD.match(found.data), _COMPRESSED.match(found.data)
+    if not tls and not compressed:
+        return None
+    return failed(
+        f"the stream begins {'as TLS' if tls else 'with compressed data'}",
+        expected="plain frames",
+        observed=found.data[:8].hex(" "),
+    )
+
+
+@rule("2/10", on=Exchange, sender=A2C)
+def login_first(x: Exchange, _: Scene) -> Judged | None:
+    """The client logs in before any other command (L79, L104); a stop is forgiven."""
+    if x.name == "login" or x.logged_in is None or x.refused_login:
+        return None  # behind a refused login 4.1/5 says it
+    if x.logged_in or x.behind_login:  # only the answer was not there
+        return PASSED
+    if x.name == _STOP:
+        return None
+    return failed(f"{x.name} was sent before a login", expected="login", observed=x.name)
+
+
+@rule("2/11", on=Exchange, sender=A2C)
+def nothing_done_without_login(x: Exchange, _: Scene) -> Judged | None:
+    """A connection that has not logged in gets nothing changed, moved or destroyed (L83, L104)."""
+    if x.logged_in is not False or x.command is None or x.name == "login":
+        return None
+    if not x.refused_login and x.behind_login:
+        return None  # it may have been accepted by then
+    if not x.reply:
+        return PASSED if x.ending in (Ending.UNANSWERED, Ending.HUNG_UP) else None
+    if x.accepted is False:
+        return PASSED
+    if x.command.hazard is Hazard.READ_ONLY:
+        return _served_reading(x)
+    if x.name == _STOP:
+        return tolerated("A-4-4", "stop served", "an emergency stop was served without a login")
+    if not x.accepted:
+        return None
+    return failed(
+        f"{x.name} was accepted on a connection that had not logged in",
+        expected="silence, a refusal or the end of the connection",
+        observed="1",
+    )
+
+
+def _served_reading(x: Exchange) -> Judged:
+    if x.reply and x.reply.text == b"0":  # the failure form of a query
+        return PASSED
+    return tolerated("prelogin", "reads", f"{x.name} was answered without a login")

@@ -1,0 +1,444 @@
+"""Clause 3: frames, tags, and which reply belongs to which request."""
+
+from typing import Final
+
+from scaraspec.judge.rules.busy import BUSY
+from scaraspec.judge.rules.diagnosis import Fault, diagnose
+from scaraspec.judge.rules.ports import OUTPUTS
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
+from scaraspec.protocol.commands import BY_OPCODE, UNDOCUMENTED_GAP
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG
+from scaraspec.protocol.payloads import FinalResult
+from scaraspec.traffic.happenings import Ending, Exchange, FrameSeen, Unasked, Undecodable
+from scaraspec.traffic.memory import answered_ns
+from scaraspec.traffic.scene import Scene
+
+_SOON_NS: Final = 1_000_000_000
+"""Within it a status tells how things were."""
+
+# Frames, and bytes that are none
+
+
+@rule("3/1", "3/6", "3/7", "3/32", on=FrameSeen)
+def whole_frame(_seen: FrameSeen, _: Scene) -> Judged | None:
+    """A frame that was found has its layout, its length, and nothing before it (L89-98)."""
+    return PASSED
+
+
+@rule("3/8", on=FrameSeen)
+def empty_frame(seen: FrameSeen, _: Scene) -> Judged | None:
+    """With length 0x00 the end byte follows (L98)."""
+    return None if seen.frame.data else PASSED
+
+
+@rule("3/2", "3/3", "3/28", on=FrameSeen, sender=A2C)
+def client_frame(_seen: FrameSeen, _: Scene) -> Judged | None:
+    """A found client frame has AA, CC (L92) and a length that one byte could say (L89)."""
+    return PASSED
+
+
+@rule("3/4", "3/5", on=FrameSeen, sender=C2A)
+def controller_frame(_seen: FrameSeen, _: Scene) -> Judged | None:
+    """A found controller frame has CC and AA (L94)."""
+    return PASSED
+
+
+def _blame(found: Undecodable, fault: Fault, what: str) -> Judged | None:
+    diagnosis = diagnose(found)
+    if diagnosis.fault is not fault:
+        return None
+    hint = f" ({diagnosis.hint})" if diagnosis.hint else ""
+    return failed(what + hint, expected=diagnosis.expected, observed=diagnosis.observed)
+
+
+@rule("3/1", on=Undecodable)
+def layout(found: Undecodable, _: Scene) -> Judged | None:
+    """Bytes that begin like a frame and do not end like one (L89-90)."""
+    return _blame(found, Fault.UNCLEAR, "bytes that begin like a frame are none")
+
+
+@rule("3/2", on=Undecodable, sender=A2C)
+def client_start(found: Undecodable, _: Scene) -> Judged | None:
+    """Client frames start with AA (L92)."""
+    return _blame(found, Fault.START, "a client frame starts with a wrong byte")
+
+
+@rule("3/3", on=Undecodable, sender=A2C)
+def client_end(found: Undecodable, _: Scene) -> Judged | None:
+    """Client frames end with CC (L92)."""
+    return _blame(found, Fault.END, "a client frame ends with a wrong byte")
+
+
+@rule("3/4", on=Undecodable, sender=C2A)
+def controller_start(found: Undecodable, _: Scene) -> Judged | None:
+    """Controller frames start with CC (L94)."""
+    return _blame(found, Fault.START, "a controller frame starts with a wrong byte")
+
+
+@rule("3/5", on=Undecodable, sender=C2A)
+def controller_end(found: Undecodable, _: Scene) -> Judged | None:
+    """Controller frames end with AA (L94)."""
+    return _blame(found, Fault.END, "a controller frame ends with a wrong byte")
+
+
+@rule("3/6", "3/7", on=Undecodable)
+def length(found: Undecodable, _: Scene) -> Judged | None:
+    """The length is one byte, the number of data bytes that follow (L89, L98)."""
+    return _blame(found, Fault.LENGTH, "the length is not the number of data bytes")
+
+
+@rule("3/8", on=Undecodable)
+def no_data_behind_zero(found: Undecodable, scene: Scene) -> Judged | None:
+    """With length 0x00 no data byte is present (L98)."""
+    return length(found, scene) if diagnose(found).observed == "0" else None
+
+
+@rule("3/28", on=Undecodable, sender=A2C)
+def one_byte_length(found: Undecodable, _: Scene) -> Judged | None:
+    """A sender does not attempt more than 255 data bytes in one frame (L89)."""
+    diagnosis = diagnose(found)
+    if diagnosis.fault is not Fault.LENGTH or diagnosis.surplus_bytes % 256:
+        return None
+    return failed(
+        f"{diagnosis.expected} data bytes were sent in one frame",
+        expected=f"at most {MAX_DATA_BYTES}",
+        observed=diagnosis.expected,
+    )
+
+
+@rule("3/32", on=Undecodable)
+def nothing_between(found: Undecodable, _: Scene) -> Judged | None:
+    """A sender sends nothing between frames."""
+    return _blame(found, Fault.STRAY, "bytes between frames that belong to none")
+
+
+@rule("3/10", on=FrameSeen)
+def defined_opcode(seen: FrameSeen, _: Scene) -> Judged | None:
+    """Each frame uses an opcode of clauses 4 and 5 for its direction (L96)."""
+    opcode = seen.frame.opcode
+    if opcode in BY_OPCODE:
+        return PASSED
+    if seen.frame.direction is A2C and opcode == TAG:
+        return None  # 3/15 says it
+    gap = ", in the gap whose clauses were cut" if opcode in UNDOCUMENTED_GAP else ""
+    return failed(
+        "the opcode is not defined", expected="a defined opcode", observed=f"{opcode:02X}{gap}"
+    )
+
+
+# The tag of final results
+
+
+@rule("3/12", on=FrameSeen, sender=C2A)
+def tagged_layout(seen: FrameSeen, _: Scene) -> Judged | None:
+    """A final result is CC 90 opcode length data AA (L320-321)."""
+    return PASSED if seen.frame.tagged else None
+
+
+@rule("3/12", on=Unasked, sender=C2A)
+def untagged_result(unasked: Unasked, _: Scene) -> Judged | None:
+    """A final result that lacks its tag (L320-321)."""
+    seen, after = unasked.seen, unasked.after
+    if seen.frame.tagged or not after or not after.command or not after.command.two_stage:
+        return None
+    looks_like_one = FinalResult().decode(seen.frame.data).value is not None
+    if not after.accepted or after.result or not looks_like_one:
+        return None
+    return failed(
+        f"the final result of {after.name} came without the tag 90",
+        expected=f"90 {seen.frame.opcode:02X}",
+        observed=f"{seen.frame.opcode:02X}",
+        at=(*(f.place for f in after.frames), seen.place),
+    )
+
+
+@rule("3/14", on=FrameSeen, sender=C2A)
+def tag_only_on_two_stage(seen: FrameSeen, _: Scene) -> Judged | None:
+    """The tag stands only before the eight two-stage commands; another is a warning (A-3-6)."""
+    if not seen.frame.tagged:
+        return None
+    if seen.command:
+        return PASSED
+    opcode = f"{seen.frame.opcode:02X}"
+    return tolerated("A-3-6", f"90 {opcode}", f"the tag 90 stands before the opcode {opcode}")
+
+
+@rule("3/15", on=FrameSeen, sender=A2C)
+def client_never_tags(seen: FrameSeen, _: Scene) -> Judged | None:
+    """The tag is the controller's."""
+    if seen.frame.opcode != TAG:
+        return PASSED
+    return failed("a client frame bears the tag 90", expected="no tag", observed="90")
+
+
+@rule("3/15", on=Undecodable, sender=A2C)
+def client_tagged(found: Undecodable, _: Scene) -> Judged | None:
+    """A frame that would be one but for its tag."""
+    return _blame(found, Fault.TAG, "a client frame bears the tag 90")
+
+
+# Which reply belongs to which request
+
+
+@rule("3/11", on=Exchange, sender=A2C)
+def reply_has_its_opcode(x: Exchange, _: Scene) -> Judged | None:
+    """The first reply carries the request's opcode (A-3-14).
+
+    A frame with another one is only unsolicited (A-3-16) where the reply comes after all.
+    """
+    if x.reply:
+        return PASSED
+    given_up = x.ending is Ending.UNANSWERED or x.later_answered
+    if not x.stray or not given_up or not _due(x):
+        return None
+    return failed(
+        f"{x.name} was answered with another opcode",
+        expected=f"{x.request.frame.opcode:02X}",
+        observed=f"{x.stray.frame.opcode:02X}",
+        at=(x.request.place, x.stray.place),
+    )
+
+
+@rule("3/26", on=Exchange, sender=A2C)
+def asked_for(x: Exchange, _: Scene) -> Judged | None:
+    """A reply that was asked for."""
+    return PASSED if x.reply else None
+
+
+@rule("3/26", on=Unasked, sender=C2A)
+def nothing_unsolicited(unasked: Unasked, scene: Scene) -> Judged | None:
+    """Only replies, final results, list parts and chunks come from the controller (A-3-16)."""
+    frame = unasked.seen.frame
+    if frame.tagged or unasked.late or untagged_result(unasked, scene):
+        return None
+    if not unasked.certain:
+        return unsure("a gap may hide the request that this answers")
+    return tolerated(
+        "A-3-16", "unsolicited frame", f"an unsolicited frame with opcode {frame.opcode:02X} came"
+    )
+
+
+@rule("3/24", on=Exchange, sender=A2C)
+def replies_in_order(x: Exchange, _: Scene) -> Judged | None:
+    """First replies come in request order (A-3-14)."""
+    if not x.reply or x.overdue:
+        return None
+    if not x.later_answered:
+        return PASSED
+    return tolerated(
+        "pipelining", "any-order", f"the reply to {x.name} was overtaken by a later request's"
+    )
+
+
+@rule("3/25", on=Exchange, sender=A2C)
+def one_open_request(x: Exchange, _: Scene) -> Judged | None:
+    """The client has at most one unanswered request per opcode (A-3-14)."""
+    if not x.doubled:
+        return PASSED
+    return tolerated("A-3-14", "two open requests", f"{x.name} was asked again before its answer")
+
+
+def _due(x: Exchange) -> bool:
+    """Whether an answer is due: to a valid request, behind a login, in its place."""
+    valid = x.request.parsed is not None and not x.request.parsed.decoded.complaints
+    served = x.logged_in or x.name == "login"
+    out_of_place = x.name == "upload_chunk" and (x.transfer is None or x.late)  # A-5-16
+    error_signal = x.chunk is not None and x.chunk.length == 0
+    return valid and bool(served) and not out_of_place and not error_signal
+
+
+@rule("3/31", on=Exchange, sender=A2C)
+def answered(x: Exchange, scene: Scene) -> Judged | None:
+    """Every valid request is answered, and in the reply time (A-3-15)."""
+    if x.command is None or not _due(x):
+        return None
+    if x.malformed or (x.reply and not x.overdue):
+        return PASSED
+    if x.reply:
+        if x.during or x.unsettled:
+            return tolerated("A-4-3", "not served", f"{x.name} waited for the busy robot")
+        return failed(
+            f"{x.name} was answered after the reply time, and after a later request",
+            expected="a reply in time",
+            observed=f"a reply after {(x.latency_ns or 0) / 1e9:.1f} s",
+        )
+    if x.ending is Ending.UNSEEN:
+        return unsure(f"the answer to {x.name} may be in a gap of the recording")
+    if x.ending is not Ending.UNANSWERED or x.stray:
+        return None
+    return _silence(x, scene) or failed(
+        f"{x.name} was never answered, though a later request was",
+        expected="a reply",
+        observed="none",
+    )
+
+
+def _silence(x: Exchange, scene: Scene) -> Judged | None:
+    """The readings that allow silence, and what looks like a dead link."""
+    if not x.certain:
+        return unsure(f"the answer to {x.name} may be in a gap of the recording")
+    if x.during or _may_be_busy(x, scene):
+        two_stage = x.command is not None and x.command.two_stage
+        reading = ("busy_reply", "silence") if two_stage else ("A-4-3", "not served")
+        return tolerated(*reading, f"{x.name} was not answered by the busy robot")
+    if x.name == "get_default_program":
+        opcode, other = x.request.frame.opcode, scene.last.get(x.name)
+        if other and other.request.frame.opcode != opcode:
+            option = f"0x{other.request.frame.opcode:02X}"
+            return tolerated("op_get_default", option, f"0x{opcode:02X} was not answered")
+        return tolerated("default_none", "silence", f"{x.name} was not answered")
+    if x.name == "jog" and not _is_in_its_notation(x, scene):
+        option = "binary" if _is_text(x) else "ascii"
+        message = "a jog was not answered, perhaps because it understands the other notation"
+        return tolerated("jog_byte", option, message)
+    if x.name == "set_digital_output" and x.request.value.port > OUTPUTS:
+        return tolerated("A-3-9", "ignored", "what is perhaps no output was not set")
+    if not x.later_answered:
+        return unsure(f"nothing was answered any more from {x.name} on: the link may have died")
+    if x.pipelined:
+        return tolerated("pipelining", "one", f"{x.name} behind another request was not served")
+    return None
+
+
+def _is_text(jog: Exchange) -> bool:
+    return jog.request.frame.data >= b"0"
+
+
+def _is_in_its_notation(jog: Exchange, scene: Scene) -> bool:
+    """Whether the last jog that was answered was written in the same notation (A-4.28-1)."""
+    last = scene.last.get(jog.name)
+    return last is not None and _is_text(last) == _is_text(jog)
+
+
+def _may_be_busy(x: Exchange, scene: Scene) -> bool:
+    """Whether the robot may have been executing although no frame before `x` says so.
+
+    The "1" of what was asked before was still on its way, or the end of what was accepted last was
+    not seen: its client may have hung up. Or the robot says that it executes what nobody here had
+    asked for: a program may be begun by another signal (A-4.12-3).
+    """
+    statuses = scene.memory.between("get_status", x.time_ns, x.time_ns + _SOON_NS)
+    for y in (scene.memory.last("get_status", before_ns=x.time_ns), *statuses):
+        if y and y.answer in BUSY and not y.during:
+            return True
+    accepted = reversed(scene.memory.accepted)
+    last = next((y for y in accepted if y.time_ns < x.time_ns), None)
+    if last and answered_ns(last) > x.time_ns:
+        return True
+    if last is None or last.result:
+        return False
+    return not answered_ns(last) < scene.memory.idle_seen_ns < x.time_ns
+
+
+# Final results
+
+
+@rule("3/16", on=Exchange, sender=A2C)
+def result_after_reply(x: Exchange, _: Scene) -> Judged | None:
+    """The final result follows the first reply "1" (L318)."""
+    return PASSED if x.result else None
+
+
+def _misplaced(unasked: Unasked) -> bool:
+    """Whether this is a final result that nothing explains: no delay, no other connection."""
+    known = unasked.seen.frame.tagged and unasked.seen.command is not None
+    return known and not unasked.late and not unasked.elsewhere
+
+
+def _asked_elsewhere(unasked: Unasked, scene: Scene) -> bool:
+    """Whether another connection has asked for it, be it that its reply is still on the way."""
+    asked = scene.memory.asked.get(unasked.seen.name)
+    here = unasked.seen.place.connection
+    return unasked.elsewhere or (asked is not None and asked.place.connection != here)
+
+
+@rule("3/16", on=Unasked, sender=C2A)
+def result_out_of_the_blue(unasked: Unasked, scene: Scene) -> Judged | None:
+    """A final result without an accepted request before it."""
+    if _asked_elsewhere(unasked, scene) and not unasked.late:
+        what = "a final result of" if unasked.seen.frame.tagged else "a reply to"
+        return tolerated(
+            "A-2-9",
+            "elsewhere",
+            f"{what} {unasked.seen.name} came on a connection that had not asked for it",
+        )
+    if not _misplaced(unasked):
+        return None
+    name = unasked.seen.name
+    waiting = next((x for x in unasked.waiting if x.name == name), None)
+    if waiting:
+        return failed(
+            f"the final result of {name} came before its first reply",
+            expected="the first reply first",
+            observed="the final result first",
+            at=(waiting.request.place, unasked.seen.place),
+        )
+    if unasked.after:
+        return None  # 3/17 and 3/18 tell these apart
+    return failed(
+        f"a final result of {name} came, which nobody had asked for",
+        expected="no final result",
+        observed=show(unasked.seen.frame.data),
+    )
+
+
+@rule("3/17", on=Exchange, sender=A2C)
+def no_result_after_refusal(x: Exchange, _: Scene) -> Judged | None:
+    """A refusal ends the command; a result that still comes is an `Unasked`."""
+    two_stage = x.command is not None and x.command.two_stage
+    return PASSED if two_stage and x.accepted is False else None
+
+
+@rule("3/17", on=Unasked, sender=C2A)
+def result_after_refusal(unasked: Unasked, _: Scene) -> Judged | None:
+    """After a first reply beginning with "0" no final result is sent."""
+    after = unasked.after
+    if not _misplaced(unasked) or not after or after.accepted is not False:
+        return None
+    return failed(
+        f"a final result came although {after.name} had been refused",
+        expected="no final result",
+        observed=show(unasked.seen.frame.data),
+        at=(*(seen.place for seen in after.frames), unasked.seen.place),
+    )
+
+
+@rule("3/18", on=Exchange, sender=A2C)
+def one_result(x: Exchange, _: Scene) -> Judged | None:
+    """Each accepted two-stage command has exactly one final result (L318)."""
+    if not x.command or not x.command.two_stage or not x.accepted:
+        return None
+    if x.result:
+        return PASSED
+    if x.ending is Ending.UNSEEN:
+        return unsure(f"the final result of {x.name} may be in a gap of the recording")
+    if x.ending is not Ending.UNFINISHED:
+        return None
+    if x.interrupted_by and x.interrupted_by.name == "jog":
+        return tolerated("A-4.28-5", "replace", "a jog had no final result before the next one")
+    if x.interrupted_by:
+        return tolerated(
+            "estop_interrupted", "none", f"the stopped {x.name} had no final result of its own"
+        )
+    return failed(
+        f"{x.name} was accepted and the robot was idle again, without a final result",
+        expected="one final result",
+        observed="none",
+        at=(*(f.place for f in x.frames), *((x.idle.place,) if x.idle else ())),
+    )
+
+
+@rule("3/18", on=Unasked, sender=C2A)
+def second_result(unasked: Unasked, _: Scene) -> Judged | None:
+    """A second final result of the same command."""
+    after = unasked.after
+    if not _misplaced(unasked) or not after or not after.result:
+        return None
+    return failed(
+        f"{after.name} ended a second time",
+        expected="one final result",
+        observed="a second one",
+        at=(*(seen.place for seen in after.frames), unasked.seen.place),
+    )

@@ -1,0 +1,88 @@
+"""Clause 4.1: login."""
+
+from scaraspec.judge.rules.flag import one_flag
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule
+from scaraspec.judge.rules.settings import UNSEEN_NS
+from scaraspec.protocol.direction import A2C
+from scaraspec.traffic.happenings import Exchange, FrameSeen
+from scaraspec.traffic.scene import Scene
+
+_LOGIN = ("login",)
+
+
+@rule("4.1/1", on=FrameSeen, names=_LOGIN, sender=A2C)
+def request_holds_a_password(seen: FrameSeen, _: Scene) -> Judged | None:
+    """A login request carries the password as its data (L104-109)."""
+    if seen.frame.data:
+        return PASSED
+    return failed("the login carries no password", expected="a password", observed="no data")
+
+
+def _right_before(x: Exchange, scene: Scene) -> bool | None:
+    """Whether this password is the one last accepted, which nobody has changed; None if unknown.
+
+    Quotation marks or a NUL may make another password of it, and may not (A-0-3, A-T-3).
+    """
+    before = scene.last.get("login")
+    if before is None or not before.accepted:
+        return None
+    if before.request.frame.data == x.request.frame.data:
+        return True
+    return None if before.asked == x.asked else False
+
+
+@rule("4.1/2", on=Exchange, names=_LOGIN)
+def right_password_accepted(x: Exchange, scene: Scene) -> Judged | None:
+    """A correct password is answered "1" (L111-114): right is what was right before.
+
+    A controller may refuse further clients while one is logged in (A-2-2).
+    """
+    if x.accepted is None:
+        return None
+    if x.accepted:
+        return PASSED
+    before = scene.last.get("login")
+    if before is None or x.time_ns - before.time_ns > UNSEEN_NS:
+        return None
+    others = scene.sessions - {x.request.place.connection}
+    if others or not _right_before(x, scene):
+        return None
+    return failed(
+        "a password that had been accepted was refused, though it was not changed",
+        expected="1",
+        observed="0",
+    )
+
+
+@rule("4.1/3", on=Exchange, names=_LOGIN)
+def wrong_password_refused(x: Exchange, scene: Scene) -> Judged | None:
+    """A wrong password is answered "0" (L116-119): wrong is what differs from the right one."""
+    if x.accepted is None:
+        return None
+    if not x.accepted:
+        return PASSED
+    if _right_before(x, scene) is not False:
+        return None
+    return failed(
+        "two different passwords were accepted, though none was set between them",
+        expected="0",
+        observed="1",
+    )
+
+
+rule("4.1/4", on=Exchange, names=_LOGIN)(one_flag)
+
+
+@rule("4.1/5", on=Exchange, sender=A2C)
+def nothing_after_a_refused_login(x: Exchange, _: Scene) -> Judged | None:
+    """After a login answered "0" the client uses no other command (L116); a stop is forgiven."""
+    if x.name in ("login", "emergency_stop") or x.logged_in is None:
+        return None
+    if not x.refused_login:
+        return PASSED if x.logged_in else None
+    return failed(
+        f"{x.name} was sent after a refused login",
+        expected="a new login, or nothing",
+        observed=x.name,
+        at=(x.refused_login.place, x.request.place),
+    )

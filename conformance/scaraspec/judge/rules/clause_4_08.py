@@ -1,0 +1,99 @@
+"""Clause 4.8: the robot's status, held against what executes."""
+
+from functools import partial
+from typing import Final
+
+from scaraspec.judge.rules.busy import STATE_OF, never_idle_while_executing
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
+from scaraspec.protocol import errors
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.fields import show
+from scaraspec.traffic.happenings import Ending, Exchange, FrameSeen
+from scaraspec.traffic.scene import Scene
+
+_STATUS: Final = ("get_status",)
+_REQUIREMENT_OF: Final = {"01": "4.8/4", "02": "4.8/5", "03": "4.8/6", "04": "4.8/7"}
+"""The requirement that says when the status is which (L1018-1021)."""
+
+
+@rule("4.8/1", on=FrameSeen, names=_STATUS, sender=A2C)
+def request_is_empty(seen: FrameSeen, _: Scene) -> Judged | None:
+    """The request has length 0 (L209-212)."""
+    if not seen.frame.data:
+        return PASSED
+    return failed(
+        "a status request carries data", expected="no data", observed=show(seen.frame.data)
+    )
+
+
+@rule("4.8/2", on=Exchange, names=_STATUS)
+def one_code(x: Exchange, _: Scene) -> Judged | None:
+    """The reply is exactly one two-character code of table 8-1 (L214-217)."""
+    if not x.reply:
+        return None
+    if x.answer is not None:
+        return PASSED
+    text = show(x.reply.frame.data)
+    return failed("the status is no code of table 8-1", expected="two characters", observed=text)
+
+
+@rule("4.8/3", on=Exchange, names=_STATUS)
+def idle(x: Exchange, scene: Scene) -> Judged | None:
+    """A robot that does nothing reports 00 (L1017); a capture shows only what was asked of it."""
+    return PASSED if x.answer == "00" and not scene.executing else None
+
+
+def _state(x: Exchange, _: Scene, *, name: str) -> Judged | None:
+    """A status given while only this command executed; a fault may win (A-4.8-2).
+
+    Of 00 the end of the command decides: without a final result it may be true.
+    """
+    if x.unsettled or [y.name for y in x.during] != [name] or x.answer in (None, "00"):
+        return None
+    executing, expected, code = x.during[0], STATE_OF[name], errors.TABLE_8_1[x.answer]
+    if code.text == expected or code.kind is errors.Kind.FAULT:
+        return PASSED
+    if executing.request.place.connection != x.request.place.connection:
+        return None  # the two may have been captured in another order
+    return failed(
+        f"the status is {code.text} ({code.meaning}) while {name} executes",
+        expected=expected,
+        observed=code.text,
+        at=(executing.request.place, *(seen.place for seen in x.frames)),
+    )
+
+
+for _name, _code in STATE_OF.items():
+    _requirement = _REQUIREMENT_OF[_code]
+    rule(_requirement, on=Exchange, names=_STATUS)(partial(_state, name=_name))
+    rule(_requirement, on=Exchange, names=(_name,))(never_idle_while_executing)
+
+
+@rule("4.8/8", on=Exchange, names=_STATUS)
+def fault_code(x: Exchange, _: Scene) -> Judged | None:
+    """With a fault present the status is the fault's code (L1022-1043)."""
+    code = errors.lookup(x.answer) if x.answer else None
+    return PASSED if code and code.kind is errors.Kind.FAULT else None
+
+
+@rule("4.8/9", on=Exchange, names=_STATUS)
+def a_state(x: Exchange, _: Scene) -> Judged | None:
+    """Reserved codes and 20 are no states (L1024-1028; A-8-3)."""
+    code = errors.lookup(x.answer) if x.answer else None
+    if code is None or code in errors.STATES:
+        return PASSED if code else None
+    return tolerated("A-8-3", code.text, f"the status is {code.text}, which is no state")
+
+
+@rule("4.8/10", on=Exchange, names=_STATUS)
+def served_while_executing(x: Exchange, _: Scene) -> Judged | None:
+    """The status is answered while a two-stage command executes (A-4-3)."""
+    if not x.during:
+        return None
+    if x.reply:
+        return PASSED
+    if x.ending is not Ending.UNANSWERED:
+        return None
+    if not x.certain or not x.later_answered:
+        return unsure("the status was not answered while the robot was busy, or is in a gap")
+    return tolerated("A-4-3", "not served", "the status was not answered while the robot was busy")

@@ -1,0 +1,379 @@
+"""Clauses 5.1 to 5.4: chunks and transfers, uploads and downloads."""
+
+from scaraspec.judge.rules.flag import one_flag
+from scaraspec.judge.rules.rule import (
+    PASSED,
+    Judged,
+    failed,
+    places_of,
+    rule,
+    tolerated,
+    unsure,
+)
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.fields import NAME_MAX_BYTES, show
+from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, State
+from scaraspec.traffic.happenings import Exchange, FrameSeen, Transfer, Unasked
+from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.tracking import REFUSED_CHUNK, REFUSED_NAME, SILENCE
+
+_CHUNKS = ("upload_chunk", "download_chunk")
+_UPLOAD_CHUNK = ("upload_chunk",)
+_DOWNLOAD_CHUNK = ("download_chunk",)
+
+
+# 5.1: the structure
+
+
+@rule("5.1/1", "5.2/5", on=Exchange, names=_UPLOAD_CHUNK)
+@rule("5.1/1", "5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
+def structure(x: Exchange, _: Scene) -> Judged | None:
+    """Content is carried in fileData structures, one a frame (L718-723, L756, L780)."""
+    if not x.request.frame.data:
+        return None
+    size = len(x.request.frame.data)
+    if x.chunk is None or (size != FILE_DATA_BYTES and size != HEAD_BYTES + x.chunk.length):
+        return failed(
+            "the data of a chunk is no fileData structure",
+            expected=f"{FILE_DATA_BYTES} bytes",
+            observed=f"{size} bytes",
+            at=(x.request.place,),
+        )
+    return PASSED
+
+
+@rule("5.1/2", on=Exchange, names=_CHUNKS)
+def structure_size(x: Exchange, _: Scene) -> Judged | None:
+    """The data length is sizeof(fileData) = 212 (L756, L780; A-5-3)."""
+    if x.chunk is None:
+        return None
+    size = len(x.request.frame.data)
+    if size == FILE_DATA_BYTES:
+        return PASSED
+    if size == HEAD_BYTES + x.chunk.length:
+        return tolerated("chunk_trunc", "truncated", f"a chunk of {size} bytes is cut to its data")
+    return None
+
+
+@rule("5.1/3", on=Exchange, names=_CHUNKS)
+def constant_file_size(x: Exchange, _: Scene) -> Judged | None:
+    """The file size is the same in all chunks of a transfer (L729; A-5-7)."""
+    transfer = x.transfer
+    if x.chunk is None or transfer is None or transfer.size_bytes < 0 or x.error_signal:
+        return None
+    if x.chunk.file_size == transfer.size_bytes:
+        return PASSED
+    return failed(
+        "the file size changed in the middle of a transfer",
+        expected=str(transfer.size_bytes),
+        observed=str(x.chunk.file_size),
+        at=(x.request.place,),
+    )
+
+
+@rule("5.1/4", on=Exchange, names=_CHUNKS)
+def position_is_an_offset(x: Exchange, _: Scene) -> Judged | None:
+    """`position` is the byte offset of the chunk's first byte, from 0 (L731, L737; A-5-5).
+
+    The other meanings show at once: an end or a count from 1 in the first chunk, a count from 0
+    in the others. Any other wrong position is a gap or an overlap.
+    """
+    if x.chunk is None or x.transfer is None or x.error_signal:
+        return None
+    position, due = x.chunk.position, x.expected_position
+    if position == due:
+        return PASSED
+    if due and position != x.transfer.chunks - 1:
+        return None
+    return failed(
+        "the position is not the byte offset of the chunk",
+        expected=str(due),
+        observed=str(position),
+        at=(x.request.place,),
+    )
+
+
+@rule("5.1/5", "5.4/3", on=Exchange, names=_CHUNKS)
+def length_in_bounds(x: Exchange, _: Scene) -> Judged | None:
+    """Length is 1 to 200, the size of the buffer (L733-735, L793)."""
+    if x.chunk is None or x.error_signal:
+        return None
+    if x.chunk.length <= BUFFER_BYTES:
+        return PASSED
+    return failed(
+        "a chunk's length is over 200",
+        expected="1 to 200",
+        observed=str(x.chunk.length),
+        at=(x.request.place,),
+    )
+
+
+@rule("5.1/6", on=Exchange, names=_CHUNKS)
+def within_the_file(x: Exchange, _: Scene) -> Judged | None:
+    """Position + length never exceeds fileSize (L737)."""
+    if x.chunk is None or x.error_signal:
+        return None
+    end = x.chunk.position + x.chunk.length
+    if end <= x.chunk.file_size:
+        return PASSED
+    return failed(
+        "a chunk reaches beyond the end of the file",
+        expected=f"at most {x.chunk.file_size}",
+        observed=str(end),
+        at=(x.request.place,),
+    )
+
+
+@rule("5.1/7", on=Transfer)
+def complete(transfer: Transfer, _: Scene) -> Judged | None:
+    """The transfer is complete at position + length == fileSize (L737)."""
+    return PASSED if transfer.state is State.DONE else None
+
+
+@rule("5.1/8", on=Exchange, names=_CHUNKS)
+def ascending(x: Exchange, _: Scene) -> Judged | None:
+    """Chunks come in ascending order without gap or overlap (L737, L793; A-5-8)."""
+    if x.chunk is None or x.transfer is None or x.error_signal:
+        return None
+    if x.chunk.position == x.expected_position:
+        return PASSED
+    return failed(
+        "a chunk does not follow the one before it",
+        expected=str(x.expected_position),
+        observed=str(x.chunk.position),
+        at=(x.request.place,),
+    )
+
+
+@rule("5.1/9", on=Exchange, names=_CHUNKS)
+def one_byte_order(x: Exchange, _: Scene) -> Judged | None:
+    """The byte order is the same in all chunks that one side sends in a session (A-5-2)."""
+    if not x.request.parsed or x.transfer is None or not x.transfer.order:
+        return None
+    order = dict(x.request.parsed.decoded.readings).get("endian", x.transfer.order)
+    if order != x.transfer.order:
+        return failed(
+            "the byte order changed",
+            expected=x.transfer.order,
+            observed=order,
+            at=(x.request.place,),
+        )
+    if order == "big":
+        return tolerated("endian", "big", "file data is big-endian")
+    return PASSED
+
+
+@rule("5.1/11", on=Exchange, names=_CHUNKS)
+def name_first(x: Exchange, _: Scene) -> Judged | None:
+    """The file name is sent before any content (L712)."""
+    if x.transfer:
+        return PASSED
+    if x.transfer_before is None:
+        return failed(
+            "content without a file name before it", observed=x.name, at=(x.request.place,)
+        )
+    if not x.transfer_before.certain:
+        return unsure("the name may be in a gap of the recording")
+    return None
+
+
+# 5.1, 5.2, 5.4: names
+
+
+@rule("5.2/1", on=FrameSeen, names=("upload_name",), sender=A2C)
+@rule("5.3/1", on=FrameSeen, names=("download_name",), sender=A2C)
+def request_names_a_file(seen: FrameSeen, _: Scene) -> Judged | None:
+    """The request carries the file name (L743-746, L767-770)."""
+    if seen.frame.data:
+        return PASSED
+    return failed("the request names no file", expected="a file name", observed="no data")
+
+
+@rule("5.2/18", on=FrameSeen, names=("upload_name",), sender=A2C)
+def short_names(seen: FrameSeen, _: Scene) -> Judged | None:
+    """Names have at most 30 bytes (L226; A-5-20)."""
+    if len(seen.text) <= NAME_MAX_BYTES:
+        return PASSED
+    return tolerated("name_max", "255", f"a file name of {len(seen.text)} bytes was sent")
+
+
+# The answer is "1" or "0" (L748-751, L758-761, L772-775, L782-785).
+rule("5.2/2", on=Exchange, names=("upload_name",))(one_flag)
+rule("5.2/6", on=Exchange, names=_UPLOAD_CHUNK)(one_flag)
+rule("5.3/2", on=Exchange, names=("download_name",))(one_flag)
+rule("5.3/5", on=Exchange, names=_DOWNLOAD_CHUNK)(one_flag)
+
+
+@rule("5.1/10", "5.2/3", "5.4/2", on=Exchange, names=("upload_name",))
+def existing_file_refused(x: Exchange, scene: Scene) -> Judged | None:
+    """A name that exists is answered "0" (L739, L748, L791)."""
+    stored = scene.files.get(x.asked) if isinstance(x.asked, bytes) else None
+    if stored is None or x.accepted is None:
+        return None
+    if not x.accepted:
+        return PASSED
+    return failed(
+        f"the file {show(x.asked)} exists, and was accepted again",
+        expected="0",
+        observed="1",
+    )
+
+
+@rule("5.4/1", on=Exchange, names=("upload_name",))
+def absent_file_created(x: Exchange, scene: Scene) -> Judged | None:
+    """A name that does not exist is answered "1" (L791); a refusal may have other reasons."""
+    return PASSED if x.accepted and x.asked not in scene.files else None
+
+
+# 5.2 and 5.3: the course of a transfer
+
+
+@rule("5.2/4", on=Exchange, names=_UPLOAD_CHUNK)
+@rule("5.3/10", on=Exchange, names=_DOWNLOAD_CHUNK)
+def no_content_after_refusal(x: Exchange, _: Scene) -> Judged | None:
+    """No content is sent after 0x50 or 0x54 was answered "0" (L748, L772)."""
+    if x.transfer:
+        return PASSED
+    before = x.transfer_before
+    if before is None or before.reason != REFUSED_NAME:
+        return None
+    return failed(
+        f"content was sent although the name {show(before.name)} had been refused",
+        expected="no content",
+        observed="a chunk",
+        at=(*places_of(before), x.request.place),
+    )
+
+
+@rule("5.2/7", on=Exchange, names=_UPLOAD_CHUNK)
+@rule("5.3/6", on=Exchange, names=_DOWNLOAD_CHUNK)
+def stop_and_wait(x: Exchange, _: Scene) -> Judged | None:
+    """The next chunk is sent only after the answer to the previous one (A-5-9).
+
+    Whoever is answered once too often may take that for the answer: no answer has a number.
+    """
+    if not x.doubled:
+        return PASSED
+    if x.error_signal or (x.transfer and x.transfer.overanswered):
+        return None
+    return failed(
+        "a chunk was sent before the one before it was answered",
+        expected="one chunk outstanding",
+        observed="two",
+        at=(x.request.place,),
+    )
+
+
+@rule("5.3/5", on=Unasked, names=_DOWNLOAD_CHUNK, sender=A2C)
+def one_answer_a_chunk(unasked: Unasked, _: Scene) -> Judged | None:
+    """The client answers each chunk exactly once (L782-785)."""
+    if unasked.late:
+        return None
+    return failed(
+        "an answer to a chunk that nobody sent", expected="one answer a chunk", observed="two"
+    )
+
+
+@rule("5.2/8", on=Exchange, names=_UPLOAD_CHUNK)
+def stops_after_refusal(x: Exchange, _: Scene) -> Judged | None:
+    """After 0x52 "0" the client stops the transfer (A-5-14)."""
+    if x.transfer and not x.transfer.resumed:
+        return PASSED
+    before = x.transfer or x.transfer_before
+    goes_on = before is not None and (before.resumed or before.reason == REFUSED_CHUNK)
+    if not goes_on or x.error_signal:
+        return None
+    return tolerated("A-5-14", "goes on", "a chunk was sent after one had been refused")
+
+
+@rule("5.2/13", on=Exchange, names=_CHUNKS)
+def nothing_after_the_end(x: Exchange, _: Scene) -> Judged | None:
+    """Nothing is exchanged after the answer to the last chunk (L737; A-5-15)."""
+    if x.transfer:
+        return PASSED
+    before = x.transfer_before
+    if before is None or before.state is not State.DONE:
+        return None
+    return failed(
+        f"a chunk was sent after the transfer of {show(before.name)} was complete",
+        expected="nothing",
+        observed="a chunk",
+        at=(*places_of(before), x.request.place),
+    )
+
+
+@rule("5.2/13", on=Unasked, names=_UPLOAD_CHUNK, sender=C2A)
+def no_second_last_answer(unasked: Unasked, _: Scene) -> Judged | None:
+    """Nor is the last chunk answered twice (L737; A-5-15)."""
+    last = unasked.after
+    complete = last and last.transfer and last.transfer.state is State.DONE
+    if not last or not complete or unasked.late or not unasked.certain:
+        return None
+    return failed(
+        "an upload was answered once more although it was complete",
+        expected="nothing",
+        observed="a second answer",
+        at=(*places_of(last), unasked.seen.place),
+    )
+
+
+@rule("5.2/17", on=Exchange, names=_UPLOAD_CHUNK)
+def no_empty_chunk(x: Exchange, _: Scene) -> Judged | None:
+    """A chunk of length 0 is only the error signal (L737, L787; A-5-10)."""
+    if not x.error_signal:
+        return PASSED
+    if x.chunk and x.chunk.file_size == 0:
+        return tolerated("empty_file", "chunk", "an empty file was sent as a chunk of length 0")
+    return None
+
+
+@rule("5.2/12", on=Transfer)
+def reads_back(transfer: Transfer, scene: Scene) -> Judged | None:
+    """A file that was uploaded completely is downloaded with identical content (L737)."""
+    stored = scene.files.get(transfer.name)
+    if transfer.upload or transfer.state is not State.DONE or stored is None:
+        return None
+    first, size, due = transfer.differs_at, transfer.received_bytes, stored.received_bytes
+    if first < 0 and size == due:
+        return PASSED
+    first = first if first >= 0 else min(size, due)
+    sent, got = (bytes(t.content[first : first + 8]).hex(" ") for t in (stored, transfer))
+    chunk = (transfer.differs_in.place,) if transfer.differs_in else ()
+    return failed(
+        f"{show(transfer.name)} was downloaded otherwise than it was uploaded, "
+        f"from byte {first} on",
+        expected=f"{due} bytes, at {first}: {sent}",
+        observed=f"{size} bytes, at {first}: {got}",
+        at=(*places_of(stored), *places_of(transfer), *chunk),
+    )
+
+
+@rule("5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
+def content_behind_the_answer(x: Exchange, _: Scene) -> Judged | None:
+    """The first chunk comes behind the answer to the name, not ahead of it (L777; A-5-23)."""
+    opening = x.transfer.opening if x.transfer else None
+    if opening is None or opening.reply is None:
+        return None
+    if opening.reply.place.offset_bytes < x.request.place.offset_bytes:
+        return PASSED
+    return failed(
+        "content came before the name was answered",
+        expected="1, then the first chunk",
+        observed="a chunk, then 1",
+        at=(x.request.place, opening.reply.place),
+    )
+
+
+@rule("5.3/4", on=Transfer)
+def content_follows(transfer: Transfer, scene: Scene) -> Judged | None:
+    """After "1" the controller sends the content (L777-780); an empty file has none (A-5-10)."""
+    if transfer.upload or transfer.chunks or transfer.reason != SILENCE:
+        return None
+    stored = scene.files.get(transfer.name)
+    if stored is None or not stored.received_bytes:
+        return unsure(f"{show(transfer.name)} may be empty: it was promised and did not come")
+    return failed(
+        f"the download of {show(transfer.name)} was accepted, and no content followed",
+        expected="a chunk",
+        observed="silence",
+    )

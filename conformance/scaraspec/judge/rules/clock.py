@@ -1,0 +1,137 @@
+"""Clauses 4.5 and 4.6: the robot's clock, held against the time of the recording."""
+
+from collections.abc import Callable, Sequence
+from datetime import timedelta
+from itertools import pairwise
+from typing import Final
+
+from scaraspec.judge.rules.rule import (
+    PASSED,
+    Judged,
+    failed,
+    places_of,
+    rule,
+    tolerated,
+    unsure,
+)
+from scaraspec.judge.rules.settings import in_force
+from scaraspec.traffic.happenings import Exchange
+from scaraspec.traffic.memory import answered_ns
+from scaraspec.traffic.scene import Scene
+
+_TOLERANCE_S: Final = 2.0
+_DRIFT: Final = 0.01
+_SOON_NS: Final = 60_000_000_000
+"""Behind it a wrong rate of the clock shows, which 4.6/4 judges."""
+
+_NIGHT: Final = timedelta(hours=4)
+
+_NS_PER_S: Final = 1_000_000_000
+
+
+def elapsed_s(first: Exchange, then: Exchange) -> tuple[float, float]:
+    """The least and the most time between the two moments at which two requests were served."""
+    least_ns = then.time_ns - answered_ns(first)
+    return max(least_ns, 0) / _NS_PER_S, (answered_ns(then) - first.time_ns) / _NS_PER_S
+
+
+def off_by_s(advance_s: float, first: Exchange, then: Exchange) -> float:
+    """How far a clock that advanced so much is off the recording's, beyond all tolerance."""
+    least_s, most_s = elapsed_s(first, then)
+    tolerance_s = _TOLERANCE_S + _DRIFT * most_s
+    return max(least_s - tolerance_s - advance_s, advance_s - most_s - tolerance_s, 0.0)
+
+
+def contradicted(
+    earlier: Sequence[Exchange], x: Exchange, advance_s: Callable[[Exchange, Exchange], float]
+) -> tuple[Exchange, bool] | None:
+    """The earlier reading that `x` contradicts, and whether a single step explains it.
+
+    Held against are the one before and, for slow errors, the first. That a clock which runs lags
+    behind at once may be because the recording's own was set ahead; it is told once. Where that was
+    set back the recording says so.
+    """
+    for y in (earlier[-1], earlier[0]):
+        if advance_s(y, x) < 0:
+            return y, False
+        if off_by_s(advance_s(y, x), y, x):
+            break
+    else:
+        return None
+    legs = list(pairwise((*earlier, x)))
+    steps = [leg for leg in legs if off_by_s(advance_s(*leg), *leg)]
+    runs = any(advance_s(*leg) > 0 for leg in legs if leg not in steps)
+    lags = all(advance_s(*leg) < elapsed_s(*leg)[0] for leg in steps)
+    if len(steps) != 1 or not runs or not lags:
+        return y, False
+    return (y, True) if steps[0] is legs[-1] else None
+
+
+@rule("4.5/4", on=Exchange, names=("get_time",))
+def clock_as_set(x: Exchange, scene: Scene) -> Judged | None:
+    """After "1" 0x07 gives the set time and what has passed since, within 2 s (L169, L186)."""
+    setting = in_force("set_time", x, scene)
+    if setting is None or x.answer is None or x.time_ns - setting.time_ns > _SOON_NS:
+        return None
+    advance_s = (x.answer - setting.asked).total_seconds()
+    if not off_by_s(advance_s, setting, x):
+        return PASSED
+    return failed(
+        "the clock does not give the time that was set, and what has passed since",
+        expected=f"{setting.asked} and {elapsed_s(setting, x)[0]:.0f} s",
+        observed=str(x.answer),
+        at=(*places_of(setting), *places_of(x)),
+    )
+
+
+@rule("4.6/4", on=Exchange, names=("get_time",))
+def clock_runs(x: Exchange, scene: Scene) -> Judged | None:
+    """Readings on one connection do not go back and gain a second a second (L186)."""
+    earlier = [y for y in scene.memory.recent.get("get_time", ()) if _comparable(y, x, scene)]
+    if not earlier or x.answer is None:
+        return None
+    found = contradicted(earlier, x, lambda y, z: (z.answer - y.answer).total_seconds())
+    if found is None:
+        return PASSED
+    y, step = found
+    if _is_summer_time(y, x):
+        message = "the clock went by an hour in the night to a Sunday, as summer time does"
+        return tolerated("A-4.5-1", "local time", message)
+    if step:
+        return unsure("the robot's clock or the recording's was set between two readings")
+    advance_s = (x.answer - y.answer).total_seconds()
+    if advance_s < 0:
+        wrong = "went back"
+    else:
+        wrong = "does not run at one second a second" if advance_s else "stood still"
+    least_s, most_s = elapsed_s(y, x)
+    return failed(
+        f"the clock {wrong}",
+        expected=f"{least_s:.1f} to {most_s:.1f} s later than {y.answer}",
+        observed=f"{advance_s:.0f} s",
+        at=(*places_of(y), *places_of(x)),
+    )
+
+
+def _is_summer_time(y: Exchange, x: Exchange) -> bool:
+    """Whether the clock is an hour off, and a Sunday began between the two or just before them.
+
+    Local time does so, and whether it is that or UTC is open (A-4.5-1).
+    """
+    advance_s = (x.answer - y.answer).total_seconds()
+    if all(off_by_s(advance_s + hour_s, y, x) for hour_s in (-3600, 3600)):
+        return False
+    midnight = x.answer.replace(hour=0, minute=0, second=0)
+    night_ends = timedelta(days=-((midnight.weekday() + 1) % 7)) + _NIGHT
+    return bool(y.answer - midnight < night_ends)  # a sum could leave the calendar
+
+
+def _comparable(y: Exchange, x: Exchange, scene: Scene) -> bool:
+    """Whether the clock must have run from one reading to the other."""
+    changes = (scene.memory.asked.get(name) for name in ("set_time", "shutdown"))
+    return (
+        y.answer is not None
+        and y.request.place.connection == x.request.place.connection
+        and answered_ns(y) < x.time_ns
+        and all(c is None or c.place.time_ns < y.time_ns for c in changes)
+    )

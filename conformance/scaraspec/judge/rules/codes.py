@@ -1,0 +1,59 @@
+"""Clause 8: codes are text, and codes of table 8-1. What a code means at its place is elsewhere."""
+
+from typing import Final
+
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated
+from scaraspec.judge.rules.text import has_codes, observed
+from scaraspec.protocol import errors
+from scaraspec.protocol.direction import C2A
+from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.traffic.scene import Scene
+
+_CODE_BYTES: Final = 2
+
+
+def _code(seen: FrameSeen) -> bytes | None:
+    """The bytes at the place of a code; None where the payload has no such place."""
+    data = seen.text or seen.frame.data
+    if seen.name == "get_status":
+        return data
+    prefix = b"00" if seen.frame.tagged else b"0"
+    behind = data.removeprefix(prefix)
+    return behind[1:] if data.startswith(prefix) and len(behind) > 1 else None
+
+
+@rule("8/1", on=FrameSeen, sender=C2A, payload=has_codes)
+def code_is_text(seen: FrameSeen, _: Scene) -> Judged | None:
+    """Codes are strings (L1014), not numbers in a byte."""
+    code = _code(seen)
+    if code is None:
+        return None
+    if code and all(0x20 <= byte < 0x7F for byte in code):  # noqa: PLR2004 - printable ASCII
+        return PASSED
+    return failed("a code is no text", expected="two characters", observed=code.hex(" "))
+
+
+@rule("8/2", on=FrameSeen, sender=C2A, payload=has_codes)
+def code_of_the_table(seen: FrameSeen, _: Scene) -> Judged | None:
+    """Only codes of table 8-1 are used (L1017-1044); T/7 says that they have two characters."""
+    code = _code(seen)
+    if code is None or len(code) != _CODE_BYTES or not code.isalnum():
+        return None
+    if errors.lookup(code.decode("ascii")):
+        return PASSED
+    return failed(
+        "a code that table 8-1 does not have",
+        expected="a code of the table",
+        observed=observed(seen),
+    )
+
+
+@rule("8/3", on=FrameSeen, sender=C2A, payload=has_codes)
+def no_reserved_code(seen: FrameSeen, _: Scene) -> Judged | None:
+    """Reserved codes are not sent (L1024-1028; A-8-3)."""
+    code = errors.lookup((_code(seen) or b"").decode("latin-1"))
+    if code is None:
+        return None
+    if code not in errors.RESERVED:
+        return PASSED
+    return tolerated("A-8-3", code.text, f"the reserved code {code.text} was sent")

@@ -1,0 +1,23 @@
+"""Replies of one flag: a check that several clauses share."""
+
+from scaraspec.judge.rules.rule import PASSED, Judged, failed
+from scaraspec.judge.rules.text import observed
+from scaraspec.protocol.fields import Wrong
+from scaraspec.traffic.happenings import Exchange
+from scaraspec.traffic.scene import Scene
+
+_OF_THE_TEXT = (Wrong.TRAILING_NUL, Wrong.QUOTES, Wrong.BINARY)
+
+
+def one_flag(x: Exchange, _: Scene) -> Judged | None:
+    """The answer is "1" or "0" and nothing else; how it is written is for T/2 to T/4."""
+    if not x.reply or not x.reply.parsed:
+        return None
+    if x.reply.frame.data in (b"0", b"1"):
+        return PASSED
+    complaints = x.reply.parsed.decoded.complaints
+    if complaints and all(c.wrong in _OF_THE_TEXT for c in complaints):
+        return None
+    return failed(
+        f"the answer to {x.name} is not one flag", expected="1 or 0", observed=observed(x.reply)
+    )

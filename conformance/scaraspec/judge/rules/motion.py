@@ -1,0 +1,215 @@
+"""Motions: a pose that was to be reached, a jog's direction, and joints that follow the pose."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.rules.arm import (
+    JOG,
+    JOINTS,
+    MOMENT_NS,
+    MOTIONS,
+    MOVE,
+    POSE,
+    STOP,
+    changed,
+    ended_ns,
+    gripper_asked_since,
+    last_motion,
+    reading_before,
+)
+from scaraspec.judge.rules.busy import STATE_OF
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.settings import PROGRAMS, executed_since, in_force
+from scaraspec.judge.rules.text import observed
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.payloads import JogDirection
+from scaraspec.traffic.happenings import Exchange, FrameSeen
+from scaraspec.traffic.memory import answered_ns
+from scaraspec.traffic.scene import Scene
+
+_AXES: Final = {
+    JogDirection.PLUS_Y: (1, 1),
+    JogDirection.MINUS_Y: (1, -1),
+    JogDirection.PLUS_X: (0, 1),
+    JogDirection.MINUS_X: (0, -1),
+}
+"""Where a jog goes: 0 for x and 1 for y, and the sign."""
+_RUN: Final = "run_program"
+_VISIBLE: Final = 20.0
+"""mm and degrees that joint angles show whatever their number of decimals."""
+_REACHED: Final = 1.0
+"""mm and degrees by which a pose that was reached may be off (4.24/8)."""
+_BEYOND_ALL_REACH_MM: Final = 1_000_000
+
+
+# Moves
+
+
+@rule("4.24/8", on=Exchange, names=(POSE,))
+def pose_is_reached(x: Exchange, scene: Scene) -> Judged | None:
+    """After "11" 0x38 gives the commanded pose within 1 mm and 1 degree (L504, L476)."""
+    move = last_motion(x, scene)
+    if move is None or move.name != MOVE or not move.asked or not x.answer:
+        return None
+    if x.time_ns - ended_ns(move) > MOMENT_NS or gripper_asked_since(move.time_ns, scene):
+        return None
+    target = move.asked[1:5]
+    if max(abs(value) for value in target[:3]) >= _BEYOND_ALL_REACH_MM:
+        return None  # 4.24/9 says it
+    if farthest(target, x.answer[:4]) <= _REACHED:
+        return PASSED
+    gripper = _gripper(x, scene)
+    if gripper is None or any(gripper):
+        return tolerated(
+            "A-4.23-1",
+            "another point" if gripper else "gripper centre unknown",
+            "the pose that was reached is not the one that was commanded",
+        )
+    return failed(
+        "the pose that was reached is not the one that was commanded",
+        expected=observed(move.request),
+        observed=observed(x.reply) if x.reply else "",
+        at=(*places_of(move), *places_of(x)),
+    )
+
+
+def _gripper(x: Exchange, scene: Scene) -> Sequence[float] | None:
+    """The gripper centre, where it is known."""
+    setting = in_force("set_gripper_center", x, scene)
+    read = scene.memory.last("get_gripper_center", before_ns=x.time_ns)
+    if setting:
+        known, value = setting, setting.asked
+    elif read and not gripper_asked_since(read.time_ns, scene):
+        known, value = read, read.answer
+    else:
+        return None
+    return None if executed_since(known.time_ns, scene, PROGRAMS) else value
+
+
+@rule("4.24/9", on=Exchange, names=(MOVE,))
+def out_of_reach(x: Exchange, _: Scene) -> Judged | None:
+    """A target 1,000,000 mm away is refused or fails, with 05 or 06 (L1022-1023; A-4.24-5)."""
+    if not x.asked or max(abs(value) for value in x.asked[1:4]) < _BEYOND_ALL_REACH_MM:
+        return None
+    said = x.answer if x.accepted is False else x.outcome
+    if said and said.code in ("05", "06"):
+        return PASSED
+    if not x.outcome or not x.outcome.done:
+        return None
+    return failed(
+        "a target beyond all reach is reported as reached",
+        expected="05 or 06",
+        observed="11",
+    )
+
+
+@rule("4.27/6", on=Exchange, names=(JOINTS, POSE))
+def joints_follow_the_pose(x: Exchange, scene: Scene) -> Judged | None:
+    """What changed the tool coordinates changed the joint angles too (L591, L1004)."""
+    motion = last_motion(x, scene)
+    return _consistent(motion, x, scene) if motion and motion.name != _RUN else None
+
+
+@rule("7/5", on=Exchange, names=(JOINTS, POSE))
+def one_geometry(x: Exchange, scene: Scene) -> Judged | None:
+    """One arm has one pose for one set of joint angles; a program may set another tool."""
+    motion = last_motion(x, scene)
+    return _consistent(motion, x, scene) if motion else None
+
+
+def _consistent(motion: Exchange, x: Exchange, scene: Scene) -> Judged | None:
+    """Whether the joint angles tell apart two poses, before and after a motion."""
+    if motion.name not in MOTIONS:
+        return None
+    pair = _around(motion, x, scene)
+    if pair is None:
+        return None
+    joints, poses = pair
+    if farthest(poses[0].answer[:4], poses[1].answer[:4]) <= _VISIBLE:
+        return None
+    if farthest(joints[0].answer, joints[1].answer) > 0:
+        return PASSED
+    return changed(joints[0], joints[1], "the pose has changed and the joint angles have not")
+
+
+_Two = tuple[Exchange, Exchange]
+
+
+def _around(motion: Exchange, x: Exchange, scene: Scene) -> tuple[_Two, _Two] | None:
+    """Joints and pose before and after a motion; `x` is one of the two after it."""
+    if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
+        return None
+    other = POSE if x.name == JOINTS else JOINTS
+    then = next(scene.memory.between(other, ended_ns(motion), x.time_ns), None)
+    before, other_before = (reading_before(motion, name, scene) for name in (x.name, other))
+    if not then or not then.answer or not x.answer or not before or not other_before:
+        return None
+    first_ns = min(before.time_ns, other_before.time_ns)
+    apart_ns = max(before.time_ns, other_before.time_ns) - first_ns
+    if apart_ns > MOMENT_NS or gripper_asked_since(first_ns, scene):
+        return None
+    mine, theirs = (before, x), (other_before, then)
+    return (mine, theirs) if x.name == JOINTS else (theirs, mine)
+
+
+# Jogs
+
+
+@rule("4.28/3", on=Exchange, names=(JOINTS, POSE))
+def jog_direction(x: Exchange, scene: Scene) -> Judged | None:
+    """1, 2, 3, 4 mean +Y, -Y, +X, -X (L605-608); a jog of single joints has none (A-4.28-2)."""
+    if last_motion(x, scene) is None:
+        return None
+    motions = [y for y in scene.memory.accepted if y.name != STOP]
+    jog = motions[-1] if motions else None
+    pair = _around(jog, x, scene) if jog and jog.name == JOG and jog.result else None
+    if jog is None or pair is None or jog.asked not in _AXES:
+        return None
+    (joints, joints_then), (pose, pose_then) = pair
+    if not all(abs(joints_then.answer[i] - joints.answer[i]) > STANDSTILL for i in (0, 1)):
+        return None
+    axis, sign = _AXES[jog.asked]
+    along = (pose_then.answer[axis] - pose.answer[axis]) * sign
+    across = abs(pose_then.answer[1 - axis] - pose.answer[1 - axis])
+    if max(abs(along), across) < _REACHED or along > across:
+        return PASSED if along > across else None
+    return changed(pose, pose_then, f"a jog towards {jog.asked} moved the arm another way")
+
+
+@rule("4.28/8", on=Exchange, names=(JOG,))
+def jog_ends(x: Exchange, _: Scene) -> Judged | None:
+    """A jog ends on 0x32 (A-4.28-3)."""
+    return PASSED if x.interrupted_by and x.interrupted_by.name == STOP and x.result else None
+
+
+@rule("4.28/8", on=Exchange, names=("get_status",))
+def jog_goes_on(x: Exchange, scene: Scene) -> Judged | None:
+    """A robot that still moves behind a stop that had succeeded was not stopped."""
+    if len(scene.memory.accepted) < 2 or x.answer != STATE_OF[JOG]:  # noqa: PLR2004 - jog and stop
+        return None
+    jog, stop = list(scene.memory.accepted)[-2:]
+    stopped = stop.name == STOP and stop.outcome is not None and stop.outcome.done
+    if jog.name != JOG or not stopped or not 0 < x.time_ns - ended_ns(stop) < MOMENT_NS:
+        return None
+    return failed(
+        "the jog went on behind the emergency stop",
+        expected="00",
+        observed=show(x.reply.frame.data) if x.reply else "",
+        at=(*places_of(stop), *places_of(x)),
+    )
+
+
+# The pose
+
+
+@rule("7/2", on=FrameSeen, names=(MOVE,), sender=A2C)
+@rule("7/2", on=FrameSeen, names=(POSE,), sender=C2A)
+def four_of_six(seen: FrameSeen, _: Scene) -> Judged | None:
+    """Only x, y, z and thetaX have a meaning (L1006; A-4.21-3)."""
+    if seen.value is None:
+        return None
+    if not seen.value.theta_y and not seen.value.theta_z:
+        return PASSED
+    return tolerated("A-4.21-3", "not 0", f"thetaY and thetaZ are sent: {observed(seen)}")

@@ -1,0 +1,151 @@
+"""Clauses 4.32 and 4.34: digital outputs that were set, and where they show."""
+
+from typing import Final
+
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule
+from scaraspec.judge.rules.settings import (
+    UNSEEN_NS,
+    executed_since,
+    in_force,
+    switched_off_since,
+)
+from scaraspec.protocol.direction import A2C
+from scaraspec.traffic.happenings import Exchange, FrameSeen
+from scaraspec.traffic.memory import KEPT_EXCHANGES, answered_ns
+from scaraspec.traffic.scene import Scene
+
+_SET: Final = "set_digital_output"
+_GET: Final = ("get_digital_outputs",)
+OUTPUTS: Final = 16
+_CHANGERS: Final = ("run_program", "simulate_program", "emergency_stop", "reset")
+"""Commands that may set outputs themselves."""
+
+
+@rule("4.32/2", on=FrameSeen, names=(_SET,), sender=A2C)
+def zero_or_one(seen: FrameSeen, _: Scene) -> Judged | None:
+    """The value is 0 or 1 (L655; A-4.32-4)."""
+    if seen.value is None:
+        return None
+    if seen.value.value in (0, 1):
+        return PASSED
+    return failed("an output has no such value", expected="0 or 1", observed=str(seen.value.value))
+
+
+@rule("4.32/3", on=FrameSeen, names=(_SET,), sender=A2C)
+def only_outputs(seen: FrameSeen, _: Scene) -> Judged | None:
+    """The client addresses digital outputs, of which 0x49 shows sixteen (L655; A-4.32-3)."""
+    if seen.value is None:
+        return None
+    if 1 <= seen.value.port <= OUTPUTS:
+        return PASSED
+    return failed(
+        "the port may be no digital output", expected="1 to 16", observed=str(seen.value.port)
+    )
+
+
+def _setting(x: Exchange, scene: Scene) -> Exchange | None:
+    """The setting of an output that 0x49 must show, where that is sure."""
+    setting = in_force(_SET, x, scene)
+    if setting is None or x.answer is None or setting.asked.port > OUTPUTS:
+        return None
+    return None if _may_be_off(setting.time_ns, scene) else setting
+
+
+def _may_be_off(since_ns: int, scene: Scene) -> bool:
+    """Whether outputs may have been switched off since then; a stop that is refused may do so."""
+    stop = scene.memory.asked.get("emergency_stop")
+    stopped = stop is not None and stop.place.time_ns >= since_ns
+    return stopped or executed_since(since_ns, scene, _CHANGERS)
+
+
+def _with(bits: str, port: int, value: int) -> str:
+    """The digits with one port set; the rightmost is port 1 (L684)."""
+    at = len(bits) - port
+    return f"{bits[:at]}{value}{bits[at + 1 :]}"
+
+
+def _before(x: Exchange, scene: Scene) -> Exchange | None:
+    """The reading before this one, where only settings can have changed the outputs since."""
+    before = scene.memory.last(x.name, before_ns=x.time_ns)
+    if before is None or before.answer is None or x.time_ns - before.time_ns > UNSEEN_NS:
+        return None
+    if switched_off_since(before, scene):
+        return None
+    return None if _may_be_off(before.time_ns, scene) else before
+
+
+def _due(x: Exchange, scene: Scene) -> str | None:
+    """All that 0x49 must show, by the reading before and what was set since."""
+    before = _before(x, scene)
+    if before is None:
+        return None
+    settings = list(scene.memory.between(_SET, answered_ns(before), x.time_ns))
+    if len(settings) == KEPT_EXCHANGES:  # there may have been more
+        return None
+    if any(_overlap(setting, y) for setting in scene.memory.recent[_SET] for y in (before, x)):
+        return None
+    due: str = before.answer
+    for setting in settings:
+        if setting.accepted is None or setting.asked is None:
+            return None
+        if setting.accepted and 1 <= setting.asked.port <= OUTPUTS:
+            due = _with(due, *setting.asked)
+    return due
+
+
+def _overlap(x: Exchange, y: Exchange) -> bool:
+    """Whether two exchanges lie so close that nobody can tell which was carried out first."""
+    return x.time_ns <= answered_ns(y) and y.time_ns <= answered_ns(x)
+
+
+def _shows_mirrored(x: Exchange, setting: Exchange, scene: Scene) -> bool:
+    """Whether what was set shows as if the leftmost digit were port 1."""
+    before, (port, value) = _before(x, scene), setting.asked
+    mirrored = OUTPUTS + 1 - port
+    if before is None:
+        return bool(value == 1 and x.answer[-mirrored] == "1")
+    changed = x.answer != before.answer
+    return changed and bool(x.answer == _with(before.answer, mirrored, value))
+
+
+@rule("4.32/6", on=Exchange, names=_GET)
+def output_shows(x: Exchange, scene: Scene) -> Judged | None:
+    """After "1" 0x49 shows the value at that port, and no other digit has changed (L655, L684)."""
+    setting = _setting(x, scene)
+    if setting is None:
+        return None
+    port, value = setting.asked
+    expected = _due(x, scene)
+    if x.answer[-port] != str(value):
+        if _shows_mirrored(x, setting, scene):
+            return None  # 4.34/3 says it
+        wrong = f"output {port} does not show the value that was set"
+    elif expected not in (None, x.answer):
+        wrong = "an output has changed that was not set"
+    else:
+        return PASSED
+    return failed(
+        wrong,
+        expected=expected or f"{value} at port {port}",
+        observed=x.answer,
+        at=(*places_of(setting), *places_of(x)),
+    )
+
+
+@rule("4.34/3", on=Exchange, names=_GET)
+def high_port_first(x: Exchange, scene: Scene) -> Judged | None:
+    """Ports run from 16, leftmost, to 1 (L684; A-4.34-2): a port that is set shows its digit."""
+    setting = _setting(x, scene)
+    if setting is None:
+        return None
+    port, value = setting.asked
+    if x.answer[-port] == str(value):
+        return PASSED if x.answer[port - 1] != str(value) else None
+    if not _shows_mirrored(x, setting, scene):
+        return None
+    return failed(
+        f"output {port} shows where port {OUTPUTS + 1 - port} is due: the order is reversed",
+        expected=_due(x, scene) or f"{value} at port {port}",
+        observed=x.answer,
+        at=(*places_of(setting), *places_of(x)),
+    )

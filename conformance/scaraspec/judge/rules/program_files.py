@@ -1,0 +1,61 @@
+"""Clause 6 over completed uploads: the linter of program files, requirement by requirement.
+
+Any file may be uploaded: one that neither begins nor ends as a program claims to be none.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache, partial
+from typing import Final
+
+from scaraspec.judge.requirements import REQUIREMENTS, Method, Strength
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.programs import Fault, Finding, Severity, lint
+from scaraspec.protocol.programs.layout import FOOTER, MAGIC
+from scaraspec.protocol.programs.lint import MAX_FINDINGS
+from scaraspec.protocol.transfer import State
+from scaraspec.traffic.happenings import Transfer
+from scaraspec.traffic.scene import Scene
+
+_UNREADABLE: Final = {fault.code for fault in Fault} - {Fault.SURPLUS.code, Fault.SECOND.code}
+"""Faults behind which nothing else of the file can be judged."""
+
+
+@lru_cache(maxsize=1)
+def _worst(transfer: Transfer) -> tuple[Mapping[str, Finding], bool]:
+    """The worst finding of each requirement, and whether the others are kept."""
+    findings = lint(bytes(transfer.content))
+    worst: dict[str, Finding] = {}
+    for severity in reversed(Severity):
+        for finding in findings:
+            if finding.severity is severity:
+                worst.update(dict.fromkeys(finding.requirements, finding))
+    readable = not any(finding.code in _UNREADABLE for finding in findings)
+    return worst, readable and len(findings) <= MAX_FINDINGS
+
+
+def _check(transfer: Transfer, _: Scene, *, requirement: str) -> Judged | None:
+    """What the linter says of one requirement: an error fails it, a warning is tolerated.
+
+    What is only worth knowing is reported where the requirement leaves a choice.
+    """
+    uploaded = transfer.upload and transfer.state is State.DONE and transfer.whole_content
+    claims = transfer.content.startswith(MAGIC) or transfer.content.endswith(FOOTER)
+    if not uploaded or not claims:
+        return None
+    worst, others_kept = _worst(transfer)
+    finding = worst.get(requirement)
+    if finding is None:
+        return PASSED if others_kept else None
+    said = f"{show(transfer.name)}: {finding}"
+    if finding.severity is Severity.ERROR:
+        return failed(said, expected=REQUIREMENTS[requirement].sentence, observed=finding.message)
+    firm = REQUIREMENTS[requirement].strength is Strength.FIRM
+    if finding.severity is Severity.INFO and firm:
+        return PASSED
+    return tolerated(REQUIREMENTS[requirement].register[0], finding.code, said)
+
+
+for _requirement in REQUIREMENTS.values():
+    if _requirement.clause.startswith("6") and Method.PASSIVE in _requirement.testable:
+        rule(_requirement.id, on=Transfer)(partial(_check, requirement=_requirement.id))

@@ -1,0 +1,264 @@
+"""Clauses 4.10 and 4.11 and code 20: which programs there are, by uploads, deletions and lists."""
+
+from collections import Counter
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import pairwise, takewhile
+from typing import Final
+
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.two_stage import TWO_STAGE
+from scaraspec.protocol.fields import NAME_MAX_BYTES, Wrong, show
+from scaraspec.protocol.programs import MAX_FILE_BYTES, Severity, lint
+from scaraspec.protocol.programs.layout import MAGIC
+from scaraspec.traffic.happenings import Exchange, Transfer
+from scaraspec.traffic.memory import answered_ns
+from scaraspec.traffic.scene import Scene
+
+_LIST: Final = ("list_programs",)
+_RUNS: Final = ("run_program", "simulate_program")
+_NAMING: Final = (*_RUNS, "set_default_program")
+_MISSING: Final = "20"
+_PUSHED_NS: Final = 1_000_000_000
+"""Who asks again sooner may be ahead of a part that is pushed (A-4.10-3)."""
+_FETCH_NS: Final = 5_000_000_000
+"""A list that is fetched in parts was begun at most so long before its first part came."""
+
+
+def _names(x: Exchange) -> list[bytes]:
+    return [name for part in x.parts if part.value for name in part.value.names]
+
+
+def _begins_anew(x: Exchange) -> bool:
+    """Whether the next part that was fetched is the first one again."""
+    if not x.reply or not x.parts or x.parts[0] is x.reply:
+        return False
+    return x.parts[0].frame.data == x.reply.frame.data
+
+
+def _was_due(x: Exchange) -> bool:
+    """Whether a next part was waited for, or nothing but the first one has come for as long."""
+    ahead = list(takewhile(lambda part: part is not x.reply, x.parts))
+    again = all(part.frame.data == ahead[0].frame.data for part in ahead)
+    since_ns = ahead[0 if again else -1].begun_ns
+    return x.reply is not None and x.reply.begun_ns - since_ns >= _PUSHED_NS
+
+
+def _is_sure(x: Exchange, scene: Scene) -> bool:
+    """Whether its parts are its own: lists that are asked for at the same time may mix."""
+    last = scene.memory.asked.get(x.name, x.request)
+    elsewhere = last.place.connection != x.request.place.connection
+    return not x.doubled and (last is x.request or elsewhere)
+
+
+def _is_complete(x: Exchange, scene: Scene) -> bool:
+    whole = bool(x.parts) and x.parts[-1].value is not None and not x.parts[-1].value.more
+    return whole and _is_sure(x, scene)
+
+
+def _begun_ns(x: Exchange) -> int:
+    """When the list was asked for, at the latest."""
+    fetched = x.parts[0] is not x.reply
+    return x.parts[0].begun_ns - _FETCH_NS if fetched else x.time_ns
+
+
+# The list itself
+
+
+@rule("4.10/4", on=Exchange, names=_LIST)
+def last_part_says_so(x: Exchange, scene: Scene) -> Judged | None:
+    """The last part of a list begins with "0" (L251): behind a "1" another one is due."""
+    if _is_complete(x, scene):
+        return PASSED
+    if not (_begins_anew(x) and _was_due(x) and _is_sure(x, scene)):
+        return None
+    return failed(
+        "a list whose last part had announced another began anew",
+        expected="0 in the last part",
+        observed="1",
+    )
+
+
+@rule("4.10/5", on=Exchange, names=_LIST)
+def next_part_comes(x: Exchange, _: Scene) -> Judged | None:
+    """Behind a part with "1" the next one comes, unasked or when asked (L251; A-4.10-3)."""
+    if len(x.parts) < 2 or _begins_anew(x):  # noqa: PLR2004 - a part and the next
+        return None
+    if x.parts[-1] is not x.reply:
+        return PASSED
+    return tolerated("list_cont", "request", "the next part of the list came when asked for")
+
+
+@rule("4.10/6", on=Exchange, names=_LIST)
+def no_divided_name(x: Exchange, scene: Scene) -> Judged | None:
+    """No name is divided between two parts (L246): names that are known show it."""
+    seams = [
+        (a.value.names[-1], b.value.names[0])
+        for a, b in pairwise(x.parts)
+        if a.value and b.value and a.value.names and b.value.names
+    ]
+    for head, tail in seams:
+        if _is_known(head + tail, scene) and _is_sure(x, scene):
+            return failed(
+                "a name is divided between two parts of the list",
+                expected=show(head + tail),
+                observed=f"{show(head)} and {show(tail)}",
+            )
+    return PASSED if seams else None
+
+
+def _is_known(name: bytes, scene: Scene) -> bool:
+    """Whether a program of this name was uploaded, run, or made the default one."""
+    accepted = (y for kind in _NAMING for y in scene.memory.recent.get(kind, ()) if y.accepted)
+    return name in scene.files or any(y.asked == name for y in accepted)
+
+
+@rule("4.10/7", on=Exchange, names=_LIST)
+def no_odd_name(x: Exchange, scene: Scene) -> Judged | None:
+    """No name is empty or repeated in one list (L246)."""
+    if not x.parts or _begins_anew(x) or not _is_sure(x, scene):
+        return None
+    names = _names(x)
+    for part in x.parts:
+        for complaint in part.parsed.decoded.complaints if part.parsed else ():
+            if complaint.wrong is Wrong.EMPTY_NAME:
+                return failed("a name in the list is empty", observed=show(part.frame.data))
+    [(name, count)] = Counter(names).most_common(1) or [(b"", 0)]
+    if count <= 1:
+        return PASSED
+    return failed(
+        f"{show(name)} stands {count} times in the list", expected="once", observed=f"{count} times"
+    )
+
+
+# What must be in it, and what must not
+
+
+def is_valid_program(transfer: Transfer) -> bool:
+    """Whether a file is a program by clause 6, without so much as a warning."""
+    plausible = transfer.content.startswith(MAGIC) and len(transfer.content) <= MAX_FILE_BYTES
+    return plausible and transfer.whole_content and _has_no_finding(transfer)
+
+
+@lru_cache(maxsize=16)
+def _has_no_finding(transfer: Transfer) -> bool:
+    return all(f.severity is Severity.INFO for f in lint(bytes(transfer.content)))
+
+
+@rule("4.10/11", on=Exchange, names=_LIST)
+def uploaded_is_listed(x: Exchange, scene: Scene) -> Judged | None:
+    """A valid program is listed from the end of its upload on (L246); other files need not be.
+
+    What becomes of names that are too long or hold a bar is open (A-5-20, A-T-6).
+    """
+    if not _is_complete(x, scene):
+        return None
+    listed = set(_names(x))
+    before_ns = _begun_ns(x)
+    due = [
+        t
+        for t in scene.files.values()
+        if t.ended_ns < before_ns and len(t.name) <= NAME_MAX_BYTES and b"|" not in t.name
+    ]
+    missing = [t for t in due if t.name not in listed]
+    for transfer in missing:
+        if is_valid_program(transfer):
+            return failed(
+                f"{show(transfer.name)} was uploaded and is not listed",
+                expected="in the list",
+                observed=f"{len(listed)} other names",
+                at=(*places_of(transfer), *places_of(x)),
+            )
+    return PASSED if len(missing) < len(due) else None
+
+
+@rule("4.10/11", "4.11/3", on=Exchange, names=_LIST)
+def deleted_is_not_listed(x: Exchange, scene: Scene) -> Judged | None:
+    """A program that was deleted is not in the list (L246, L260)."""
+    if not _is_complete(x, scene) or not scene.memory.deleted:
+        return None
+    deletions = list(_deletions(_names(x), _begun_ns(x), scene))
+    if not deletions:
+        return PASSED
+    return failed(
+        f"{show(deletions[0].request.text)} was deleted and is still listed",
+        expected="not in the list",
+        observed="in the list",
+        at=(*places_of(deletions[0]), *places_of(x)),
+    )
+
+
+def _deletions(names: list[bytes], before_ns: int, scene: Scene) -> Iterator[Exchange]:
+    """Those of these names that had been deleted by then, and not uploaded again."""
+    for name in names:
+        deletion = scene.memory.deleted.get(name)
+        if deletion and answered_ns(deletion) < before_ns:
+            yield deletion
+
+
+@rule("4.11/3", on=Exchange, names=("download_name", *_RUNS))
+def deleted_is_gone(x: Exchange, scene: Scene) -> Judged | None:
+    """What was deleted can be neither downloaded nor run (L260); it may fail late (A-4.15-1)."""
+    deletion = next(_deletions([x.request.text], x.time_ns, scene), None)
+    if deletion is None or x.accepted is None:
+        return None
+    failed_late = x.outcome is not None and not x.outcome.done
+    if not x.accepted or failed_late:
+        return PASSED
+    if x.command and x.command.two_stage and x.outcome is None:
+        return None
+    return failed(
+        f"{show(x.request.text)} was deleted, and {x.name} still found it",
+        expected="0",
+        observed="1",
+        at=(*places_of(deletion), *places_of(x)),
+    )
+
+
+@rule("4.11/5", on=Exchange, names=("delete_program",))
+def running_is_not_deleted(x: Exchange, _: Scene) -> Judged | None:
+    """The running program is not deleted (A-4.11-1)."""
+    running = any(y.name in _RUNS and y.asked == x.asked for y in x.during)
+    if not running or x.unsettled or x.accepted is None:
+        return None
+    if not x.accepted:
+        return PASSED
+    return tolerated("delete_guard", "allow", f"{show(x.asked or b'')} was deleted while it ran")
+
+
+# Code 20
+
+
+@rule("8/5", on=Exchange, names=(*TWO_STAGE, "shutdown"))
+def code_20(x: Exchange, scene: Scene) -> Judged | None:
+    """Code 20 means that the program file does not exist (L1044)."""
+    said = x.answer if x.accepted is False else x.outcome
+    if said is None or said.code != _MISSING:
+        return None
+    if x.name not in _RUNS:
+        return failed(
+            f"{x.name} names no program and met with code 20",
+            expected="another code",
+            observed="20",
+        )
+    name = x.request.text
+    stored = scene.files.get(name)
+    if stored and is_valid_program(stored):
+        return failed(
+            f"{show(name)} met with code 20 although it had been uploaded",
+            expected="1, or another code",
+            observed="20",
+            at=(*places_of(stored), *places_of(x)),
+        )
+    if stored or _is_listed(name, x, scene):
+        return tolerated("A-4.15-2", "20", f"{show(name)} exists: it may be damaged")
+    return PASSED
+
+
+def _is_listed(name: bytes, x: Exchange, scene: Scene) -> bool:
+    """Whether the last list had it, and nothing was deleted since."""
+    programs = scene.memory.last("list_programs", before_ns=x.time_ns)
+    deletion = scene.memory.asked.get("delete_program")
+    if programs is None or (deletion and deletion.place.time_ns >= programs.time_ns):
+        return False
+    return name in _names(programs)

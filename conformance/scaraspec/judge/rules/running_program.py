@@ -1,0 +1,183 @@
+"""Clause 4.9: what the robot says of the program that runs."""
+
+from typing import Final
+
+from scaraspec.judge.rules.clock import contradicted
+from scaraspec.judge.rules.rule import (
+    PASSED,
+    Judged,
+    failed,
+    places_of,
+    rule,
+    tolerated,
+    unsure,
+)
+from scaraspec.judge.rules.text import observed
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.fields import NAME_MAX_BYTES, Wrong, show
+from scaraspec.traffic.happenings import Exchange, FrameSeen
+from scaraspec.traffic.memory import answered_ns
+from scaraspec.traffic.scene import Scene
+
+_INFO: Final = ("get_running_program",)
+_STATUS: Final = ("get_status",)
+_RUN, _SIMULATE = "run_program", "simulate_program"
+_SECOND_NS: Final = 1_000_000_000
+
+
+def _program(x: Exchange) -> Exchange | None:
+    """The program that surely ran, alone, when `x` was answered on the same connection."""
+    if x.unsettled or len(x.during) != 1 or x.during[0].name not in (_RUN, _SIMULATE):
+        return None
+    same = x.during[0].request.place.connection == x.request.place.connection
+    return x.during[0] if same else None
+
+
+def _says_none(x: Exchange) -> bool:
+    return x.reply is not None and x.reply.frame.data[:1] in (b"0", b"\0")
+
+
+@rule("4.9/2", on=Exchange, names=_INFO)
+def program_is_told(x: Exchange, _: Scene) -> Judged | None:
+    """While a program runs the reply is "1", its name and its run time (L226-232).
+
+    Whether a simulation counts is open (A-4.9-4).
+    """
+    if not x.reply or not x.reply.parsed:
+        return None
+    program = _program(x)
+    if _says_none(x):
+        if program is None or program.name != _RUN:
+            return None
+        return failed(
+            f"no program is told while {show(program.asked or b'')} runs",
+            expected="1|name|DDHHMMSS",
+            observed=observed(x.reply),
+            at=(program.request.place, *places_of(x)),
+        )
+    for complaint in x.reply.parsed.decoded.complaints:
+        if complaint.wrong in (Wrong.FLAG, Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR):
+            return failed(complaint.text, expected="1|name|DDHHMMSS", observed=observed(x.reply))
+    return PASSED if x.answer else None
+
+
+@rule("4.9/4", on=Exchange, names=_INFO)
+def name_of_the_program(x: Exchange, _: Scene) -> Judged | None:
+    """The name is the one that was asked to run or to be simulated (L226)."""
+    program = _program(x)
+    if program is None or x.answer is None or not isinstance(program.asked, bytes):
+        return None
+    if x.answer.name == program.asked:
+        return PASSED
+    if len(program.asked) > NAME_MAX_BYTES and x.answer.name == program.asked[:NAME_MAX_BYTES]:
+        return tolerated("A-4.9-5", "cut", "the name of the running program is cut to 30 bytes")
+    return failed(
+        "another program is told than the one that runs",
+        expected=show(program.asked),
+        observed=show(x.answer.name),
+        at=(program.request.place, *places_of(x)),
+    )
+
+
+@rule("4.9/5", on=Exchange, names=_INFO)
+def run_time_runs(x: Exchange, scene: Scene) -> Judged | None:
+    """The run time gains a second a second (L226); a simulation may have a time of its own."""
+    program = _program(x)
+    if program is None or program.name != _RUN or x.answer is None:
+        return None
+    earlier = [
+        y
+        for y in scene.memory.recent.get(x.name, ())
+        if y.answer and y.during == x.during and answered_ns(y) < x.time_ns
+    ]
+    if not earlier:
+        return None
+    found = contradicted(earlier, x, lambda y, z: float(z.answer.run_time_s - y.answer.run_time_s))
+    if found is None:
+        return PASSED
+    y, step = found
+    if step:
+        return unsure("the run time or the recording's clock was set between two readings")
+    return failed(
+        "the run time does not gain one second a second",
+        expected=f"{(x.time_ns - y.time_ns) / 1e9:.1f} s more than {y.answer.run_time_s} s",
+        observed=f"{x.answer.run_time_s} s",
+        at=(*places_of(y), *places_of(x)),
+    )
+
+
+@rule("4.9/6", on=Exchange, names=_INFO)
+def nothing_behind_none(x: Exchange, scene: Scene) -> Judged | None:
+    """Without a program the reply begins with "0" and gives no name and no time (L226, L237)."""
+    if not x.reply or not x.reply.parsed or not _says_none(x):
+        return None
+    complaints = x.reply.parsed.decoded.complaints
+    surplus = next((c.text for c in complaints if c.wrong is Wrong.FLAG), "")
+    if surplus:
+        return failed(surplus, expected="0", observed=observed(x.reply))
+    return PASSED if not scene.busy else None
+
+
+@rule("4.9/6", on=Exchange, names=_STATUS)
+def no_program_when_idle(x: Exchange, scene: Scene) -> Judged | None:
+    """A robot that was idle before and is idle behind has told no program between."""
+    begin_ns = scene.memory.idle_seen_ns
+    idle = scene.memory.idle_since_ns is not None and not scene.busy and x.answer == "00"
+    if not idle or x.time_ns - begin_ns > _SECOND_NS:
+        return None
+    for y in scene.memory.between("get_running_program", begin_ns, x.time_ns):
+        if y.answer:
+            return failed(
+                f"{show(y.answer.name)} is told to run although the robot is idle",
+                expected="0",
+                observed=observed(y.reply) if y.reply else "",
+                at=(*places_of(y), *places_of(x)),
+            )
+    return None
+
+
+@rule("4.9/7", on=FrameSeen, names=_INFO, sender=C2A)
+def none_in_one_character(seen: FrameSeen, _: Scene) -> Judged | None:
+    """Without a program the reply is the single character "0" (L237; A-4.9-2)."""
+    form = dict(seen.parsed.decoded.readings).get("runinfo_none") if seen.parsed else None
+    if form is None:
+        return None
+    return PASSED if form == "0" else tolerated("runinfo_none", form, "no program is told as 0||")
+
+
+@rule("4.9/8", on=Exchange, names=_INFO)
+def short_name(x: Exchange, _: Scene) -> Judged | None:
+    """The program name has at most 30 bytes (L226; A-4.9-5)."""
+    if not x.answer:
+        return None
+    if len(x.answer.name) <= NAME_MAX_BYTES:
+        return PASSED
+    return tolerated("A-4.9-5", "longer", f"the program's name has {len(x.answer.name)} bytes")
+
+
+@rule("4.9/10", on=Exchange, names=_STATUS)
+def flag_agrees_with_status(x: Exchange, scene: Scene) -> Judged | None:
+    """The flag is "1" while the status is 01, or 02 where a simulation counts (A-4.9-4).
+
+    Held against statuses before and behind that are the same, with nothing begun between them.
+    """
+    before = scene.memory.last("get_status", before_ns=x.time_ns)
+    near = before is not None and x.time_ns - before.time_ns <= _SECOND_NS
+    if before is None or not near or before.answer != x.answer or x.answer not in ("01", "02"):
+        return None
+    if any(answered_ns(y) > before.time_ns for y in scene.memory.accepted):
+        return None
+    for y in scene.memory.between("get_running_program", answered_ns(before), x.time_ns):
+        if y.answer:
+            return PASSED
+        if not _says_none(y) or _program(y):  # of a program on record 4.9/2 says it
+            continue
+        if x.answer == "02":
+            return tolerated("A-4.9-4", "no", "a simulated program is not told as running")
+        return failed(
+            "no program is told although the status is 01",
+            expected="1|name|DDHHMMSS",
+            observed=observed(y.reply) if y.reply else "",
+            at=(*places_of(y), *places_of(x)),
+        )
+    return None

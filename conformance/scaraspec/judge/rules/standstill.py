@@ -1,0 +1,155 @@
+"""The arm stands still: behind a stop, a lock or a motion, while idle, when nothing moves it."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Final
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.rules.arm import (
+    JOINTS,
+    LOCK,
+    MOMENT_NS,
+    MOTIONS,
+    POSE,
+    STOP,
+    changed,
+    ended_ns,
+    gripper_asked_since,
+    last_motion,
+    locked,
+    reading_before,
+)
+from scaraspec.judge.rules.rule import PASSED, Judged, rule, tolerated
+from scaraspec.traffic.happenings import Exchange
+from scaraspec.traffic.memory import answered_ns
+from scaraspec.traffic.scene import Scene
+
+_SIMULATE: Final = "simulate_program"
+_OUTPUTS: Final = "get_digital_outputs"
+_SETTERS: Final = {
+    "set_default_program": ("4.13/6", "A-4.12-3"),
+    "set_gripper_center": ("4.20/5", "A-4.19-2"),
+    "set_initial_tool_position": ("4.21/5", "A-4.21-2"),
+}
+"""Settings that cause no motion: the requirement that says so, and the register's entry."""
+_BLINK_NS: Final = 1_000_000_000
+"""Between two statuses 00 so close to each other nobody has moved the arm."""
+
+
+# Standing still
+
+
+@rule("4.17/7", on=Exchange, names=(JOINTS,))
+def still_after_a_stop(x: Exchange, scene: Scene) -> Judged | None:
+    """After the stop's result "11" the joint angles no longer change (L373)."""
+    return _still_after((STOP,), x, scene)
+
+
+@rule("4.26/5", on=Exchange, names=(JOINTS,))
+def still_after_a_lock(x: Exchange, scene: Scene) -> Judged | None:
+    """After a successful lock the joint angles stay constant (L553)."""
+    return _still_after((LOCK,), x, scene)
+
+
+@rule("4.27/4", on=Exchange, names=(JOINTS,))
+@rule("4.23/5", on=Exchange, names=(POSE,))
+def still_after_a_motion(x: Exchange, scene: Scene) -> Judged | None:
+    """Idle and locked, the robot gives the same values (L476, L591): a motion proves the lock."""
+    return _still_after(MOTIONS, x, scene)
+
+
+def _still_after(names: Sequence[str], x: Exchange, scene: Scene) -> Judged | None:
+    motion = last_motion(x, scene)
+    if motion is None or motion.name not in names or not x.answer:
+        return None
+    if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
+        return None
+    first = next(scene.memory.between(x.name, ended_ns(motion), x.time_ns), None)
+    if first is None or not first.answer:
+        return None
+    if farthest(first.answer, x.answer) <= STANDSTILL:
+        return PASSED
+    if x.name == POSE and gripper_asked_since(first.time_ns, scene):
+        return None
+    return changed(first, x, f"the arm went on moving although {motion.name} had ended")
+
+
+@rule("4.27/4", on=Exchange, names=("get_status",))
+def joints_still_when_idle(x: Exchange, scene: Scene) -> Judged | None:
+    """Between two statuses 00 the joint angles do not change (L591)."""
+    return _still_between_statuses(JOINTS, x, scene)
+
+
+@rule("4.23/5", on=Exchange, names=("get_status",))
+def pose_still_when_idle(x: Exchange, scene: Scene) -> Judged | None:
+    """Between two statuses 00 the tool coordinates do not change (L476)."""
+    return _still_between_statuses(POSE, x, scene)
+
+
+def _still_between_statuses(name: str, x: Exchange, scene: Scene) -> Judged | None:
+    before = scene.memory.last("get_status", before_ns=x.time_ns)
+    if before is None or before.answer != "00" or x.answer != "00" or locked(scene) is not True:
+        return None
+    begin_ns = answered_ns(before)
+    since_ns = scene.memory.idle_since_ns
+    if since_ns is None or since_ns > begin_ns or x.time_ns - begin_ns > _BLINK_NS:
+        return None
+    readings = [y for y in scene.memory.between(name, begin_ns, x.time_ns) if y.answer]
+    for y in readings[1:]:
+        if farthest(readings[0].answer, y.answer) > STANDSTILL:
+            if name == POSE and gripper_asked_since(before.time_ns, scene):
+                return None
+            return changed(readings[0], y, "the values changed although the robot was idle")
+    return PASSED if len(readings) > 1 else None
+
+
+# Commands that move nothing
+
+
+def _moves_nothing(x: Exchange, scene: Scene, *, setter: str) -> Judged | None:
+    """A setting between two readings of the joints moves none of them."""
+    if setter not in scene.memory.recent:
+        return None
+    before = scene.memory.last(JOINTS, before_ns=x.time_ns)
+    since_ns = scene.memory.idle_since_ns
+    if before is None or not before.answer or not x.answer or since_ns is None:
+        return None
+    if since_ns > before.time_ns or answered_ns(x) - before.time_ns > MOMENT_NS:
+        return None
+    if locked(scene) is False:
+        return None
+    settings = [
+        y
+        for name in _SETTERS
+        for y in scene.memory.between(name, answered_ns(before), x.time_ns)
+        if y.accepted
+    ]
+    if len(settings) != 1 or settings[0].name != setter:
+        return None
+    if farthest(before.answer, x.answer) <= STANDSTILL:
+        return PASSED
+    if setter != "set_gripper_center":
+        return tolerated(_SETTERS[setter][1], "moves", f"the arm moved after {setter}")
+    return changed(before, x, f"the arm moved after {setter}")
+
+
+for _setter, (_requirement, _) in _SETTERS.items():
+    rule(_requirement, on=Exchange, names=(JOINTS,))(partial(_moves_nothing, setter=_setter))
+
+
+@rule("4.16/5", on=Exchange, names=(JOINTS, _OUTPUTS))
+def simulation_does_nothing(x: Exchange, scene: Scene) -> Judged | None:
+    """A simulated run moves no joint and sets no output (A-4.16-1)."""
+    simulation = scene.memory.accepted[-1] if scene.memory.accepted else None
+    if simulation is None or simulation.name != _SIMULATE or not x.answer:
+        return None
+    before = reading_before(simulation, x.name, scene)
+    if before is None or x.unsettled or x.time_ns < answered_ns(simulation):
+        return None
+    asked = scene.memory.asked.get("set_digital_output")
+    if x.name == _OUTPUTS and asked and asked.place.time_ns > before.time_ns:
+        return None
+    same = x.answer == before.answer or (
+        x.name == JOINTS and farthest(before.answer, x.answer) <= STANDSTILL
+    )
+    return PASSED if same else changed(before, x, "the values changed during a simulation")

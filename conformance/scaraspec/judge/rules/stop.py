@@ -1,0 +1,79 @@
+"""Clause 4.17: when an emergency stop is accepted, and what becomes of what it stops."""
+
+from typing import Final
+
+from scaraspec.judge.rules.busy import BUSY, STATE_OF, surely_executes
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.protocol.fields import show
+from scaraspec.traffic.happenings import Exchange
+from scaraspec.traffic.memory import answered_ns
+from scaraspec.traffic.scene import Scene
+
+_STOP: Final = "emergency_stop"
+_CLEARLY_NS: Final = 500_000_000
+"""A command that goes on for so long behind a refused stop had not just ended by itself."""
+
+
+@rule("4.17/2", on=Exchange, names=(_STOP,))
+def refusal_is_bare(x: Exchange, _: Scene) -> Judged | None:
+    """When no stop is needed the reply is "0" (L363-366)."""
+    if not x.reply or x.reply.frame.data[:1] != b"0":
+        return None
+    said = x.reply.text
+    if said == b"0":
+        return PASSED
+    return tolerated("A-4.17-1", "0|…", f"the stop was refused with {show(said)}")
+
+
+@rule("4.17/3", "4.17/6", on=Exchange, names=(_STOP,))
+def stop_is_accepted(x: Exchange, scene: Scene) -> Judged | None:
+    """While a command executes the stop is answered "1" (L363-371; A-4.17-1)."""
+    moving = [y for y in x.during if y.name in STATE_OF and surely_executes(y, x, scene)]
+    return PASSED if moving and x.accepted else None
+
+
+@rule("4.17/3", "4.17/6", on=Exchange, names=STATE_OF)
+def stop_was_needed(x: Exchange, scene: Scene) -> Judged | None:
+    """A command that ends long after a stop was refused needed it."""
+    if not x.stop_asked or not x.result:
+        return None
+    for stop in scene.memory.between(_STOP, answered_ns(x), x.result.begun_ns - _CLEARLY_NS):
+        if stop.accepted is False:
+            return _needed(stop, x)
+    return None
+
+
+@rule("4.17/3", "4.17/6", on=Exchange, names=("get_status",))
+def stop_is_still_needed(x: Exchange, scene: Scene) -> Judged | None:
+    """So did one that the robot says it executes behind the refused stop."""
+    if x.answer not in BUSY:
+        return None
+    for y in x.during:
+        for stop in scene.memory.between(_STOP, answered_ns(y), x.time_ns):
+            if stop.accepted is False and y.name in STATE_OF:
+                return _needed(stop, y)
+    return None
+
+
+def _needed(stop: Exchange, y: Exchange) -> Judged:
+    return failed(
+        f"the stop was refused while {y.name} executed",
+        expected="1",
+        observed="0",
+        at=(y.request.place, *places_of(stop)),
+    )
+
+
+@rule("4.17/8", on=Exchange, names=STATE_OF)
+def stopped_is_no_success(x: Exchange, _: Scene) -> Judged | None:
+    """The stopped command's own result is a failure; a jog's may be "11" (A-4.17-4)."""
+    if not x.interrupted_by or x.interrupted_by.name != _STOP or not x.outcome or not x.result:
+        return None
+    if not x.outcome.done or x.name == "jog":
+        return PASSED
+    return failed(
+        f"{x.name} ended with 11 although a stop had interrupted it",
+        expected="00|code",
+        observed="11",
+        at=(*places_of(x.interrupted_by), x.result.place),
+    )

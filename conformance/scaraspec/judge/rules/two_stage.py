@@ -1,0 +1,278 @@
+"""Two-stage commands (4/… and 4.15 to 4.18, 4.24 to 4.28, 4.35): replies and results.
+
+What a busy robot answers stands in `busy`; how an emergency stop goes in `stop`.
+"""
+
+from typing import Final
+
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
+from scaraspec.protocol import errors
+from scaraspec.protocol.commands import BY_NAME, COMMANDS
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.fields import Wrong, show
+from scaraspec.traffic.happenings import Exchange, FrameSeen, Unasked
+from scaraspec.traffic.scene import Scene
+
+TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
+NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")
+_TAKING_TIME: Final = tuple(n for n in NOT_STOP if n not in ("release_joints", "lock_joints"))
+
+_ASKING: Final = ("get_status", "get_time", "get_version")
+_AT_ONCE_NS: Final = 50_000_000
+_LONG_NS: Final = 1_000_000_000
+_TIMES: Final = 10
+
+
+def _misses_its_form(seen: FrameSeen) -> bool:
+    complaints = seen.parsed.decoded.complaints if seen.parsed else ()
+    return any(c.wrong in (Wrong.FLAG, Wrong.FIELD_COUNT) for c in complaints)
+
+
+# First replies
+
+
+def _without_code(x: Exchange) -> Judged | None:
+    """A refusal of one character: the document prints its length for 0x39 alone (A-4.24-3).
+
+    How a client is refused that has not logged in is open (A-4-4).
+    """
+    assert x.reply
+    assert x.reply.parsed
+    decoded, said = x.reply.parsed.decoded, f"the refusal of {x.name} has no code"
+    if ("err_bare0", "0") in decoded.readings:
+        return tolerated("err_bare0", "0", said)
+    if any(complaint.wrong is Wrong.NO_CODE for complaint in decoded.complaints):
+        if x.logged_in is False:
+            return tolerated("A-4-4", "0", f"{said}: its client has not logged in")
+        return failed(said, expected="0|code", observed=show(x.reply.frame.data))
+    return None
+
+
+@rule("4/1", on=Exchange, names=TWO_STAGE)
+def first_reply(x: Exchange, _: Scene) -> Judged | None:
+    """The first reply is "1", or "0|code"; for 0x32 "1" or "0" (L311 and sisters)."""
+    if not x.reply or not x.command:
+        return None
+    stop_refused = x.name == "emergency_stop" and x.accepted is False  # 4.17/2 judges its rest
+    if _misses_its_form(x.reply) and not stop_refused:
+        return failed(
+            f"the first reply to {x.name} is neither yes nor no",
+            expected=x.command.reply.form,
+            observed=show(x.reply.frame.data),
+        )
+    if x.accepted is False:
+        return _without_code(x) or PASSED
+    return PASSED if x.accepted else None
+
+
+@rule("4.15/3", on=Exchange, names=("run_program",))
+@rule("4.24/3", on=Exchange, names=("set_tool_coordinates",))
+@rule("4.35/3", on=Exchange, names=("shutdown",))
+def refusal(x: Exchange, _: Scene) -> Judged | None:
+    """What cannot be done is answered "0|code" (L314, L490-497, L701-706)."""
+    if not x.reply or x.accepted is not False:
+        return None
+    if x.answer.code:
+        return PASSED
+    return _without_code(x) or failed(
+        f"the refusal of {x.name} has no code of table 8-1",
+        expected="0|code",
+        observed=show(x.reply.frame.data),
+    )
+
+
+@rule("4.16/2", on=Exchange, names=("simulate_program",))
+@rule("4.25/2", on=Exchange, names=("release_joints",))
+@rule("4.26/2", on=Exchange, names=("lock_joints",))
+@rule("4.28/4", on=Exchange, names=("jog",))
+def reason(x: Exchange, _: Scene) -> Judged | None:
+    """A refusal says why (L342, L530, L563, L615)."""
+    if not x.reply or not x.reply.parsed or x.accepted is not False:
+        return None
+    return _without_code(x) or PASSED
+
+
+@rule("4.15/4", on=Exchange, names=("run_program",))
+@rule("4.18/3", on=Exchange, names=("reset",))
+@rule("4.24/5", on=Exchange, names=("set_tool_coordinates",))
+@rule("4.35/2", on=Exchange, names=("shutdown",))
+def acceptance(x: Exchange, _: Scene) -> Judged | None:
+    """What can be done is answered "1" (L316, L401-404, L499-502, L696-699)."""
+    if not x.reply or x.reply.frame.data[:1] != b"1":
+        return None
+    if x.reply.text == b"1":
+        return PASSED
+    return failed("more than the flag 1", expected="1", observed=show(x.reply.frame.data))
+
+
+@rule("4.15/2", on=Exchange, names=("run_program",))
+def checked_before_replying(x: Exchange, _: Scene) -> Judged | None:
+    """The conditions are checked before the reply (L311); a missing file may show later."""
+    if x.accepted and x.outcome and x.outcome.code == "20":
+        return tolerated("A-4.15-1", "00|20", "the missing program was found after the reply 1")
+    return PASSED if x.accepted is not None else None
+
+
+@rule("4/14", on=Exchange, names=_TAKING_TIME)
+def reply_before_execution(x: Exchange, scene: Scene) -> Judged | None:
+    """The first reply comes before the execution, not at its end (L311, L363, L392, L490).
+
+    It came at the end where it took long, the final result was with it, and queries take less.
+    Where the command was asked again it may be the answer to that, and once a packet may have been
+    lost on its way. Joints are released and locked at once (A-4.25-2): a late answer, both stages
+    in it, says nothing of them.
+    """
+    if not x.result or x.latency_ns is None or x.duration_ns is None or x.unsettled:
+        return None  # what began or ended meanwhile may have kept it waiting (A-4-2)
+    if scene.memory.asked.get(x.name) is not x.request:
+        return None
+    if not _comes_at_its_end(x):
+        return PASSED
+    queries = [y for name in _ASKING if (y := scene.memory.last(name)) and y.latency_ns is not None]
+    if not any((y.latency_ns or 0) * _TIMES < x.latency_ns for y in queries):
+        return None
+    said = (
+        f"the first reply to {x.name} came after {x.latency_ns / 1e9:.1f} s, "
+        "together with its final result"
+    )
+    before = [y for y in reversed(scene.memory.recent.get(x.name, [])) if _took_long(y)]
+    begun = (y for y in before if not _comes_at_its_end(y))
+    if any((y.latency_ns or 0) * 2 > x.latency_ns for y in begun):
+        return None  # it takes as long to begin what lasts
+    if not any(map(_comes_at_its_end, before[:1])):
+        return unsure(f"{said}: once, as where a packet is lost on its way")
+    return failed(said, expected="the first reply before the execution", observed="both at its end")
+
+
+def _comes_at_its_end(x: Exchange) -> bool:
+    return _took_long(x) and (x.duration_ns or 0) <= _AT_ONCE_NS and (x.latency_ns or 0) >= _LONG_NS
+
+
+def _took_long(x: Exchange) -> bool:
+    """Whether it is known to have lasted, from the request to the final result."""
+    if x.latency_ns is None or x.duration_ns is None:
+        return False
+    return x.latency_ns + x.duration_ns >= _LONG_NS
+
+
+# Final results
+
+
+@rule("4/2", on=Exchange, names=TWO_STAGE)
+@rule("4.15/5", on=Exchange, names=("run_program",))
+@rule("4.16/3", on=Exchange, names=("simulate_program",))
+@rule("4.17/4", on=Exchange, names=("emergency_stop",))
+@rule("4.18/4", on=Exchange, names=("reset",))
+@rule("4.24/6", on=Exchange, names=("set_tool_coordinates",))
+@rule("4.25/3", on=Exchange, names=("release_joints",))
+@rule("4.26/3", on=Exchange, names=("lock_joints",))
+@rule("4.28/5", on=Exchange, names=("jog",))
+def success(x: Exchange, _: Scene) -> Judged | None:
+    """A successful final result is "11" (L318 and sisters)."""
+    if not x.result or x.result.frame.data[:1] == b"0":
+        return None
+    if x.outcome:
+        return PASSED
+    return failed(
+        f"the final result of {x.name} is neither success nor failure",
+        expected="11",
+        observed=show(x.result.frame.data),
+    )
+
+
+@rule("4/3", on=Exchange, names=TWO_STAGE)
+@rule("4.15/6", on=Exchange, names=("run_program",))
+@rule("4.16/4", on=Exchange, names=("simulate_program",))
+@rule("4.17/5", on=Exchange, names=("emergency_stop",))
+@rule("4.18/5", on=Exchange, names=("reset",))
+@rule("4.24/7", on=Exchange, names=("set_tool_coordinates",))
+@rule("4.25/4", on=Exchange, names=("release_joints",))
+@rule("4.26/4", on=Exchange, names=("lock_joints",))
+@rule("4.28/6", on=Exchange, names=("jog",))
+def failure(x: Exchange, _: Scene) -> Judged | None:
+    """A failed final result is "00|code", five bytes (L323-328 and sisters)."""
+    if not x.result or x.result.frame.data[:1] != b"0":
+        return None
+    if x.outcome and x.outcome.code:
+        return PASSED
+    return failed(
+        f"the failure of {x.name} has no code of table 8-1 behind 00",
+        expected="00|code",
+        observed=show(x.result.frame.data),
+    )
+
+
+# Codes
+
+
+@rule("4/4", on=Exchange, names=NOT_STOP)
+def refusal_code(x: Exchange, _: Scene) -> Judged | None:
+    """The code of a refusal is one of table 8-1 that can refuse (A-0-7)."""
+    code = errors.lookup(x.answer.code) if x.accepted is False and x.answer.code else None
+    if code is None:
+        return None
+    if code in errors.REFUSALS:
+        return PASSED
+    return tolerated("A-0-7", code.text, f"{x.name} was refused with {code.text} ({code.meaning})")
+
+
+@rule("4/5", on=Exchange, names=TWO_STAGE)
+def failure_code(x: Exchange, _: Scene) -> Judged | None:
+    """The code of a failure is one of table 8-1 that can fail (A-8-5)."""
+    code = errors.lookup(x.outcome.code) if x.outcome and x.outcome.code else None
+    if code is None:
+        return None
+    stopped = code.kind is errors.Kind.IDLE and x.stop_asked
+    if code in errors.FAILURES or stopped or code.kind is errors.Kind.MISSING_FILE:
+        return PASSED
+    return tolerated("A-8-5", code.text, f"{x.name} failed with {code.text} ({code.meaning})")
+
+
+# Requests
+
+
+@rule("4/16", on=Exchange, names=NOT_STOP)
+def not_repeated(x: Exchange, _: Scene) -> Judged | None:
+    """The client does not repeat a request whose final result is outstanding (A-4-2).
+
+    A capture does not tell whether the client or its user asked again.
+    """
+    if all(y.name != x.name or y.asked != x.asked for y in x.during):
+        return PASSED
+    return tolerated("A-4-2", "asked again", f"{x.name} was asked again before it had ended")
+
+
+@rule("4.28/2", on=FrameSeen, names=("jog",), sender=A2C)
+def jog_byte(seen: FrameSeen, _scene: Scene) -> Judged | None:
+    """The byte is 1 to 4, ASCII or binary (L605-608; A-4.28-1)."""
+    if not seen.parsed or len(seen.frame.data) != 1:
+        return None
+    if seen.value is None:
+        return failed(
+            seen.parsed.decoded.complaints[0].text,
+            expected="1 to 4",
+            observed=seen.frame.data.hex(),
+        )
+    if dict(seen.parsed.decoded.readings)["jog_byte"] == "ascii":
+        return PASSED
+    return tolerated("jog_byte", "binary", "the jog's direction was sent as a binary byte")
+
+
+# Shutdown has no second stage
+
+
+@rule("4.35/5", on=Exchange, names=("shutdown",))
+def shutdown_has_no_result(x: Exchange, _: Scene) -> Judged | None:
+    """No tagged result follows (L696): one that does is an `Unasked`."""
+    return PASSED if x.accepted else None
+
+
+@rule("4.35/5", on=Unasked)
+def result_of_a_shutdown(unasked: Unasked, _: Scene) -> Judged | None:
+    """A tagged result of 0x60 (L696; A-4.35-2)."""
+    frame = unasked.seen.frame
+    if not frame.tagged or frame.opcode != BY_NAME["shutdown"].opcode:
+        return None
+    return failed(
+        "a final result of the shutdown came", expected="no tagged frame", observed=show(frame.data)
+    )

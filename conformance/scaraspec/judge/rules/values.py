@@ -1,0 +1,102 @@
+"""Values of simple queries: version (4.7), default program (4.12) and temperatures (4.14)."""
+
+from typing import Final
+
+from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.text import observed
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.fields import Wrong
+from scaraspec.traffic.happenings import Exchange, FrameSeen
+from scaraspec.traffic.scene import Scene
+
+_VERSION: Final = ("get_version",)
+_DEFAULT: Final = ("get_default_program",)
+_TEMPERATURES: Final = ("get_motor_temperatures",)
+_COLDEST_C, _HOTTEST_C = -20, 120
+
+
+@rule("4.7/3", on=FrameSeen, names=_VERSION, sender=C2A)
+def dotted_version(seen: FrameSeen, _: Scene) -> Judged | None:
+    """The version has the form digits.digits.digits (L203; A-4.7-1)."""
+    if not seen.parsed or not seen.frame.data:
+        return None
+    if all(c.wrong is not Wrong.VERSION for c in seen.parsed.decoded.complaints):
+        return PASSED
+    return tolerated("A-4.7-1", "free text", f"the version is {observed(seen)}")
+
+
+@rule("4.7/4", on=Exchange, names=_VERSION)
+def constant_version(x: Exchange, scene: Scene) -> Judged | None:
+    """The version does not change within a session (L203)."""
+    before = scene.memory.last(x.name, before_ns=x.time_ns)
+    if before is None or before.answer is None or x.answer is None:
+        return None
+    if before.request.place.connection != x.request.place.connection:
+        return None
+    if before.answer == x.answer:
+        return PASSED
+    return failed(
+        "the version changed within a session",
+        expected=before.answer,
+        observed=x.answer,
+        at=(*places_of(before), *places_of(x)),
+    )
+
+
+@rule("4.12/1", on=FrameSeen, names=_DEFAULT, sender=A2C)
+def default_is_asked_for(seen: FrameSeen, _: Scene) -> Judged | None:
+    """The request is 0x0D or 0x13, without data (L265-270; A-4.12-1)."""
+    if seen.frame.data:
+        return failed("the request carries data", expected="length 0", observed=observed(seen))
+    if seen.frame.opcode == BY_NAME["get_default_program"].opcode:
+        return PASSED
+    return tolerated("op_get_default", "0x13", "the default program was asked for with 0x13")
+
+
+@rule("4.12/2", on=Exchange, names=_DEFAULT)
+def default_has_its_opcode(x: Exchange, _: Scene) -> Judged | None:
+    """The reply carries the opcode of the request (L272-275; A-4.12-1)."""
+    if not x.reply:
+        return None
+    asked, answered = x.request.frame.opcode, x.reply.frame.opcode
+    if asked == answered:
+        return PASSED
+    return failed(
+        "the reply bears the other opcode of the command",
+        expected=f"{asked:02X}",
+        observed=f"{answered:02X}",
+    )
+
+
+@rule("4.12/4", on=FrameSeen, names=_DEFAULT, sender=C2A)
+def no_default(seen: FrameSeen, _: Scene) -> Judged | None:
+    """Without a default program the reply is empty or "0" (L272; A-4.12-2)."""
+    form = dict(seen.parsed.decoded.readings).get("default_none") if seen.parsed else None
+    if form is None:
+        return None
+    return PASSED if form == "empty" else tolerated("default_none", form, "no default is told as 0")
+
+
+@rule("4.14/3", on=Exchange, names=_TEMPERATURES)
+def temperatures_have_their_opcode(x: Exchange, _: Scene) -> Judged | None:
+    """The reply's opcode is 0x0F; the printed 0x0E is tolerated (L296-302; A-4.14-1)."""
+    if not x.reply:
+        return None
+    if x.reply.frame.opcode == x.request.frame.opcode:
+        return PASSED
+    return tolerated("op_temp_reply", "0x0E", "the temperatures were answered with 0x0E")
+
+
+@rule("4.14/5", on=Exchange, names=_TEMPERATURES)
+def plausible_temperatures(x: Exchange, _: Scene) -> Judged | None:
+    """Values are temperatures in degrees Celsius (L299; A-T-8)."""
+    if not x.answer or not x.reply:
+        return None
+    if all(_COLDEST_C <= value <= _HOTTEST_C for value in x.answer):
+        return PASSED
+    return failed(
+        "a motor is colder or hotter than any motor in degrees Celsius",
+        expected=f"{_COLDEST_C} to {_HOTTEST_C}",
+        observed=observed(x.reply),
+    )

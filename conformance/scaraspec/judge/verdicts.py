@@ -1,0 +1,130 @@
+"""Verdicts: how one is raised, who caused it, what a run of them amounts to.
+
+Verdicts only rise, none < pass < tolerated < inconclusive < fail < error, so the order in which
+evidence arrives never matters. The cause is a field of its own and not part of the verdict. No test
+is judged here and nothing is printed.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+from scaraspec.traffic.wire import Place
+
+
+class Verdict(Enum):
+    """What was found, from the least to the gravest."""
+
+    NONE = "none"
+    """Nothing was judged."""
+    PASS = "pass"  # noqa: S105 - a verdict, not a password
+    """The subject did what is required."""
+    TOLERATED = "tolerated"
+    """The document contradicts itself or is silent, and the subject follows a listed reading."""
+    INCONCLUSIVE = "inconclusive"
+    """The evidence does not suffice, for example behind a gap in a recording."""
+    FAIL = "fail"
+    """The subject violates the requirement."""
+    ERROR = "error"
+    """The judging itself broke down."""
+
+
+class Cause(Enum):
+    """Who is responsible for a verdict that is not a pass."""
+
+    SUBJECT = "subject"
+    SET_UP = "set-up"
+    """What the run needed was not in place: a program, an open link, a permission."""
+    DEPENDENCY = "dependency"
+    """Something this relies on had failed before."""
+    SUITE = "suite"
+
+
+class ExitStatus(IntEnum):
+    """What the command line returns."""
+
+    CONFORMANT = 0
+    NONCONFORMANT = 1
+    USAGE = 2
+    """The arguments or the configuration were wrong."""
+    INCONCLUSIVE = 3
+    """The evidence does not suffice, or the command was ended or broke down."""
+    NOTHING_TESTED = 4
+
+
+class Conclusion(Enum):
+    """What a whole run says of its subject."""
+
+    CONFORMANT = "conformant"
+    NONCONFORMANT = "nonconformant"
+    INCONCLUSIVE = "inconclusive"
+    NOTHING_TESTED = "nothing-tested"
+
+    @property
+    def exit_status(self) -> ExitStatus:
+        """The exit status of a run that ends so."""
+        return ExitStatus[self.name]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A requirement judged on evidence.
+
+    Attributes:
+        requirement: Its id, for example ``"4.15/3"``.
+        verdict: What was found.
+        cause: Who is responsible for it.
+        message: One sentence for a reader who has not seen the traffic.
+        expected: What the requirement leads to expect here.
+        observed: What was there instead.
+        evidence: The bytes it rests on.
+        reading: Where a listed reading decided: its key and the option seen.
+
+    Raises:
+        ValueError: A toleration names no reading, or a failure blames someone other than the
+            subject.
+    """
+
+    requirement: str
+    verdict: Verdict
+    cause: Cause
+    message: str
+    expected: str = ""
+    observed: str = ""
+    evidence: tuple[Place, ...] = ()
+    reading: tuple[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        if self.verdict is Verdict.TOLERATED and self.reading is None:
+            raise ValueError(f"The toleration of {self.requirement} must name the reading it saw.")
+        if self.verdict is Verdict.FAIL and self.cause is not Cause.SUBJECT:
+            raise ValueError(
+                f"A failure of {self.requirement} blames the subject, not the {self.cause.value}."
+            )
+
+
+_RANK = {verdict: rank for rank, verdict in enumerate(Verdict)}
+
+
+def worst(verdicts: Iterable[Verdict]) -> Verdict:
+    """Return the gravest of the verdicts, ``Verdict.NONE`` where there are none."""
+    return max(verdicts, key=_RANK.__getitem__, default=Verdict.NONE)
+
+
+def conclude(counts: Mapping[Verdict, int]) -> Conclusion:
+    """Return what a run amounts to, from the number of its cases or findings by verdict.
+
+    A failure stays a failure whatever else broke down; without one, anything unsettled makes the
+    run inconclusive. Only a run in which something was judged can be conformant.
+    """
+
+    def any_of(*verdicts: Verdict) -> bool:
+        return any(counts.get(verdict, 0) for verdict in verdicts)
+
+    if any_of(Verdict.FAIL):
+        return Conclusion.NONCONFORMANT
+    if any_of(Verdict.INCONCLUSIVE, Verdict.ERROR):
+        return Conclusion.INCONCLUSIVE
+    if any_of(Verdict.PASS, Verdict.TOLERATED):
+        return Conclusion.CONFORMANT
+    return Conclusion.NOTHING_TESTED

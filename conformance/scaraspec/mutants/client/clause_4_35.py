@@ -1,0 +1,102 @@
+"""Faults of clause 4.35: the shutdown, and the loss of the link behind it."""
+
+from typing import Any, Final
+
+from scaraspec.client.core import ClientCore, Event
+from scaraspec.client.exchange import Exchange, TwoStage
+from scaraspec.mutants.client import fault
+from scaraspec.mutants.client.altering import AltersRequests, TakesLossForSuccess
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.frames import Frame
+
+_OFF: Final = "shutdown"
+_MOMENT_S: Final = 0.02
+
+
+@fault("4.35/1")
+class ShutdownSaysOne(AltersRequests):
+    """The shutdown carries a 1."""
+
+    name = _OFF
+
+    def altered(self, data: bytes) -> bytes:
+        """Add it."""
+        return data + b"1"
+
+
+@fault("4.35/1", subtle=True)
+class ShutdownKeepsTheTarget(AltersRequests):
+    """The shutdown carries the target of the last move, which was in the buffer before."""
+
+    name = _OFF
+    _target = b""
+
+    def _altered(self, frame: Frame) -> Frame:
+        if frame.opcode == BY_NAME["set_tool_coordinates"].opcode:
+            self._target = frame.data
+        return super()._altered(frame)
+
+    def altered(self, data: bytes) -> bytes:
+        """Do not empty it."""
+        return data + self._target
+
+
+class _OtherShutdown(ClientCore):
+    """The shutdown is carried out otherwise."""
+
+    shape: type[Exchange]
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        """Take the other way."""
+        if name != _OFF:
+            return super().command(name, value)
+        return self.shape(BY_NAME[name], value, self.dialect)
+
+
+class _SettlesLater(Exchange):
+    """It is over a moment after its reply."""
+
+    def _accept(self, value: None, now_s: float) -> list[Frame]:  # noqa: ARG002 - there is none
+        self.deadline_s = now_s + _MOMENT_S
+        return []
+
+    def expire(self, now_s: float) -> list[Frame]:
+        """The link has lived for that long."""
+        if self.accepted:
+            self.settle(None)
+            return []
+        return super().expire(now_s)
+
+
+@fault("4.35/6")
+class ShutdownWaitsForResults(_OtherShutdown):
+    """The shutdown has not ended before a final result, which never comes."""
+
+    shape = TwoStage
+
+
+@fault("4.35/6", subtle=True)
+class ShutdownNeedsTime(_OtherShutdown):
+    """A link that is lost right behind the reply makes the shutdown an error."""
+
+    shape = _SettlesLater
+
+
+@fault("4.35/6", subtle=True)
+class LostLinkEndsAllWell(ClientCore):
+    """What is open when the link is lost behind a shutdown counts as done."""
+
+    def lose(self, reason: str, now_s: float) -> list[Event]:
+        """Take it for that."""
+        events: list[Event] = []
+        for exchange in tuple(self._open) if self._may_end == _OFF else ():
+            exchange.settle(None)
+            events += self._follow(exchange, now_s)
+        return events + super().lose(reason, now_s)
+
+
+@fault("T/9", subtle=True)
+class TakesLossForShutdown(TakesLossForSuccess):
+    """A link that is lost before the shutdown was answered is taken for the shutdown itself."""
+
+    name = _OFF

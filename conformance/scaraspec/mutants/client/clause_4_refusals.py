@@ -1,0 +1,285 @@
+"""Faults of clause 4: refusals that are not understood, and codes that are not told."""
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+
+from scaraspec.client.core import ClientCore, Event
+from scaraspec.client.exchange import Exchange, TwoStage
+from scaraspec.client.problems import ClientError, Failed, Refused
+from scaraspec.mutants.client import fault
+from scaraspec.mutants.client.altering import AltersReplies, AltersResults, OtherTwoStage
+from scaraspec.protocol import errors
+from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.frames import Frame
+
+_STOP = 0x32  # refused without a code (L366)
+
+
+class _AltersRefusals(ClientCore, ABC):
+    """What was refused is not always taken for that."""
+
+    @abstractmethod
+    def overlooked(self, frame: Frame) -> bool:
+        """Whether this refusal is taken for a yes."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        command = BY_OPCODE.get(frame.opcode)
+        two_stage = command is not None and command.two_stage and not frame.tagged
+        if two_stage and frame.data[:1] == b"0" and self.overlooked(frame):
+            frame = frame._replace(data=b"1")
+        return super()._dispatch(frame, now_s)
+
+
+@fault("4/13")
+class EveryReplyIsYes(_AltersRefusals):
+    """A first reply is taken for a yes, whatever it says."""
+
+    def overlooked(self, frame: Frame) -> bool:
+        """Do not look."""
+        return bool(frame.data)
+
+
+@fault("4/13", subtle=True)
+class BareRefusalIsYes(_AltersRefusals):
+    """A refusal is known by its bar: a 0 alone is taken for a yes."""
+
+    def overlooked(self, frame: Frame) -> bool:
+        """Look for it."""
+        return frame.data == b"0" and frame.opcode != _STOP
+
+
+@fault("4/13", subtle=True)
+class UnknownRefusalIsYes(_AltersRefusals):
+    """A refusal whose code is in no table is taken for a yes."""
+
+    def overlooked(self, frame: Frame) -> bool:
+        """Look it up."""
+        return b"|" in frame.data and errors.lookup(frame.data[2:].decode("latin-1")) is None
+
+
+@fault("4/13", subtle=True)
+class MissingFileIsWaitedFor(_AltersRefusals):
+    """A refusal with the code 20, for a missing program, is taken for a yes."""
+
+    def overlooked(self, frame: Frame) -> bool:
+        """Do not know it."""
+        return frame.data == b"0|20"
+
+
+@fault("4/13", subtle=True)
+class BusyBehindRefusals(ClientCore):
+    """After a refusal the client goes on counting the command as under way: no other is sent."""
+
+    _refused = ""
+
+    def is_free(self, slot: str) -> bool:
+        """Hold the next one back."""
+        return slot != self._refused and super().is_free(slot)
+
+    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+        if isinstance(exchange, TwoStage) and isinstance(exchange.problem, Refused):
+            self._refused = exchange.slot
+        return super()._follow(exchange, now_s)
+
+
+class _RefusedIsFailed(TwoStage):
+    """A refusal is a failure."""
+
+    def fail(self, problem: ClientError) -> None:
+        """Tell it as one."""
+        super().fail(
+            Failed(self.command, problem.code) if isinstance(problem, Refused) else problem
+        )
+
+
+@fault("4/13")
+class RefusalIsToldAsFailure(OtherTwoStage):
+    """What was refused is told as begun and failed."""
+
+    shape = _RefusedIsFailed
+
+
+# Codes
+
+
+class _AltersCodes(TwoStage, ABC):
+    """The code is told otherwise."""
+
+    @abstractmethod
+    def text(self, code: str) -> str:
+        """What is told in its place."""
+
+    def fail(self, problem: ClientError) -> None:
+        """Tell that."""
+        if isinstance(problem, Refused | Failed) and problem.code is not None:
+            problem.code = replace(problem.code, text=self.text(problem.code.text))
+        super().fail(problem)
+
+
+class _AsNumbers(_AltersCodes):
+    def text(self, code: str) -> str:
+        """Lose the zero."""
+        return code.lstrip("0")
+
+
+class _AsDecimals(_AltersCodes):
+    def text(self, code: str) -> str:
+        """Take it for hexadecimal."""
+        return f"{int(code, 16)}" if code.isalnum() else code
+
+
+class _OfMotorsOnly(_AltersCodes):
+    def text(self, code: str) -> str:
+        """Know no others."""
+        return code if code[:1] == "1" else "1F"
+
+
+@fault("4/12")
+class CodesLoseTheirZero(OtherTwoStage):
+    """Codes are told as numbers: of 05 the zero is lost."""
+
+    shape = _AsNumbers
+
+
+@fault("4/12")
+class CodesAreToldInDecimals(OtherTwoStage):
+    """Codes are told in decimals: 12 becomes 18."""
+
+    shape = _AsDecimals
+
+
+@fault("4/12")
+class EveryOtherCodeBlamesMotors(OtherTwoStage):
+    """Whatever is no motor's fault is told as one of all motors."""
+
+    shape = _OfMotorsOnly
+
+
+@fault("4/12", subtle=True)
+class CodeBeforeTheLast(ClientCore):
+    """With every refusal or failure the code of the one before is told."""
+
+    _before: errors.Code | None = None
+
+    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+        problem = exchange.problem
+        if isinstance(problem, Refused | Failed) and problem.code is not None:
+            code, problem.code = problem.code, self._before or problem.code
+            self._before = code
+        return super()._follow(exchange, now_s)
+
+
+@fault("4/12", subtle=True)
+class CodeZeroIsSuccess(AltersResults):
+    """A failure with the code 00 is taken for a success: no error has occurred."""
+
+    def altered(self, data: bytes) -> bytes:
+        """Look at the code alone."""
+        return b"11" if data == b"00|00" else data
+
+
+@fault("4/12", subtle=True)
+class UnknownFailureIsSuccess(AltersResults):
+    """A failure whose code is in no table is taken for a success."""
+
+    def altered(self, data: bytes) -> bytes:
+        """Look it up."""
+        known = errors.lookup(data[3:].decode("latin-1"))
+        return b"11" if data[:2] == b"00" and known is None else data
+
+
+@fault("4/12", subtle=True)
+class ReservedFailureIsSuccess(AltersResults):
+    """A failure with a reserved code is taken for a success."""
+
+    def altered(self, data: bytes) -> bytes:
+        """Look it up."""
+        code = errors.lookup(data[3:].decode("latin-1"))
+        return b"11" if data[:2] == b"00" and code in errors.RESERVED else data
+
+
+class _MixesUpJoints(_AltersCodes):
+    def text(self, code: str) -> str:
+        """Swap two bits."""
+        return told_of_swapped(code)
+
+
+def told_of_swapped(code: str) -> str:
+    """A code with the wrist's bit and the gripper's in each other's place."""
+    known = errors.lookup(code)
+    if known is None or not known.joints:
+        return code
+    swapped = {errors.Joint.WRIST: errors.Joint.ROTATION, errors.Joint.ROTATION: errors.Joint.WRIST}
+    return errors.code_for_joints(swapped.get(joint, joint) for joint in known.joints).text
+
+
+@fault("8/4", "4/12")
+class WristIsTakenForTheGripper(OtherTwoStage):
+    """Of an order's code the wrist's bit and the gripper's are mixed up."""
+
+    shape = _MixesUpJoints
+
+
+@fault("8/4")
+class StatusMixesUpJoints(AltersReplies):
+    """Of the status the wrist's bit and the gripper's are mixed up."""
+
+    name = "get_status"
+
+    def altered(self, data: bytes) -> bytes:
+        """Swap them."""
+        return told_of_swapped(data.decode("latin-1")).encode("latin-1")
+
+
+@fault("8/4", subtle=True)
+class OneJointOfSeveral(AltersReplies):
+    """Of several faulty joints the status tells the first one only."""
+
+    name = "get_status"
+
+    def altered(self, data: bytes) -> bytes:
+        """Forget the others."""
+        code = errors.lookup(data.decode("latin-1"))
+        if code is None or not code.joints:
+            return data
+        return errors.code_for_joints(code.joints[:1]).text.encode()
+
+
+@fault("8/6")
+class SmallLettersAreIdle(AltersReplies):
+    """A status in small letters is in no table, and taken for idle."""
+
+    name = "get_status"
+
+    def altered(self, data: bytes) -> bytes:
+        """Look it up as it is."""
+        return b"00" if data != data.upper() else data
+
+
+@fault("8/6", subtle=True)
+class SmallLettersSucceed(AltersResults):
+    """A failure whose code is in small letters is in no table, and taken for a success."""
+
+    def altered(self, data: bytes) -> bytes:
+        """Look it up as it is."""
+        return b"11" if data != data.upper() else data
+
+
+@fault("8/6", subtle=True)
+class SmallLettersAreYes(_AltersRefusals):
+    """A refusal whose code is in small letters is in no table, and taken for a yes."""
+
+    def overlooked(self, frame: Frame) -> bool:
+        """Look it up as it is."""
+        return frame.data != frame.data.upper()
+
+
+@fault("8/6", subtle=True)
+class SmallLettersAreDigits(AltersReplies):
+    """A status in small letters is read digit by digit from a table of capitals: 1a becomes 10."""
+
+    name = "get_status"
+
+    def altered(self, data: bytes) -> bytes:
+        """Miss the letter."""
+        return data[:1] + b"0" if data != data.upper() else data

@@ -1,0 +1,317 @@
+"""Faults of clause 4: final results that are mistaken, missed, or not awaited."""
+
+from collections.abc import Iterable
+from typing import ClassVar
+
+from scaraspec.client.core import ClientCore, Event, Settled, Taken
+from scaraspec.client.exchange import Exchange, Stage, TwoStage
+from scaraspec.client.problems import ReplyTimeout
+from scaraspec.mutants.client import fault
+from scaraspec.mutants.client.altering import AltersResults, OtherTwoStage
+from scaraspec.protocol.commands import BY_OPCODE, Parsed
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Found, Frame, Framer
+
+_STATUS = 0x09
+_IMPATIENT_S = 0.25
+
+
+def _executes(frame: Frame) -> bool:
+    command = BY_OPCODE.get(frame.opcode)
+    return command is not None and command.two_stage
+
+
+# Not told by their tag
+
+
+@fault("4/9", subtle=True)
+class TellsResultsByTheirData(ClientCore):
+    """What begins with 11 or 00 is taken for a final result, with or without its tag."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        tagged = frame.tagged or (_executes(frame) and frame.data[:2] in (b"11", b"00"))
+        return super()._dispatch(frame._replace(tagged=tagged), now_s)
+
+
+@fault("4/9")
+class RefusalWithElevenIsSuccess(ClientCore):
+    """A refusal with the code 11 is taken for a success, which ends in 11 too."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        if frame.tagged or not _executes(frame) or frame.data != b"0|11":
+            return super()._dispatch(frame, now_s)
+        events = super()._dispatch(frame._replace(data=b"1"), now_s)
+        return events + super()._dispatch(frame._replace(data=b"11", tagged=True), now_s)
+
+
+@fault("4/9")
+class FailureWithElevenIsSuccess(AltersResults):
+    """A failure with the code 11 is taken for a success: only the end of the data is looked at."""
+
+    def altered(self, data: bytes) -> bytes:
+        """Look at that."""
+        return data[-2:] if data.endswith(b"11") else data
+
+
+class _EndsAtOnce(TwoStage):
+    """It has ended when it was accepted."""
+
+    def _accept(self, value: None, now_s: float) -> list[Frame]:
+        super()._accept(value, now_s)
+        self.settle(None)
+        return []
+
+
+@fault("4/9")
+class FirstReplyIsTheResult(OtherTwoStage):
+    """The first reply is taken for the final result."""
+
+    shape = _EndsAtOnce
+
+
+class _TakesAnyResult(TwoStage):
+    """Any result ends it."""
+
+    def awaits(self, frame: Frame, parsed: Parsed) -> bool:
+        """Do not look at the opcode."""
+        if self.stage is Stage.EXECUTING:
+            return parsed.part == "result"
+        return super().awaits(frame, parsed)
+
+
+@fault("4/9", "4.17/9", subtle=True)
+class AnyResultEndsIt(OtherTwoStage):
+    """Behind the tag the opcode is not looked at: the first result ends what was begun first."""
+
+    shape = _TakesAnyResult
+
+
+@fault("4/9", subtle=True)
+class RefusalEndsTheFirst(ClientCore):
+    """A second order that is refused ends the first one, which goes on."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        name = BY_OPCODE[frame.opcode].name if _executes(frame) else ""
+        first = self._executing(name) if name and not frame.tagged else []
+        events = super()._dispatch(frame, now_s)
+        if frame.data[:1] == b"0":
+            for exchange in first:
+                exchange.give_up("it was refused")
+                events += self._follow(exchange, now_s)
+        return events
+
+
+# Right behind the first reply
+
+
+def _first_reply(event: Event) -> bool:
+    return (
+        isinstance(event, Taken)
+        and isinstance(event.exchange, TwoStage)
+        and event.exchange.stage is Stage.EXECUTING
+    )
+
+
+@fault("4/10")
+class DropsWhatFollowsTheFirstReply(ClientCore):
+    """What comes in the same segment as a first reply is thrown away."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        events: list[Event] = []
+        for item in found:
+            events += super()._digest([item], now_s)
+            if any(map(_first_reply, events)):
+                break
+        return events
+
+
+@fault("4/10", subtle=True)
+class FlushesBehindTheFirstReply(ClientCore):
+    """Behind a first reply the buffer is emptied, and with it the beginning of the result."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        """Empty it."""
+        events = super().feed(data, now_s)
+        if any(map(_first_reply, events)):
+            self._framer = Framer(C2A)
+        return events
+
+
+@fault("4/10", subtle=True)
+class FailureMustComeLater(ClientCore):
+    """A failure in the same segment as the first reply is not seen: only a success is so quick."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        accepted, events = False, []
+        for item in found:
+            if accepted and isinstance(item, Frame) and item.tagged and item.data[:2] == b"00":
+                continue
+            now = super()._digest([item], now_s)
+            accepted = accepted or any(map(_first_reply, now))
+            events += now
+        return events
+
+
+@fault("4/10", subtle=True)
+class ResultBehindAnotherReplyIsLost(ClientCore):
+    """A final result is not seen in the same segment behind the reply to something else."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        replied, events = False, []
+        for item in found:
+            if isinstance(item, Frame):
+                if replied and item.tagged:
+                    continue
+                replied = not item.tagged and not _executes(item)
+            events += super()._digest([item], now_s)
+        return events
+
+
+# Long after it
+
+
+class _Impatient(TwoStage):
+    """Its result is not waited for without bound."""
+
+    patience_s: ClassVar[float]
+
+    def _accept(self, value: None, now_s: float) -> list[Frame]:
+        frames = super()._accept(value, now_s)
+        self.deadline_s = now_s + self.patience_s
+        return frames
+
+    def expire(self, now_s: float) -> list[Frame]:
+        """Give up, whatever executes."""
+        if self.stage is Stage.ASKED:
+            return super().expire(now_s)
+        return self.lost_patience()
+
+    def lost_patience(self) -> list[Frame]:
+        """Take it for lost."""
+        self.fail(ReplyTimeout(f"{self.command.name} has no result"))
+        return []
+
+
+class _ForFiveSeconds(_Impatient):
+    patience_s = 5.0
+
+
+class _ForTenSeconds(_Impatient):
+    patience_s = 10.2
+
+
+class _ForgetsIt(_Impatient):
+    patience_s = 8.0
+
+    def lost_patience(self) -> list[Frame]:
+        """Take it for done."""
+        self.settle(None)
+        return []
+
+
+class _AsksAgain(_Impatient):
+    patience_s = 3.0
+
+    def lost_patience(self) -> list[Frame]:
+        """Ask again."""
+        self.deadline_s = None
+        return [self._request]
+
+
+@fault("4/11")
+class WaitsFiveSeconds(OtherTwoStage):
+    """The final result is waited for as long as a first reply, five seconds."""
+
+    shape = _ForFiveSeconds
+
+
+@fault("4/11", subtle=True)
+class WaitsTenSeconds(OtherTwoStage):
+    """The final result is waited for hardly longer than ten seconds, whatever the robot says."""
+
+    shape = _ForTenSeconds
+
+
+@fault("4/11", subtle=True)
+class SilenceIsSuccess(OtherTwoStage):
+    """A result that does not come in eight seconds is taken for a success."""
+
+    shape = _ForgetsIt
+
+
+@fault("4/16", subtle=True)
+class AsksAgainWhenItTakesLong(OtherTwoStage):
+    """What has not ended in three seconds is asked for again."""
+
+    shape = _AsksAgain
+
+
+class _AsksUntilAccepted(TwoStage):
+    """It is asked for again every quarter of a second, until the first reply comes."""
+
+    def begin(self, now_s: float) -> list[Frame]:
+        frames = super().begin(now_s)
+        self.deadline_s = now_s + _IMPATIENT_S
+        return frames
+
+    def expire(self, now_s: float) -> list[Frame]:
+        return self.begin(now_s) if self.stage is Stage.ASKED else super().expire(now_s)
+
+
+@fault("4/16", subtle=True)
+class AsksAgainUntilAccepted(OtherTwoStage):
+    """What has not been accepted in a quarter of a second is asked for again."""
+
+    shape = _AsksUntilAccepted
+
+
+class _AsksTwice(TwoStage):
+    """It is asked for again as soon as it was accepted."""
+
+    def _accept(self, value: None, now_s: float) -> list[Frame]:
+        return [*super()._accept(value, now_s), self._request]
+
+
+@fault("4/16")
+class AsksTwice(OtherTwoStage):
+    """What was accepted is asked for once more, to be sure."""
+
+    shape = _AsksTwice
+
+
+@fault("4/16", subtle=True)
+class AsksAgainWhenIdle(ClientCore):
+    """What has not ended is asked for again when the robot says that it is idle."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        events = super()._dispatch(frame, now_s)
+        status = (
+            BY_OPCODE[frame.opcode].name == "get_status" if frame.opcode in BY_OPCODE else False
+        )
+        if status and frame.data == b"00":
+            for exchange in self._executing():
+                self._send(exchange.begin(now_s))
+                exchange.deadline_s = None
+        return events
+
+
+@fault("4/16", subtle=True)
+class AsksAgainOnTheNextLink(ClientCore):
+    """What had not ended when the link was lost is asked for again behind the next login."""
+
+    _left: ClassVar[list[Frame]] = []
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        for frame in frames:
+            if _executes(frame):
+                self._left[:] = [frame]
+            super()._send([frame])
+
+    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+        events = super()._follow(exchange, now_s)
+        if any(isinstance(event, Settled) for event in events) and self._lost is None:
+            if isinstance(exchange, TwoStage):
+                self._left.clear()
+            elif self.logged_in and exchange.command.name == "login":
+                self._send(tuple(self._left))
+        return events

@@ -1,0 +1,141 @@
+"""Proving, of clients: the suite run against the reference client in memory, sound or with a fault.
+
+The client runs behind its own driver, on a loop whose time passes only while the suite waits.
+"""
+
+import asyncio
+import json
+import tempfile
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Final
+
+from scaraspec.client.aio import AsyncClient
+from scaraspec.client.driver import Driver
+from scaraspec.mutants.client import Fault
+from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.protocol.readings import READINGS, Dialect
+from scaraspec.report.model import Results
+from scaraspec.suite.client.harness.access import LOOPBACK
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.transports.simulated import SimulatedLink, SimulatedLoop
+
+_EPOCH_NS: Final = 1_767_225_600_000_000_000  # 2026-01-01
+_PORT: Final = 40001
+
+
+class MemoryClient:
+    """The reference client in this process; see `suite.client.harness.access.Access`.
+
+    Args:
+        make: Makes its clients; a faulty one, if need be.
+        dialect: The readings that they speak.
+    """
+
+    attended = False
+    answer_s = 10.0
+    host, port = LOOPBACK, _PORT
+    dialled_port = _PORT
+    complaints = ""
+
+    def __init__(self, make: type[AsyncClient], dialect: Dialect) -> None:
+        self._make, self._dialect = make, dialect
+        self._scratch = tempfile.TemporaryDirectory(prefix="scaraspec-")
+        self.folder = Path(self._scratch.name)
+        self.strays: list[str] = []
+        self._calls: dict[int, Call] = {}
+        self._loop = SimulatedLoop(_EPOCH_NS)
+        self._loop.ports = {_PORT}
+        self._driver = self._new()
+
+    @property
+    def now_ns(self) -> int:
+        """The loop's clock."""
+        return self._loop.time_ns
+
+    @property
+    def now_s(self) -> float:
+        """The loop's clock."""
+        return self._loop.time()
+
+    def begin(self, name: str, /, **values: Any) -> Call:
+        """Give an order, on the wire as a driver gets it."""
+        number = len(self._calls) + 1
+        call = self._calls[number] = Call(number, name, values)
+        line = json.dumps({"id": number, "do": name, **values})
+        self._loop.call_soon(self._driver.take, line)
+        return call
+
+    def pump(self) -> None:
+        """Answers come while time passes."""
+
+    def wait(self, deadline_s: float) -> None:
+        """Let time pass."""
+        self._loop.run_until(max(deadline_s, self.now_s))
+
+    def accept(self, deadline_s: float) -> SimulatedLink | None:
+        """The next connection."""
+        link = self._loop.accept(deadline_s)
+        if link is not None:
+            self.dialled_port = link.port
+        return link
+
+    def listen_at_default(self) -> bool:
+        """Also listen at port 8877."""
+        self._loop.ports.add(DEFAULT_PORT)
+        return True
+
+    def ask(self, sentence: str) -> Call | None:  # noqa: ARG002 - a driver says it by itself
+        """Nobody is asked."""
+        return None
+
+    def restart(self) -> None:
+        """Forget the client, and begin with another one."""
+        self._end()
+        self._driver = self._new()
+
+    def close(self) -> None:
+        """End it, and take its files away."""
+        self._end()
+        self._loop.close()
+        self._scratch.cleanup()
+
+    def _new(self) -> Driver:
+        def make(url: str, password: str | None) -> AsyncClient:
+            return self._make(url, password=password, dialect=self._dialect)
+
+        return Driver(self._take, make)
+
+    def _take(self, answer: Mapping[str, Any]) -> None:
+        self._calls[answer["id"]].answer = json.loads(json.dumps(answer))
+        self._loop.wake()
+
+    def _end(self) -> None:
+        for task in asyncio.all_tasks(self._loop):
+            task.cancel()
+        self._loop.run_until(self.now_s)
+
+
+def prove_client(
+    options: Options, fault: Fault | None = None, dialect: Dialect | None = None
+) -> Results:
+    """Run the suite against the reference client.
+
+    Args:
+        options: What to try.
+        fault: What is wrong with it; None for nothing.
+        dialect: The readings that it follows, each of which it claims then.
+    """
+    spoken = dialect or Dialect.parse(fault.reading if fault else ())
+    statement = Statement(
+        name=fault.name if fault else "reference client",
+        dialect=spoken,
+        claimed=frozenset(READINGS if dialect else spoken.differences()),
+    )
+    with closing(MemoryClient(fault.wrong if fault else AsyncClient, spoken)) as access:
+        return Run(ClientSetting(access, statement, options, link="memory")).results()

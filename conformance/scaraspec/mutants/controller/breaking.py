@@ -1,0 +1,92 @@
+"""Breaking: where faults of clauses 2 and 3 take hold: bytes in and out, death, and lateness.
+
+No fault stands here.
+"""
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+from scaraspec.protocol.frames import Found, Frame, Skipped
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.inlet import Inlet
+from scaraspec.virtual_controller.session import Action, Carrier, Close, Session
+
+
+class OtherInlet(Brain):
+    """Sessions have another kind of inlet."""
+
+    inlet: type[Inlet] = Inlet
+
+    def _admit(self, connection: int, carrier: Carrier) -> None:
+        super()._admit(connection, carrier)
+        self.sessions[connection].inlet = self.inlet(self.dialect)
+
+
+class Mortal(Brain):
+    """Can die: all clients are cut off, and nobody is taken any more."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.dead = False
+
+    def die(self, now_s: float) -> None:
+        """End every session."""
+        self.dead = True
+        for session in list(self.sessions.values()):
+            self._end(session, now_s)
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Take nobody when dead."""
+        return [Close(connection)] if self.dead else super().open(connection, now_s, link)
+
+
+class Skips(Mortal, ABC):
+    """Does something about bytes that are no frame."""
+
+    @abstractmethod
+    def skipped(self, session: Session, item: Skipped, now_s: float) -> None:
+        """What it does."""
+
+    def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
+        for item in found:
+            if isinstance(item, Skipped) and session.connection in self.sessions:
+                self.skipped(session, item, now_s)
+        super()._take_in(session, found, now_s)
+
+
+class SendsLater(Brain):
+    """Sends frames when their time has come."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._due: list[tuple[float, Session, Frame]] = []
+
+    def send_at(self, time_s: float, session: Session, frame: Frame) -> None:
+        """Send a frame at this instant, if its client is still there."""
+        self._due.append((time_s, session, frame))
+
+    @property
+    def next_event_s(self) -> float | None:
+        """The sooner of what is due."""
+        times_s = [time_s for time_s, _, _ in self._due]
+        other_s = super().next_event_s
+        return min(times_s if other_s is None else [*times_s, other_s], default=None)
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        due = [entry for entry in self._due if entry[0] <= now_s]
+        self._due = [entry for entry in self._due if entry[0] > now_s]
+        for _, session, frame in due:
+            Brain.emit(self, session, frame)
+
+
+class AltersBytes(Brain, ABC):
+    """Sends other bytes for a frame."""
+
+    @abstractmethod
+    def altered(self, data: bytes) -> bytes:
+        """What is sent in place of these bytes of a frame."""
+
+    def transmit(self, session: Session, data: bytes) -> None:
+        """Send something else."""
+        super().transmit(session, self.altered(data))

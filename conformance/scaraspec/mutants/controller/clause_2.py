@@ -1,0 +1,518 @@
+"""Faults of clause 2: connections, how their bytes are delivered, and who has logged in."""
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller.breaking import OtherInlet
+from scaraspec.protocol.commands import Command
+from scaraspec.protocol.frames import Found, Frame
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.readings import Dialect
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.inlet import Inlet
+from scaraspec.virtual_controller.session import Action, Carrier, Close, Request, Session
+
+# Connections
+
+
+@fault("2/1")
+class ClosesBehindReplies(Brain):
+    """A connection is closed behind its first reply to anything but a login, as by a web server."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Send, and end the session."""
+        super().emit(session, frame)
+        if frame.opcode != 0x01 and session.connection in self.sessions:
+            self._end(session, 0.0)
+
+
+@fault("2/2", subtle=True)
+class EveryThirdConnection(Brain):
+    """Every third connection is taken by the system, but nobody serves it."""
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Leave these waiting."""
+        return super().open(connection, now_s, link) if connection % 3 else []
+
+
+@fault("2/13", subtle=True)
+class FiftyConnections(Brain):
+    """After fifty connections no further one is served."""
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Count them all."""
+        return [Close(connection)] if connection > 50 else super().open(connection, now_s, link)
+
+
+@fault("2/13", subtle=True)
+class EveryNinetiethConnection(Brain):
+    """Every ninetieth connection is refused."""
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Close these."""
+        if connection % 90 == 0:
+            return [Close(connection)]
+        return super().open(connection, now_s, link)
+
+
+class _Leaky(Brain, ABC):
+    """Sixteen sessions can be open; some are never freed."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._leaked = 0
+
+    @abstractmethod
+    def leaks(self, session: Session) -> bool:
+        """Whether this one is not freed."""
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Refuse where there is no room."""
+        if len(self.sessions) + self._leaked >= 16:
+            return [Close(connection)]
+        return super().open(connection, now_s, link)
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        """Free it, or not."""
+        session = self.sessions.get(connection)
+        if session is not None and self.leaks(session):
+            self._leaked += 1
+        return super().close(connection, now_s)
+
+
+@fault("2/13", subtle=True)
+class LeaksHalfFrames(_Leaky):
+    """Sessions that end in the middle of a frame are never freed, and sixteen are all there are."""
+
+    def leaks(self, session: Session) -> bool:
+        """Where bytes are left over."""
+        return session.inlet.deadline_s is not None
+
+
+@fault("2/13", subtle=True)
+class LeaksTheSilent(_Leaky):
+    """Sessions that ask nothing after the login are never freed, and sixteen are all there are."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._asked: set[Session] = set()
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Remember who asks."""
+        if frame.opcode != 0x01:
+            self._asked.add(session)
+        super().handle(session, frame, now_s)
+
+    def leaks(self, session: Session) -> bool:
+        """Where nothing was asked."""
+        return session not in self._asked
+
+
+# A further client
+
+
+@fault("2/12", subtle=True)
+class OneBufferForAll(Brain):
+    """All connections share one receive buffer: what is half in one goes on in the other."""
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Give the buffer of another session."""
+        shared = next((session.inlet for session in self.sessions.values()), None)
+        actions = super().open(connection, now_s, link)
+        if shared and connection in self.sessions:
+            self.sessions[connection].inlet = shared
+        return actions
+
+
+@fault("2/12", subtle=True)
+class NewcomerTakesTheReplies(Brain):
+    """Replies go to the client that connected last, whoever has asked."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Send to the last one."""
+        super().emit(self.sessions[max(self.sessions)] if self.sessions else session, frame)
+
+
+@fault("2/12", subtle=True)
+class NewcomerClearsBuffers(Brain):
+    """When a client connects, what the others have half sent is thrown away."""
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Begin all anew."""
+        for session in self.sessions.values():
+            session.inlet = Inlet(self.dialect)
+        return super().open(connection, now_s, link)
+
+
+@fault("2/12")
+class EveryoneHearsAll(Brain):
+    """Each reply is sent to all clients that are logged in."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Send to all."""
+        super().emit(session, frame)
+        for other in list(self.sessions.values()):
+            if other is not session and other.logged_in:
+                super().emit(other, frame)
+
+
+# Delivery
+
+
+class _KeepsNothing(Inlet):
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        found = super().receive(data, now_s)
+        self._framer = self._new_framer()
+        return found
+
+
+@fault("2/5")
+class SegmentIsFrame(OtherInlet):
+    """What a segment does not end is thrown away: a frame has to come in one."""
+
+    inlet = _KeepsNothing
+
+
+class _OverlooksEnds(Inlet):
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        return super().receive(b"" if data == b"\xcc" else data, now_s)
+
+
+@fault("2/5", subtle=True)
+class EndByteAlone(OtherInlet):
+    """A segment of one byte that is an end byte is overlooked."""
+
+    inlet = _OverlooksEnds
+
+
+class _Cut(Inlet):
+    at_byte = 3
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        found = super().receive(data, now_s)
+        if self._framer.held_bytes == self.at_byte:
+            self._framer = self._new_framer()
+        return found
+
+
+@fault("2/5", subtle=True)
+class CutBehindLength(OtherInlet):
+    """A frame that is cut just behind its length byte is lost."""
+
+    inlet = _Cut
+
+
+class _CutLater(_Cut):
+    at_byte = 8
+
+
+@fault("2/5", subtle=True)
+class CutBehindEighthByte(OtherInlet):
+    """A frame that is cut just behind its eighth byte is lost."""
+
+    inlet = _CutLater
+
+
+class _Impatient(Inlet):
+    def __init__(self, dialect: Dialect) -> None:
+        super().__init__(dialect.replace(partial_timeout="0.5"))
+
+
+@fault("2/5")
+class ImpatientWithPauses(OtherInlet):
+    """An unfinished frame is given up after half a second."""
+
+    inlet = _Impatient
+
+
+class _FromTheFirstByte(Inlet):
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        held, since_s = self._framer.held_bytes, self._heard_s
+        found = super().receive(data, now_s)
+        if held and not found:
+            self._heard_s = since_s
+        return found
+
+
+@fault("2/5", subtle=True)
+class CountsFromFirstByte(OtherInlet):
+    """The time for a frame runs from its first byte, not from its last one so far."""
+
+    inlet = _FromTheFirstByte
+
+
+class _ForgetsTheRest(Inlet):
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        found = super().receive(data, now_s)
+        if found:
+            self._framer = self._new_framer()
+        return found
+
+
+@fault("2/5", "2/6", subtle=True)
+class RestBehindFrame(OtherInlet):
+    """Where a segment ends a frame and begins another, the beginning is lost."""
+
+    inlet = _ForgetsTheRest
+
+
+class _First(Inlet):
+    most = 1
+
+    def receive(self, data: bytes, now_s: float) -> list[Found]:
+        return super().receive(data, now_s)[: self.most]
+
+
+@fault("2/6")
+class OneFramePerSegment(OtherInlet):
+    """Of several frames in one segment only the first is served."""
+
+    inlet = _First
+
+
+class _Sixteen(_First):
+    most = 16
+
+
+@fault("2/6", subtle=True)
+class SixteenFramesPerSegment(OtherInlet):
+    """Of more than sixteen frames in one segment the others are lost."""
+
+    inlet = _Sixteen
+
+
+@fault("2/6", subtle=True)
+class SmallBuffer(Brain):
+    """Of a segment of more than 256 bytes the rest is lost."""
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Cut it off."""
+        return super().receive(connection, data[:256], now_s)
+
+
+@fault("2/6", subtle=True)
+class LoginEndsTheSegment(Brain):
+    """What comes in one segment with the login is lost."""
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Cut it off."""
+        if data.startswith(b"\xaa\x01") and len(data) > 3:
+            data = data[: data[2] + 4]
+        return super().receive(connection, data, now_s)
+
+
+# Logins
+
+
+@fault("2/11")
+class NeedsNoLogin(Brain):
+    """Whoever connects may do everything."""
+
+    def _admit(self, connection: int, carrier: Carrier) -> None:
+        super()._admit(connection, carrier)
+        self.sessions[connection].logged_in = True
+
+
+@fault("2/11", subtle=True)
+class OneLoginForAll(Brain):
+    """While one client is logged in, all are."""
+
+    def _may_ask(self, session: Session, command: Command) -> bool:
+        anybody = any(each.logged_in for each in self.sessions.values())
+        return anybody or super()._may_ask(session, command)
+
+
+@fault("2/11", subtle=True)
+class LoginOutlivesTheConnection(Brain):
+    """Once somebody has logged in, nobody has to any more."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._opened = False
+
+    def login(self, request: Request) -> bool:
+        """Remember it for ever."""
+        right = super().login(request)
+        self._opened = self._opened or right
+        return right
+
+    def _may_ask(self, session: Session, command: Command) -> bool:
+        return self._opened or super()._may_ask(session, command)
+
+
+@fault("2/11", subtle=True)
+class UploadsLeaveTheirLogin(Brain):
+    """Who connects behind a client that left in the midst of an upload is logged in as that one."""
+
+    _left = False
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """Log him in."""
+        actions = super().open(connection, now_s, link)
+        if self._left and connection in self.sessions:
+            self.sessions[connection].logged_in, self._left = True, False
+        return actions
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        """Look what it was about."""
+        session = self.sessions.get(connection)
+        self._left = bool(session and session.logged_in and session.transfer)
+        return super().close(connection, now_s)
+
+
+@fault("2/11")
+class RefusedButIn(Brain):
+    """A wrong password is answered "0", but the session counts as logged in."""
+
+    def login(self, request: Request) -> bool:
+        """Log in whoever tries."""
+        right = super().login(request)
+        request.session.logged_in = True
+        return right
+
+
+@fault("2/11", subtle=True)
+class SecondRefusalIsIn(Brain):
+    """Whoever is refused twice on a connection counts as logged in."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._refused: set[int] = set()
+
+    def login(self, request: Request) -> bool:
+        """Count who is refused."""
+        right = super().login(request)
+        connection = request.session.connection
+        if not right:
+            request.session.logged_in |= connection in self._refused
+            self._refused.add(connection)
+        return right
+
+
+class _ForStrangers(Brain):
+    """Some commands are obeyed without a login."""
+
+    names: frozenset[str] = frozenset()
+    silent = False
+
+    def _is_obeyed(self, session: Session, command: Command) -> bool:  # noqa: ARG002 - others tell strangers apart
+        return command.name in self.names
+
+    def _may_ask(self, session: Session, command: Command) -> bool:
+        return self._is_obeyed(session, command) or super()._may_ask(session, command)
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Keep silent towards strangers, where the fault is silent."""
+        if session.logged_in or frame.opcode == 0x01 or not self.silent:
+            super().emit(session, frame)
+
+
+@fault("2/11")
+class SilentlyObeysStrangers(_ForStrangers):
+    """Without a login nothing is answered, but the gripper centre is set all the same."""
+
+    names = frozenset({"set_gripper_center"})
+    silent = True
+
+
+@fault("2/11")
+class ClockForStrangers(_ForStrangers):
+    """The clock can be set without a login."""
+
+    names = frozenset({"set_time"})
+    silent = True
+
+
+@fault("2/11", subtle=True)
+class ClockForStrangersInCompany(ClockForStrangers):
+    """While somebody is logged in, the clock can be set without a login."""
+
+    def _is_obeyed(self, session: Session, command: Command) -> bool:
+        company = any(each.logged_in for each in self.sessions.values())
+        return company and super()._is_obeyed(session, command)
+
+
+@fault("2/11", subtle=True)
+class RefusedMayDelete(_ForStrangers):
+    """Who was refused at the login may delete files."""
+
+    names = frozenset({"delete_program"})
+    silent = True
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._refused: set[int] = set()
+
+    def login(self, request: Request) -> bool:
+        """Remember who is refused."""
+        right = super().login(request)
+        if not right:
+            self._refused.add(request.session.connection)
+        return right
+
+    def _is_obeyed(self, session: Session, command: Command) -> bool:
+        refused = session.connection in self._refused
+        return refused and super()._is_obeyed(session, command)
+
+
+@fault("2/11")
+class UploadForStrangers(_ForStrangers):
+    """Files can be uploaded without a login."""
+
+    names = frozenset({"upload_name", "upload_chunk"})
+    silent = True
+
+
+@fault("2/11")
+class DeletesForStrangers(_ForStrangers):
+    """Files can be deleted without a login."""
+
+    names = frozenset({"delete_program"})
+    silent = True
+
+
+@fault("2/11")
+class PasswordForStrangers(_ForStrangers):
+    """The password can be changed without a login, since the request holds the old one."""
+
+    names = frozenset({"set_password"})
+    silent = True
+
+
+@fault("2/11")
+class OutputsForStrangers(_ForStrangers):
+    """Outputs can be set without a login."""
+
+    names = frozenset({"set_digital_output"})
+    silent = True
+
+
+@fault("2/11")
+class RunsForStrangers(_ForStrangers):
+    """Programs can be run without a login."""
+
+    names = frozenset({"run_program"})
+    silent = True
+
+
+@fault("2/11")
+class JogsForStrangers(_ForStrangers):
+    """The arm can be jogged without a login."""
+
+    names = frozenset({"jog"})
+
+
+@fault("2/11")
+class ShutsDownForStrangers(_ForStrangers):
+    """The robot can be shut down without a login."""
+
+    names = frozenset({"shutdown"})
+
+
+@fault("2/11")
+class SettingsForStrangers(Brain):
+    """What only changes state is obeyed without a login; only motion and loss are guarded."""
+
+    def _may_ask(self, session: Session, command: Command) -> bool:
+        return command.hazard is Hazard.STATE or super()._may_ask(session, command)

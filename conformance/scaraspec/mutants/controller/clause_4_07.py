@@ -1,0 +1,55 @@
+"""Faults of clause 4.7: the version of the software."""
+
+from typing import Final
+
+from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.session import Request
+
+_GET_VERSION: Final = 0x08
+_LATE: Final = 256
+
+
+@fault("4.7/2", "4.7/3")
+class NoVersion(AltersReplies):
+    """The reply to 0x08 has no data."""
+
+    opcode = _GET_VERSION
+
+    def altered(self, data: bytes) -> bytes:
+        """Leave it away."""
+        return data[:0]
+
+
+@fault("4.7/4")
+class VersionCountsRequests(Brain):
+    """The last number of the version counts how often it was asked for."""
+
+    _count = 0
+
+    def get_version(self, request: Request) -> str:
+        """Count."""
+        self._count += 1
+        return super().get_version(request)[:-1] + f"{self._count}"
+
+
+@fault("4.7/4", subtle=True)
+class VersionChangesLate(Brain):
+    """From the 256th request on the version is another one."""
+
+    _count = 0
+
+    def get_version(self, request: Request) -> str:
+        """Count."""
+        self._count += 1
+        return super().get_version(request) if self._count < _LATE else "1.0.255"
+
+
+@fault("4.7/4", subtle=True)
+class VersionOfTheConnection(Brain):
+    """Every other connection is told another version."""
+
+    def get_version(self, request: Request) -> str:
+        """Look at its number."""
+        return "1.0.0" if request.session.connection % 2 else "1.0.1"

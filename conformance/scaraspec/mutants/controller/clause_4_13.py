@@ -1,0 +1,139 @@
+"""Faults of clause 4.13: setting the default program."""
+
+from dataclasses import replace
+from typing import Any, Final
+
+from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller.replying import AltersReplies
+from scaraspec.protocol.commands import BY_NAME, Command
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Acceptance
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.session import Request
+
+_SET_DEFAULT: Final = 0x0E
+
+
+@fault("4.13/2")
+class DefaultAnsweredInWords(AltersReplies):
+    """A new default program is answered with a word."""
+
+    opcode = _SET_DEFAULT
+
+    def altered(self, data: bytes) -> bytes:
+        """Say it in words."""
+        return b"OK" if data == b"1" else data
+
+
+@fault("4.13/2")
+class NewDefaultAnsweredWithZero(Brain):
+    """A new default program is set, and the answer is the 0 of the document's row."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Set it, and say the contrary."""
+        super().set_default_program(request)
+        return False
+
+
+@fault("4.13/3")
+class DefaultIsForgotten(Brain):
+    """A new default program is answered 1 and not set."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Only look for it."""
+        return self.is_program(request.value)
+
+
+@fault("4.13/3", subtle=True)
+class FirstDefaultRemains(Brain):
+    """Once there is a default program, another one is answered 1 and not set."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Set the first one."""
+        if self.is_program(self.store.settings.default_program):
+            return self.is_program(request.value)
+        return super().set_default_program(request)
+
+
+@fault("4.13/3", subtle=True)
+class ResetForgetsTheDefault(Brain):
+    """A reset leaves no default program."""
+
+    def reset(self, request: Request) -> Acceptance:
+        """Forget it."""
+        answer: Acceptance = super().reset(request)
+        if answer.accepted:
+            self.save(default_program=b"")
+        return answer
+
+
+@fault("4.13/3", subtle=True)
+class LongDefaultIsForgotten(Brain):
+    """A default program with a name of thirty bytes is answered 1 and not set."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Set shorter ones."""
+        if len(request.value) < 30:
+            return super().set_default_program(request)
+        return self.is_program(request.value)
+
+
+@fault("4.13/3", subtle=True)
+class DefaultOfTheConnection(Brain):
+    """A default program is one for the connection that has set it."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._set_by = -1
+
+    def set_default_program(self, request: Request) -> bool:
+        """Remember who it was."""
+        self._set_by = request.session.connection
+        return super().set_default_program(request)
+
+    def get_default_program(self, request: Request) -> Any:
+        """Tell nobody else."""
+        own = request.session.connection == self._set_by
+        return super().get_default_program(request) if own else b""
+
+
+@fault("4.13/5", subtle=True)
+class RefusalClearsTheDefault(Brain):
+    """A program that is not stored is refused, and then there is no default program any more."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Clear it first."""
+        return super().set_default_program(request) or not self.save(default_program=b"")
+
+
+@fault("4.13/5", subtle=True)
+class MalformedNameClearsTheDefault(Brain):
+    """A name that is none is refused, and then there is no default program any more."""
+
+    def _value(self, command: Command, frame: Frame) -> Any:
+        value = super()._value(command, frame)
+        if command.name == "set_default_program" and value is None:
+            self.save(default_program=b"")
+        return value
+
+
+@fault("4.13/6")
+class DefaultIsStarted(Brain):
+    """A new default program is started at once."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Start it."""
+        answer = super().set_default_program(request)
+        self.run_program(replace(request, command=BY_NAME["run_program"]))
+        return answer
+
+
+@fault("4.13/6")
+class DefaultIsTriedOut(Brain):
+    """A new default program is simulated at once, to see whether it can run."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Simulate it."""
+        answer = super().set_default_program(request)
+        self.simulate_program(replace(request, command=BY_NAME["simulate_program"]))
+        return answer

@@ -1,0 +1,171 @@
+"""Proving: the suite run against the virtual controller in memory, as it is or with seeded faults.
+
+The one place where both meet. The machine can be handled as a real subject can by the hooks of its
+statement of conformance: switched off and on, its inputs driven, its motors broken.
+"""
+
+import itertools
+import string
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Final, Literal
+
+from scaraspec.mutants.controller import Fault
+from scaraspec.protocol.readings import READINGS, Dialect
+from scaraspec.report.model import Results
+from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.own_files import TOKEN_LETTERS
+from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.engine.hooks import HookError
+from scaraspec.suite.engine.plan import Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.transports.memory import MemoryNetwork
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.control import ControlError, obey
+from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.session import Action, Close
+from scaraspec.virtual_controller.store import Store
+
+PASSWORD: Final = b"password"  # the virtual controller's own
+_EPOCH_NS: Final = 1_767_225_600_000_000_000  # 2026-01-01
+_BEGIN: Final = datetime(2026, 1, 1)  # noqa: DTZ001 - the document names no zone
+
+_LINES: Final[Mapping[str, str]] = {
+    "set_input": "input {port} {value}",
+    "set_analog": "analog {port} {value}",
+    "motor_fault": "motor-fault {joints} lasting",
+    "position_fault": "position-fault lasting",
+    "angle_fault": "angle-fault lasting",
+    "clear_faults": "clear",
+    "disk_full": "disk-full on",
+    "disk_free": "disk-full off",
+}
+
+
+class Robot:
+    """A virtual controller that can be switched off and on; see `links.memory.Machine`."""
+
+    def __init__(self, make: type[Brain], dialect: Dialect) -> None:
+        self.network = MemoryNetwork(self, epoch_ns=_EPOCH_NS)
+        self._make, self._dialect = make, dialect
+        self._store = Store()
+        self._plant = Plant(_BEGIN, 0.0)
+        self._brain = make(self._plant, self._store, dialect)
+        self._open: set[int] = set()
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When something happens by itself."""
+        return self._brain.next_event_s
+
+    def open(
+        self, connection: int, now_s: float, link: Literal["tcp", "serial"]
+    ) -> Sequence[Action]:
+        """A client has connected."""
+        self._open.add(connection)
+        return self._brain.open(connection, now_s, link)
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> Sequence[Action]:
+        """Bytes have arrived."""
+        return self._brain.receive(connection, data, now_s)
+
+    def close(self, connection: int, now_s: float) -> Sequence[Action]:
+        """A client sends no more."""
+        self._open.discard(connection)
+        return self._brain.close(connection, now_s)
+
+    def advance(self, now_s: float) -> Sequence[Action]:
+        """Time has passed."""
+        return self._brain.advance(now_s)
+
+    def restart(self) -> None:
+        """Switch it off and on: programs and settings stay, all else begins anew."""
+        now_s = self.network.now_s
+        self.network.perform([Close(connection) for connection in self._open])
+        self._open.clear()
+        clock = self._plant.clock.time(now_s)
+        self._plant = Plant(clock, now_s)
+        self._brain = self._make(self._plant, self._store, self._dialect)
+
+    def set_password(self, password: bytes) -> None:
+        """Set the password without a login."""
+        self._store.save(replace(self._store.settings, password=password))
+
+    def handle(self, line: str) -> None:
+        """Break or drive the plant.
+
+        Raises:
+            HookError: The line says nothing that can be done.
+        """
+        now_s = self.network.now_s
+        try:
+            obey(line, self._plant, now_s)
+        except ControlError as error:
+            raise HookError(f"{error}") from None
+        self.network.perform(self._brain.advance(now_s))
+
+
+@dataclass(frozen=True, slots=True)
+class _RobotHook:
+    """A hook without a command line."""
+
+    act: Callable[[Mapping[str, object]], None]
+
+    def run(self, **values: object) -> None:
+        """Do it."""
+        self.act(values)
+
+
+def prove_controller(
+    options: Options, fault: Fault | None = None, dialect: Dialect | None = None
+) -> Results:
+    """Run the suite against the virtual controller.
+
+    Args:
+        options: What to try.
+        fault: What is wrong with it; None for nothing.
+        dialect: The readings that it follows, each of which it claims then.
+    """
+    spoken = dialect or Dialect.parse(fault.reading if fault else ())
+    robot = Robot(fault.wrong if fault else Brain, spoken)
+    statement = Statement(
+        name=fault.name if fault else "virtual controller",
+        dialect=spoken,
+        claimed=frozenset(READINGS if dialect else spoken.differences()),
+        hooks=hooks_of(robot),
+    )
+    return certified(robot, statement, options)
+
+
+def certified(robot: Robot, statement: Statement, options: Options) -> Results:
+    """Run the suite against this machine.
+
+    Args:
+        robot: The machine.
+        statement: What it claims.
+        options: What to try.
+    """
+    access = MemoryAccess(robot.network)
+    setting = ControllerSetting(
+        access, statement, PASSWORD, options, link="memory", draw_token=tokens().__next__
+    )
+    return Run(setting).results()
+
+
+def tokens() -> Iterator[str]:
+    """The tokens of runs in memory, the same in every run: what is found can be compared."""
+    for letters in itertools.product(string.ascii_lowercase, repeat=TOKEN_LETTERS):
+        yield "".join(letters)
+
+
+def hooks_of(robot: Robot) -> dict[str, _RobotHook]:
+    """The hooks that handle it."""
+    lines = {
+        name: _RobotHook(lambda values, line=line: robot.handle(line.format(**values)))  # type: ignore[misc] # mypy knows no defaults of a lambda
+        for name, line in _LINES.items()
+    }
+    anew = _RobotHook(lambda _: robot.restart())
+    reset = _RobotHook(lambda _: robot.set_password(PASSWORD))
+    return {**lines, "restart": anew, "power_cut": anew, "factory_reset": reset}

@@ -1,0 +1,60 @@
+"""Clause 2: who dials whom, and what comes first (L79-L83, L104)."""
+
+from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.expect import NotRun, Unmet, expect_equal
+
+
+@client_case("2/1", attended=True)
+def test_it_dials_anew(subject: Subject) -> None:
+    """The controller cuts the connection off, and the client opens another one when told to."""
+    line = subject.open()
+    line.reset()
+    subject.settled(subject.begin("disconnect"))
+    subject.open()
+
+
+@client_case("2/1", name="unanswered")
+def test_it_dials_after_a_login_in_vain(subject: Subject) -> None:
+    """The controller hangs up in place of answering the login; the client can dial anew."""
+    line, call = subject.dial()
+    line.request("login", call)
+    line.close()
+    subject.fails(call)
+    subject.open()
+
+
+@client_case("2/3")
+def test_port(subject: Subject) -> None:
+    """The client dials the port that is named, and 8877 where none is, if it takes such orders."""
+    if not subject.access.listen_at_default():
+        raise NotRun(f"port {DEFAULT_PORT} of this computer cannot be had")
+    line, call = subject.dial(port=DEFAULT_PORT)
+    expect_equal(subject.access.dialled_port, DEFAULT_PORT, "the port that was named was not taken")
+    line.log_in(call)
+    subject.done(call)
+    subject.settled(subject.begin("disconnect"))
+    try:
+        line, call = subject.dial(port=None)
+    except Unmet:  # a driver may want to be told the port
+        return
+    expect_equal(subject.access.dialled_port, DEFAULT_PORT, "no port was named, and it dialled")
+    line.log_in(call)
+    subject.done(call)
+
+
+@client_case("2/10")
+def test_login_comes_first(subject: Subject) -> None:
+    """On one connection after the other, the login comes before anything else."""
+    for _ in range(2):
+        line, call = subject.dial()
+        first = line.awaited(lambda _: True, subject.answer_s, "no login was sent")
+        expect_equal(first.seen.name, "login", "the first request")
+        line.reply("login")
+        subject.done(call)
+        status = subject.begin("get_status")
+        line.serve(status, "00")
+        subject.gives(status, "00")
+        line.close()
+        subject.settled(subject.begin("disconnect"))

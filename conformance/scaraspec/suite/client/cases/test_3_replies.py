@@ -1,0 +1,442 @@
+"""Clause 3: what a client makes of the frames that it is sent (L92-L98, L320-L321)."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import TAG, Frame
+from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside
+from scaraspec.suite.client.harness.files import Upload, fetch, serve
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import (
+    accomplished,
+    answer,
+    ask,
+    awaited,
+    expect_told,
+    of_each,
+    order,
+    sent_or_settled,
+)
+from scaraspec.suite.client.harness.polls import REPLIES
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NoAnswer, expect, expect_equal
+
+_TWO_STAGE: Final = tuple(c.name for c in BY_NAME.values() if c.two_stage)
+_UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
+_SHORT_S: Final = 0.03
+_LATE_S: Final = 0.3
+_MARKS: Final = (
+    b"\xaa" * 150 + b"\xcc" * 150,
+    b"\xcc\x09\x02\x30\x30\xaa" * 50,
+    b"\xaa\x09\x00\xcc" * 60,
+    bytes(range(256)),
+)
+"""Contents full of start and end bytes; some look like frames of either direction."""
+
+_PENDING: Final = (
+    "get_status",
+    "list_programs",
+    "set_digital_output",
+    "delete_program",
+    "emergency_stop",
+)
+_SMALL: Final = bytes(range(200)) * 2
+"""A file of two chunks."""
+
+_FRAMING: Final = 4  # start, opcode, length, end
+
+
+# ---------------------------------------------------------------------- counting
+
+
+@client_case("3/9")
+def test_marks_in_data(subject: Subject, line: Line) -> None:
+    """A file full of 0xAA and 0xCC is downloaded, and is on the client's disk as it was sent.
+
+    The last chunk comes in two segments: data may look like frames while its frame is not whole.
+    """
+    for content in examples(_MARKS):
+        local = subject.no_file()
+        call = subject.begin("download", remote="marks.rob", local=local)
+        line.request("download_name", call)
+        line.reply("download_name")
+        *chunks, last = chunks_of(content)
+        for chunk in chunks:
+            line.chunk(chunk)
+            line.request("download_chunk")
+        data = line.chunk_frame(last).encode()
+        line.send_bytes(data[: len(data) // 2])
+        line.wait(_SHORT_S / 3)
+        line.send_bytes(data[len(data) // 2 :])
+        line.request("download_chunk")
+        subject.done(call)
+        expect_equal(Path(local).read_bytes(), content, "the file that was downloaded")
+
+
+@client_case("3/9", name="results-in-files")
+def test_results_in_data(subject: Subject, line: Line) -> None:
+    """A file full of final results is downloaded while a program runs, which goes on."""
+    goes_beside(subject, line, "download")
+    run = executing(subject, line, RUN)
+    ending = line.result_frame(RUN.name).encode()
+    serve(subject, line, ending * 50)
+    subject.undone(run, "data of a chunk were taken for a final result", requirement="3/9")
+    line.result(RUN.name)
+    finished(subject, run)
+
+
+@client_case("3/9", name="within-strays")
+def test_replies_in_data(subject: Subject, line: Line) -> None:
+    """Ahead of a reply come frames that nobody awaits; another reply is within their data."""
+    within = Frame(C2A, 0x09, b"01").encode()
+    for stray in examples((Frame(C2A, 0x08, within), Frame(C2A, 0x30, within, tagged=True))):
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        why = "the data of another frame were taken for the reply"
+        if _ignored(subject, line, call, stray, why=why):
+            line.reply("get_status", "00")
+            subject.gives(call, "00")
+        else:
+            line = _given_up(subject, line, "3/9")
+
+
+@client_case("3/9", name="length")
+def test_marks_as_lengths(subject: Subject, line: Line) -> None:
+    """The length byte of a reply is 0xAA, 0xCC, and the tag of results."""
+    for size_bytes in examples((0xAA, 0xCC, TAG)):
+        names = [f"{number:03}.rob" for number in range((size_bytes - 2) // 8)]
+        data = "|".join(["0", *names]).encode()
+        names[-1] = "z" * (size_bytes - len(data)) + names[-1]
+        call = subject.begin("list_programs")
+        line.serve(call, data="|".join(["0", *names]).encode())
+        subject.gives(call, names)
+
+
+# ---------------------------------------------------------------------- the tag
+
+
+@client_case("3/13")
+def test_tag(subject: Subject, line: Line) -> None:
+    """The final result of each two-stage command has the tag, and is read as what it is."""
+
+    def each(name: str) -> None:
+        call = order(subject, name)
+        awaited(line, name, call)
+        line.reply(name, data=b"1")
+        line.result(name)
+        accomplished(subject, call)
+
+    of_each(_TWO_STAGE, each)
+
+
+@client_case("3/13", name="cut")
+def test_cut_at_the_tag(subject: Subject, line: Line) -> None:
+    """The final result of each two-stage command is cut behind its tag, opcode and length."""
+
+    def each(name: str) -> None:
+        for cut in examples((1, 2, 3, 4)):
+            call = order(subject, name)
+            line.serve(call, data=b"1")
+            data = line.result_frame(name).encode()
+            line.send_bytes(data[:cut])
+            line.wait(_SHORT_S / 3)
+            line.send_bytes(data[cut:])
+            accomplished(subject, call)
+
+    of_each(("run_program", "emergency_stop", "jog"), each)
+
+
+@client_case("3/13", name="next")
+def test_frame_behind_a_tagged_one(subject: Subject, line: Line) -> None:
+    """A reply follows a tagged frame in the same segment, or is sent where that one was cut."""
+    result = line.result_frame("simulate_program").encode()
+    reply = line.frame("get_status", data=b"04").encode()
+    for cut in examples(range(len(result) + 1)):
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        line.send_bytes(result[:cut])
+        line.wait(_SHORT_S / 3)
+        line.send_bytes(result[cut:] + reply)
+        subject.gives(call, "04")
+
+
+# ---------------------------------------------------------------------- what nobody has defined
+
+
+def _ignored(subject: Subject, line: Line, call: Call, *frames: Frame, why: str) -> bool:
+    """Send what must not be taken for the reply to an open order.
+
+    Returns:
+        Whether the order is still open: a client may give it up, and close the connection.
+
+    Raises:
+        Unmet: The client takes it for the reply.
+    """
+    with suppress(NoAnswer):  # it has closed already
+        line.send_bytes(b"".join(map(Frame.encode, frames)))
+        line.wait(_SHORT_S)
+    if line.over:
+        subject.settled(call)
+    if call.answer is None:
+        return True
+    expect(not call.ok, why, expected="no answer yet, or an error", observed=f"{call}")
+    return False
+
+
+def _given_up(subject: Subject, line: Line, requirement: str) -> Line:
+    """Go on after the client has given an order up for what it was sent."""
+    subject.tolerate(requirement, "A-3-9", "close", "the client gave its order up")
+    if not line.over:
+        return line
+    subject.settled(subject.begin("disconnect"))
+    return subject.open()
+
+
+@client_case("3/22")
+def test_undefined_opcodes(subject: Subject, line: Line) -> None:
+    """Frames with every undefined opcode come ahead of a reply; the client takes the reply."""
+    for data in examples((b"", b"1", b"00", b"0|a.rob")):
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        frames = [Frame(C2A, opcode, data) for opcode in _UNDEFINED]
+        why = "a frame with an undefined opcode was taken for a reply"
+        if not _ignored(subject, line, call, *frames, why=why):
+            line = _given_up(subject, line, "3/22")
+            continue
+        line.reply("get_status", "00")
+        subject.gives(call, "00")
+
+
+@client_case("3/22", name="idle")
+def test_undefined_while_idle(subject: Subject, line: Line) -> None:
+    """Frames with undefined opcodes come while nothing is asked, some with the tag."""
+    for opcode in (0x02, 0x10, 0x3E, 0x46, 0x7F, 0xFF):
+        for tagged in examples((False, True)):
+            with suppress(NoAnswer):  # it has closed already
+                line.send_frame(Frame(C2A, opcode, b"11", tagged))
+    call = subject.begin("get_status")
+    if sent_or_settled(subject, line, call) is not None:
+        with suppress(NoAnswer):  # it may look at them only now, and close
+            line.reply("get_status", "00")
+        subject.settled(call)
+    if not call.ok:
+        line = _given_up(subject, line, "3/22")
+        call = subject.begin("get_status")
+        line.serve(call, "00")
+    subject.gives(call, "00")
+
+
+# ---------------------------------------------------------------------- late, in pieces, overtaken
+
+
+@client_case("3/27")
+def test_late_reply(subject: Subject, line: Line) -> None:
+    """A reply is late, and then comes in two pieces with a pause between them."""
+    call = subject.begin("get_version")
+    awaited(line, "get_version", call)
+    line.wait(_LATE_S)
+    data = line.frame("get_version", data=REPLIES["get_version"]).encode()
+    line.send_bytes(data[:_FRAMING])
+    line.wait(_LATE_S)
+    line.send_bytes(data[_FRAMING:])
+    subject.gives(call, "1.0.0")
+
+
+@client_case("3/27", name="result-of-nobody")
+def test_overtaken_by_an_old_result(subject: Subject, line: Line) -> None:
+    """The final result of a command of before comes ahead of each reply, and in the midst of it."""
+    for name in examples(_TWO_STAGE):
+        call = subject.begin("get_version")
+        awaited(line, "get_version", call)
+        line.result(name)
+        line.reply("get_version", data=REPLIES["get_version"])
+        subject.gives(call, "1.0.0")
+
+
+@client_case("3/27", name="overtaken")
+def test_overtaken(subject: Subject, line: Line) -> None:
+    """The final result of a command that executes overtakes the reply to a query."""
+    goes_beside(subject, line, "get_time")
+    run = order(subject, "run_program")
+    line.serve(run, data=b"1")
+    query = subject.begin("get_time")
+    awaited(line, "get_time", query)
+    line.result("run_program")
+    accomplished(subject, run)
+    line.reply("get_time", data=REPLIES["get_time"])
+    subject.done(query)
+
+
+@client_case("3/27", name="meanwhile")
+def test_replies_meanwhile(subject: Subject, line: Line) -> None:
+    """Queries are answered while a command executes; its final result comes after them."""
+    goes_beside(subject, line, "get_status")
+    run = order(subject, "run_program")
+    line.serve(run, data=b"1")
+    for status in ("01", "02", "01"):
+        query = subject.begin("get_status")
+        line.serve(query, status)
+        subject.gives(query, status)
+    subject.undone(run, "run_program is over, and its final result has not come")
+    line.result("run_program")
+    accomplished(subject, run)
+
+
+@client_case("3/27", name="among-others")
+def test_result_among_others(subject: Subject, line: Line) -> None:
+    """A final result comes while other requests, and both transfers, wait for an answer."""
+
+    def each(name: str) -> None:
+        goes_beside(subject, line, name)
+        run = executing(subject, line, RUN)
+        line.wait(_SHORT_S)
+        match name:
+            case "upload":
+                upload = Upload(subject, line, _SMALL)
+                upload.accept()
+                chunk = upload.next_chunk()
+                _ends(subject, line, run)
+                upload.take(chunk.length)
+                upload.finish()
+            case "download":
+                first, last = chunks_of(_SMALL)
+                download = fetch(subject, line)
+                download.give(first)
+                _ends(subject, line, run)
+                download.give(last)
+                download.expect_done()
+            case _:
+                call, request = ask(subject, line, name)
+                _ends(subject, line, run)
+                answer(line, name, request)
+                subject.settled(call)
+
+    of_each((*_PENDING, "upload", "download"), each)
+
+
+def _ends(subject: Subject, line: Line, run: Call) -> None:
+    line.result(RUN.name)
+    finished(subject, run, requirement="3/27")
+
+
+# ---------------------------------------------------------------------- whose reply it is
+
+_OTHERS: Final = (
+    Frame(C2A, 0x08, b"00"),
+    Frame(C2A, 0x07, b"20141222143000"),
+    Frame(C2A, 0x0D, b"00"),
+    Frame(C2A, 0x01, b"1"),
+    Frame(C2A, 0x49, b"1|1001000011110000"),
+    Frame(C2A, 0x09, b"01", tagged=True),
+    Frame(C2A, 0x30, b"11", tagged=True),
+)
+"""Frames that are no reply to 0x09: another opcode, or the tag."""
+
+
+@client_case("3/33")
+def test_reply_of_another(subject: Subject, line: Line) -> None:
+    """Frames of other commands, and tagged ones, come ahead of the reply to get_status."""
+    for frame in examples(_OTHERS):
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        why = f"the client took {frame} for the reply to 09"
+        if not _ignored(subject, line, call, frame, why=why):
+            line = _given_up(subject, line, "3/33")
+            continue
+        line.reply("get_status", "00")
+        subject.gives(call, "00")
+
+
+_OTHERWISE: Final = {
+    "get_network": b"10.0.0.2|255.0.0.0|10.0.0.1",
+    "get_time": b"20200101000000",
+    "get_version": b"9.8.7",
+    "get_running_program": b"1|other.txt|00000001",
+    "list_programs": b"0|other.rob",
+    "get_default_program": b"other.txt",
+    "get_motor_temperatures": b"1|2|3|4",
+    "get_gripper_center": b"1|2|3",
+    "get_initial_tool_position": b"1|2|3|4|0|0",
+    "get_tool_coordinates": b"1|2|3|4|0|0",
+    "get_joint_angles": b"1|2|3|4",
+    "get_digital_inputs": b"1|01010101",
+    "get_analog_input": b"1|7",
+    "get_digital_outputs": b"1|0101010101010101",
+}
+"""What would be a reply to these, if it had their opcode, and says something else."""
+
+
+@client_case("3/33", name="query")
+def test_reply_of_another_query(subject: Subject, line: Line) -> None:
+    """What would be its reply comes ahead of it under the opcode of every other query."""
+
+    def each(name: str) -> None:
+        nonlocal line
+        call, request = ask(subject, line, name)
+        others = [BY_NAME[other].opcode for other in _OTHERWISE if other != name]
+        frames = [Frame(C2A, opcode, _OTHERWISE[name]) for opcode in others]
+        why = f"the client took the reply to another query for that to {name}"
+        if not _ignored(subject, line, call, *frames, why=why):
+            line = _given_up(subject, line, "3/33")
+            return
+        answer(line, name, request)
+        expect_told(subject, call, name, REPLIES[name])
+
+    of_each(_OTHERWISE, each)
+
+
+_YES_TO_OTHERS: Final = {
+    "set_time": (0x03, 0x0C, 0x35),
+    "set_default_program": (0x0F,),  # whose own reply may bear the opcode of this one (A-4.14-1)
+    "run_program": (0x31,),
+    "simulate_program": (0x30,),
+}
+"""Opcodes of others under which a 1 is no answer to this."""
+
+
+@client_case("3/33", name="flag")
+def test_flag_of_another(subject: Subject, line: Line) -> None:
+    """A yes to another command comes ahead of the no to this one; or the connection ends."""
+
+    def each(name: str) -> None:
+        nonlocal line
+        for opcode in examples(_YES_TO_OTHERS[name]):
+            call = order(subject, name)
+            awaited(line, name, call)
+            why = "the client took the reply to another command for its own"
+            if not _ignored(subject, line, call, Frame(C2A, opcode, b"1"), why=why):
+                line = _given_up(subject, line, "3/33")
+                continue
+            line.reply(name, data=b"0")
+            subject.fails(call)
+        call = order(subject, name)
+        awaited(line, name, call)
+        line.close()
+        subject.fails(call)
+        line = subject.open()
+
+    of_each(_YES_TO_OTHERS, each)
+
+
+@client_case("3/33", name="result-first")
+def test_result_ahead_of_its_reply(subject: Subject, line: Line) -> None:
+    """A tagged frame of its own opcode comes ahead of the first reply, which is a refusal."""
+
+    def each(name: str) -> None:
+        nonlocal line
+        call, request = ask(subject, line, name)
+        why = "the client took a tagged frame for the first reply"
+        if not _ignored(subject, line, call, line.result_frame(name), why=why):
+            line = _given_up(subject, line, "3/33")
+            return
+        answer(line, name, request)
+        subject.fails(call)
+
+    of_each(_TWO_STAGE, each)

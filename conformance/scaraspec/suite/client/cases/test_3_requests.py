@@ -1,0 +1,154 @@
+"""Clause 3: the frames that a client sends, and what it leaves out between them (L85-L98)."""
+
+from typing import Final
+
+from scaraspec.protocol.commands import BY_NAME, PasswordChange
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import (
+    VALUES,
+    answer,
+    ask,
+    blame,
+    of_each,
+    order,
+    refuses,
+    sent_or_settled,
+)
+from scaraspec.suite.client.harness.polls import REPLIES
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NotRun, expect
+
+_OPERATIONS: Final = tuple(c.name for c in BY_NAME.values() if c.clause.startswith("4."))
+_WITHOUT_DATA: Final = tuple(name for name in _OPERATIONS if name not in VALUES)
+_LENGTHS_BYTES: Final = (127, 128, 129, 170, 200, 204, 254, 255)
+_SIGNED: Final = 127
+_TOO_LONG_BYTES: Final = (256, 257, 300, 511, 512, 600)
+_WIDE: Final = (
+    "程" * 130
+).encode()  # fewer than 255 characters, also in GB18030 more bytes (A-T-2)
+_PAUSE_S: Final = 0.3
+_TWICE: Final = {
+    "get_status": ("00", "01"),
+    "get_version": ("1.0.0", "1.0.1"),
+    "get_time": ("20141222143000", "20141222143001"),
+}
+"""Two answers to the same question."""
+
+
+@client_case("3/1", "3/2", "3/3", "3/7", "3/10", "3/15", "3/32")
+def test_every_request(subject: Subject, line: Line) -> None:
+    """Every operation with the document's example; its request is a frame, and the right one."""
+
+    def each(name: str) -> None:
+        call, request = ask(subject, line, name)
+        answer(line, name, request)
+        subject.settled(call)
+        blame(line)
+
+    of_each(_OPERATIONS, each)
+
+
+@client_case("3/8")
+def test_requests_without_data(subject: Subject, line: Line) -> None:
+    """Every operation that takes nothing; behind the length 0 the end byte follows at once."""
+
+    def each(name: str) -> None:
+        call, request = ask(subject, line, name)
+        answer(line, name, request)
+        subject.settled(call)
+        blame(line)
+
+    of_each(_WITHOUT_DATA, each)
+
+
+@client_case("3/6", "3/7", "3/1")
+def test_lengths(subject: Subject, line: Line) -> None:
+    """A pair of passwords makes a request of up to 255 bytes, unless the client refuses that."""
+    for size_bytes in examples(_LENGTHS_BYTES):
+        old = b"o" * ((size_bytes - 1) // 2)
+        pair = PasswordChange(old, b"n" * (size_bytes - 1 - len(old)))
+        call = order(subject, "set_password", pair)
+        if sent_or_settled(subject, line, call) is None:
+            continue  # it has a lower limit of its own
+        _expect_frame(line, call, BY_NAME["set_password"].request.encode(pair))
+        line.reply("set_password", data=b"0")
+        subject.settled(call)
+
+
+def _expect_frame(line: Line, call: Call, data: bytes) -> None:
+    """What an order has brought about has to be one frame with this data."""
+    blame(line, of_length="3/6" if len(data) > _SIGNED else "3/7")
+    frame = line.request(call.name, call).frame
+    expect(
+        frame.data.rstrip(b"|\0") == data,
+        "the request carries another number of bytes, or others",
+        expected=f"{len(data)} bytes",
+        observed=f"{len(frame.data)} bytes",
+        requirement="T/10",
+    )
+
+
+@client_case("3/28")
+def test_too_long(subject: Subject, line: Line) -> None:
+    """What does not fit 255 bytes is ordered, and must not be sent; nor may a part of it."""
+
+    def each(name: str) -> None:
+        for size_bytes in examples(_TOO_LONG_BYTES):
+            refuses(subject, line, name, b"x" * size_bytes)
+        refuses(subject, line, name, _WIDE)
+
+    of_each(("delete_program", "set_default_program", "run_program", "login"), each)
+
+
+# ---------------------------------------------------------------------- between the frames
+
+
+@client_case("3/32", "3/10", name="idle")
+def test_idle(subject: Subject, line: Line) -> None:
+    """The client is left alone for a moment, between its requests and with one unanswered."""
+    line.wait(_PAUSE_S)
+    blame(line)
+    call = subject.begin("get_version")
+    line.request("get_version", call)
+    line.wait(_PAUSE_S)
+    blame(line)
+    line.reply("get_version", data=REPLIES["get_version"])
+    subject.gives(call, "1.0.0")
+
+
+@client_case("3/10", "3/32", name="farewell")
+def test_farewell(subject: Subject, line: Line) -> None:
+    """The client hangs up, and sends nothing that nobody has defined by way of farewell."""
+    subject.settled(subject.begin("disconnect"))
+    line.pump()
+    blame(line)
+
+
+# ---------------------------------------------------------------------- one at a time
+
+
+@client_case("3/25")
+def test_one_at_a_time(subject: Subject, line: Line) -> None:
+    """The same is asked for twice at once; each answer goes to who asked for it."""
+    subject.concurrent(line)
+    name, _ = subject.unpolled(*_TWICE)
+    if subject.has_polled(name):
+        raise NotRun(f"the client asks by itself for all of {', '.join(_TWICE)}")
+    one, other = _TWICE[name]
+    first = subject.begin(name)
+    line.request(name, first)
+    second = subject.begin(name)  # not before: a driver may begin two orders as it likes
+    line.wait(_PAUSE_S)
+    if any(seen.name == name for seen in line.heard):
+        subject.tolerate("3/25", "A-3-14", "two open requests", f"{name} is sent twice at once")
+    line.reply(name, one)
+    if sent_or_settled(subject, line, second) is None:
+        subject.gives(second, one)  # it was content with the answer to the first
+    else:
+        line.request(name, second)
+        line.reply(name, other)
+        subject.gives(second, other)
+    subject.gives(first, one)

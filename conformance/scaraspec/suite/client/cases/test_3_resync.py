@@ -1,0 +1,167 @@
+"""Clause 3: bytes that are no frame. Where the next frame is looked for is a reading (A-3-10).
+
+The document says nothing of them. What counts is that the client takes none of them for a reply,
+and that it serves the next frame, on the same connection or on a new one.
+"""
+
+from contextlib import suppress
+from typing import Final
+
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.executing import RUN, executing, fails_in_the_end, renewed
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import awaited
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NoAnswer, Unmet
+
+_TURN_S: Final = 0.02
+_PATIENCE_S: Final = 0.3
+_SLOW_DRIVER_S: Final = 3.0  # a client that waits in vain gives up after 5 s (A-3-15)
+_GOOD: Final = Frame(C2A, 0x09, b"00").encode()
+_STRAYS: Final = (
+    b"\x00",
+    b"\xaa",
+    b"\xff" * 10,
+    b"\r\n",
+    b"help\r\n" * 20,
+    b"\xaa\x09\x00",
+    bytes(range(0xA0)) * 20,
+)
+"""No byte of these begins a frame."""
+
+_SPOILT: Final = tuple(
+    Frame(C2A, 0x09, b"11").encode()[:-1] + bytes((end,)) for end in (0x00, 0x0D, 0xAB, 0xBB, 0xFF)
+)
+_HALVES: Final = (
+    b"\xcc",
+    b"\xcc\x09",
+    b"\xcc\x09\x02",
+    b"\xcc\x09\x02\x30\x30",
+    b"\xcc\x09\x04",  # lacks as many bytes as the reply to the next login has
+    b"\xcc\x0b\xff" + b"0|a.rob|b.rob" * 4,
+    b"\xcc\x90\x30\x02",
+)
+
+
+def _settles(line: Line, call: Call, within_s: float) -> bool:
+    """Whether an order is over in this time, or the connection is."""
+    for _ in range(round(within_s / _TURN_S)):
+        if call.answer is not None or line.over:
+            return True
+        line.wait(_TURN_S)
+    return False
+
+
+def _recovers(subject: Subject, line: Line, requirement: str, *segments: bytes) -> Line:
+    """Send segments with bytes that are no frame and one reply, which has to be served somehow.
+
+    Returns:
+        The connection to go on with.
+
+    Raises:
+        Unmet: The client takes something else for the reply, or stalls.
+    """
+    call = subject.begin("get_status")
+    awaited(line, "get_status", call)
+    with suppress(NoAnswer):
+        for segment in segments:
+            line.send_bytes(segment)
+            line.wait(_TURN_S)
+    if not _settles(line, call, _PATIENCE_S):
+        subject.tolerate(requirement, "resync", "flush", "what came with bad bytes was dropped")
+        with suppress(NoAnswer):
+            line.send_bytes(_GOOD)
+        if not _settles(line, call, _SLOW_DRIVER_S):
+            raise Unmet(
+                "bytes that are no frame keep the client from the next frame",
+                expected="the reply behind them is served, or the connection ended",
+                observed="neither",
+                requirement=requirement,
+            )
+    if not line.over and (call.answer is None or call.ok):
+        subject.gives(call, "00", requirement=requirement)
+        return line
+    subject.fails(call, requirement=requirement)
+    subject.tolerate(requirement, "resync", "close", "the client gave up what it was doing")
+    line.close()
+    subject.settled(subject.begin("disconnect"))
+    return subject.open(judged=False)
+
+
+@client_case("3/19")
+def test_stray_bytes(subject: Subject) -> None:
+    """Bytes that begin no frame come ahead of a reply."""
+    line = subject.open(judged=False)
+    for stray in examples(_STRAYS):
+        line = _recovers(subject, line, "3/19", stray, _GOOD)
+
+
+@client_case("3/19", name="joined")
+def test_joined_with_a_reply(subject: Subject) -> None:
+    """Bytes that begin no frame come in one segment with the reply behind them, and before one."""
+    line = subject.open(judged=False)
+    for stray in examples(_STRAYS):
+        line = _recovers(subject, line, "3/19", stray + _GOOD + stray)
+
+
+@client_case("3/20")
+def test_wrong_end(subject: Subject) -> None:
+    """A reply with a wrong end byte comes ahead of the right one, which says something else."""
+    line = subject.open(judged=False)
+    for spoilt in examples(_SPOILT):
+        line = _recovers(subject, line, "3/20", spoilt, _GOOD)
+
+
+@client_case("3/20", name="result")
+def test_wrong_end_of_a_result(subject: Subject) -> None:
+    """A final result with a wrong end byte tells of success; the right one behind it does not."""
+    line = subject.open(judged=False)
+    for end in examples((0x00, 0xAB)):
+        call = executing(subject, line, RUN)
+        line.wait(_TURN_S)
+        spoilt = line.result_frame(RUN.name).encode()[:-1] + bytes((end,))
+        with suppress(NoAnswer):
+            line.send_bytes(spoilt)
+            line.wait(_TURN_S)
+            for _ in range(2):  # a client may drop what came with bad bytes
+                if not _settles(line, call, _PATIENCE_S):
+                    line.result(RUN.name, "12")
+        fails_in_the_end(subject, call, "a final result with a wrong end byte was taken")
+        line = renewed(subject, line)
+
+
+@client_case("3/29")
+def test_half_a_frame(subject: Subject) -> None:
+    """A reply stops half-way, and then the connection ends; on the next one all is well."""
+    for number, half in examples(enumerate(_HALVES)):
+        line = subject.open(judged=False)
+        call = subject.begin("get_status")
+        awaited(line, "get_status", call)
+        line.send_bytes(half)
+        line.wait(_TURN_S)
+        line.close() if number % 2 else line.reset()
+        subject.fails(call)
+        subject.settled(subject.begin("disconnect"))
+        line = subject.open()
+        call = subject.begin("get_status")
+        line.serve(call, "00")
+        subject.gives(call, "00")
+        line.close()
+        subject.settled(subject.begin("disconnect"))
+
+
+@client_case("3/29", name="silence")
+def test_silence_behind_half_a_frame(subject: Subject) -> None:
+    """A reply stops half-way and nothing follows; the client can hang up and connect again."""
+    for half in examples(_HALVES):
+        line = subject.open(judged=False)
+        subject.concurrent(line)
+        call = subject.begin("get_status")
+        line.request("get_status", call)
+        line.send_bytes(half)
+        line.wait(_TURN_S)
+        subject.open()

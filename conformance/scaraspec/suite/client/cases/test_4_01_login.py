@@ -1,0 +1,157 @@
+"""4.1: logging in."""
+
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import (
+    awaited,
+    expect_carries,
+    order,
+    sent_or_settled,
+)
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import Unmet, expect
+
+_PRINTABLE: Final = st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_characters="|")
+_LONG_BYTES: Final = (16, 17, 31, 32, 33, 64, 127, 128, 200, 255)
+_MOMENT_S: Final = 0.05
+_REFUSED: Final = "PassWord"
+_NO_YES: Final = (
+    b"0",
+    b"",
+    b"2",
+    b"11",
+    b"10",
+    b"01",
+    b"1|",
+    b"1 ",
+    b"1\n",
+    b"0|01",
+    b"OK",
+    b"true",
+    b"\x01",
+    b"1" * 9,
+)
+"""Everything but the one character 1."""
+
+
+@client_case("4.1/1", attended=True)
+def test_connect_logs_in(subject: Subject) -> None:
+    """Several passwords are connected with, and each is sent as it is."""
+    for password in examples(("password", "PassWord", "p")):
+        with subject.at_will():
+            line, call = subject.dial(password=password)
+            request = awaited(line, "login", call)
+            expect_carries(subject, request, "login", password.encode())
+            line.reply("login")
+            subject.done(call)
+            line.close()
+        subject.settled(subject.begin("disconnect"))
+
+
+@client_case("4.1/1", name="passwords")
+def test_passwords(subject: Subject, line: Line) -> None:
+    """Passwords of many characters are logged in with, one after the other, with blanks too."""
+
+    @example(" a b ")
+    @example("\"'\\%s%%{}<>&;#")
+    @example("0123456789012345678901234567890123456789")
+    @given(st.text(_PRINTABLE, min_size=1, max_size=24))
+    def each(password: str) -> None:
+        _log_in(subject, line, password.encode())
+
+    each()
+
+
+@client_case("4.1/1", "T/10", name="long")
+def test_long_passwords(subject: Subject, line: Line) -> None:
+    """Long passwords are sent whole, or refused by the client."""
+    for size_bytes in examples(_LONG_BYTES):
+        _log_in(subject, line, b"".join(b"%d" % (i % 10) for i in range(size_bytes)))
+
+
+def _log_in(subject: Subject, line: Line, password: bytes) -> None:
+    call = order(subject, "login", password)
+    if sent_or_settled(subject, line, call) is None:
+        return  # refused
+    request = awaited(line, "login", call)
+    line.reply("login")
+    expect_carries(subject, request, "login", password)
+    subject.done(call)
+
+
+@client_case("4.1/5", attended=True)
+def test_refused_login(subject: Subject) -> None:
+    """The login is answered with 0; the client says so, and sends nothing but another login."""
+    line, call = subject.dial()
+    line.log_in(call, reply=b"0")
+    subject.fails(call, requirement="4.1/8")
+    line.wait(_MOMENT_S)
+    _expect_logins(line)
+
+
+@client_case("4.1/5", "T/10", name="told-to")
+def test_told_to_go_on(subject: Subject) -> None:
+    """The login is answered with 0; operations are ordered all the same, and none is sent.
+
+    Nor is a password that nobody has given, in place of the refused one.
+    """
+    line, call = subject.dial(password=_REFUSED)
+    awaited(line, "login", call)
+    line.reply("login", data=b"0")
+    subject.fails(call, requirement="4.1/8")
+    again = line.polls.refused("login")
+    expect(
+        again is None or again.text == _REFUSED.encode(),
+        "the client logs in with another password than the one that it was given",
+        requirement="T/10",
+    )
+    for name in examples(
+        ("get_status", "get_version", "list_programs", "delete_program", "emergency_stop")
+    ):
+        call = order(subject, name)
+        if line.over or sent_or_settled(subject, line, call) is None:
+            subject.fails(call)
+        _expect_logins(line)
+
+
+def _expect_logins(line: Line) -> None:
+    """Nothing else may have been sent.
+
+    Raises:
+        Unmet: It has.
+    """
+    line.flush()
+    others = [f"{seen.frame}" for seen in line.heard if seen.name != "login"]
+    if others or line.noise:
+        raise Unmet(
+            "the client goes on after a refused login",
+            expected="nothing, or another login",
+            observed="; ".join(others) or "bytes that are no frame",
+        )
+
+
+@client_case("4.1/8")
+def test_anything_but_a_yes(subject: Subject) -> None:
+    """The login is answered with everything but 1, and the client takes it for failed."""
+    for reply in examples(_NO_YES):
+        line, call = subject.dial()
+        line.log_in(call, reply=reply)
+        subject.fails(call)
+        line.close()
+        subject.settled(subject.begin("disconnect"))
+
+
+@client_case("4.1/8", name="unanswered")
+def test_hung_up(subject: Subject) -> None:
+    """The connection ends in place of an answer to the login, which has failed then."""
+    for cut in examples((False, True)):
+        line, call = subject.dial()
+        awaited(line, "login", call)
+        line.reset() if cut else line.close()
+        subject.fails(call)

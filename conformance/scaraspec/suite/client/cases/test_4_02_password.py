@@ -1,0 +1,69 @@
+"""4.2: setting a new password."""
+
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import PasswordChange
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import ask, refuses
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+
+_PRINTABLE: Final = st.characters(min_codepoint=0x21, max_codepoint=0x7E, exclude_characters="|\"'")
+_passwords: Final = st.text(_PRINTABLE, min_size=1, max_size=30).map(str.encode)
+_BARRED: Final = (
+    PasswordChange(b"old", b"new|er"),
+    PasswordChange(b"old|er", b"new"),
+    PasswordChange(b"|", b"new"),
+    PasswordChange(b"old", b"new|"),
+)
+_TOO_LONG_BYTES: Final = ((127, 128), (128, 127), (1, 254), (254, 1), (200, 200), (255, 255))
+_WIDE: Final = PasswordChange(("旧" * 60).encode(), ("新" * 70).encode())
+"""131 characters with the bar between them; too long in UTF-8 and in GB18030 (A-T-2)."""
+
+
+@client_case("4.2/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """The password is set, and that is refused; then it is set."""
+    call, _ = ask(subject, line, "set_password")
+    line.reply("set_password", data=b"0")
+    subject.fails(call)
+    call, _ = ask(subject, line, "set_password")
+    line.reply("set_password", data=b"1")
+    subject.done(call)
+
+
+@client_case("4.2/1", name="pairs")
+def test_pairs(subject: Subject, line: Line) -> None:
+    """Pairs of passwords are sent whole, the old one first."""
+
+    @example(b"o" * 60, b"n" * 60)
+    @example(b"x", b"x")
+    @example(b"50%s%%", b"100%%")
+    @example(b" old word ", b" new word ")
+    @given(_passwords, _passwords)
+    def each(old: bytes, new: bytes) -> None:
+        with subject.at_will():
+            call, _ = ask(subject, line, "set_password", PasswordChange(old, new))
+            line.reply("set_password", data=b"1")
+            subject.done(call)
+
+    each()
+
+
+@client_case("4.2/7")
+def test_bars(subject: Subject, line: Line) -> None:
+    """A password with a bar in it is ordered, old or new; the client refuses it."""
+    for pair in examples(_BARRED):
+        refuses(subject, line, "set_password", pair)
+
+
+@client_case("4.2/7", name="long")
+def test_too_long(subject: Subject, line: Line) -> None:
+    """Pairs of more than 255 bytes are ordered, one of fewer characters; the client refuses."""
+    for old, new in examples(_TOO_LONG_BYTES):
+        refuses(subject, line, "set_password", PasswordChange(b"o" * old, b"n" * new))
+    refuses(subject, line, "set_password", _WIDE)

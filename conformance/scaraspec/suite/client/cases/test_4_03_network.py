@@ -1,0 +1,52 @@
+"""4.3: asking for the network settings."""
+
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import ask, tells
+from scaraspec.suite.client.harness.saying import same
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import given
+
+_addresses: Final = st.ip_addresses(v=4).map(str)
+_PADDED: Final = b"192.168.010.020|255.255.255.000|192.168.010.001"
+_UNPADDED: Final = {"ip": "192.168.10.20", "mask": "255.255.255.0", "gateway": "192.168.10.1"}
+
+
+@client_case("4.3/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """get_network is asked for without data, and answered."""
+    tells(subject, line, "get_network", requirement="4.3/5")
+
+
+@client_case("4.3/5")
+def test_lengths(subject: Subject, line: Line) -> None:
+    """The three fields have every legal length, from 7 to 15 characters."""
+
+    @example("1.1.1.1", "0.0.0.0", "2.2.2.2")  # noqa: S104 - text of a reply, not bound to
+    @example("255.255.255.254", "255.255.255.255", "192.168.100.100")
+    @example("1.1.1.1", "255.255.255.252", "10.0.0.254")
+    @example("192.168.100.200", "255.0.0.0", "9.9.9.9")
+    @given(_addresses, _addresses, _addresses)
+    def each(ip: str, mask: str, gateway: str) -> None:
+        tells(subject, line, "get_network", f"{ip}|{mask}|{gateway}".encode())
+
+    each()
+
+
+@client_case("4.3/5", name="padded")
+def test_padded(subject: Subject, line: Line) -> None:
+    """Addresses are padded with zeros; the client says the same addresses, or that it will not."""
+    call, _ = ask(subject, line, "get_network")
+    line.reply("get_network", data=_PADDED)
+    subject.settled(call)
+    if not call.ok:
+        subject.tolerate("4.3/5", "A-4.3-2", "unpadded", "padded addresses are not taken")
+        return
+    as_sent = dict(zip(_UNPADDED, _PADDED.decode().split("|"), strict=True))
+    if not same(call.result, as_sent):
+        subject.gives(call, _UNPADDED)

@@ -1,0 +1,76 @@
+"""4.4: setting the network."""
+
+from typing import Final
+
+import pytest
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import Network
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import ask
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import given
+
+_addresses: Final = st.ip_addresses(v=4, network="10.0.0.0/8").map(str)
+_MASKS: Final = ("255.0.0.0", "255.255.0.0", "255.255.255.0", "255.255.255.252")
+_OTHER: Final = Network("192.168.100.200", "255.255.255.128", "192.168.100.254")
+"""As ordinary as the document's example: no silence of the register lets a client decline it."""
+
+_READ_S: Final = 1.0
+
+
+@client_case("4.4/1")
+def test_example(subject: Subject, line: Line) -> None:
+    """The network is set to the document's example, and that is refused."""
+    call, _ = ask(subject, line, "set_network")
+    line.reply("set_network", data=b"0")
+    subject.fails(call)
+
+
+@client_case("4.4/1", name="addresses")
+def test_addresses(subject: Subject, line: Line) -> None:
+    """Address, mask and gateway are sent whole, and in this order."""
+
+    @example("1.1.1.1", "255.255.255.252", "2.2.2.2")
+    @given(_addresses, st.sampled_from(_MASKS), _addresses)
+    def each(ip: str, mask: str, gateway: str) -> None:
+        with subject.at_will():
+            sent(Network(ip, mask, gateway))
+
+    def sent(network: Network) -> None:
+        call, _ = ask(subject, line, "set_network", network)
+        line.reply("set_network", data=b"0")
+        subject.fails(call)
+
+    sent(_OTHER)
+    each()
+
+
+@client_case("4.4/6", attended=True)
+def test_link_ends_behind_the_yes(subject: Subject, line: Line) -> None:
+    """The connection ends as soon as the yes was sent; the client says done, and connects anew."""
+    _lose(subject, line, cut=False)
+    _lose(subject, subject.open(), cut=True)
+
+
+def _lose(subject: Subject, line: Line, *, cut: bool) -> None:
+    call, _ = ask(subject, line, "set_network")
+    line.reply("set_network", data=b"1")
+    if cut:
+        subject.speaks(call, _READ_S)  # a cut takes with it what has not been read
+        line.reset()
+    else:
+        line.close()
+    subject.done(call)
+    subject.settled(subject.begin("disconnect"))
+
+
+@pytest.mark.parametrize("cut", [False, True], ids=["closed", "cut-off"])
+@client_case("T/9", name="network-unanswered")
+def test_link_is_lost_before_the_answer(subject: Subject, line: Line, *, cut: bool) -> None:
+    """The link ends in place of an answer to the new network, which nobody has accepted then."""
+    call, _ = ask(subject, line, "set_network")
+    line.reset() if cut else line.close()
+    subject.fails(call)

@@ -1,0 +1,111 @@
+"""4.5: setting the time."""
+
+from datetime import datetime
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.fields import Clock, Notes
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import ask, blame, sent_or_settled
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect
+
+_TIMES: Final = st.datetimes(datetime(2000, 1, 1), datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
+_IMPOSSIBLE: Final = (
+    "20141301000000",
+    "20140001000000",
+    "20140100000000",
+    "20140132000000",
+    "20140230120000",
+    "20140431120000",
+    "20140631120000",
+    "20140931120000",
+    "20141131120000",
+    "20150229120000",
+    "21000229120000",
+    "20141222240000",
+    "20141222126000",
+    "20141222120061",
+    "20141332250000",
+    "201412221430",
+    "2014122214300",
+    "201412221430000",
+    "20141222143000\n",  # which the $ of many a pattern lets pass
+    "2014+122143000",  # whose parts are numbers to most languages, and so are the next one's
+    "２０１４１２２２１４３０００",
+)
+_EDGES: Final = tuple(
+    datetime(*numbers)  # noqa: DTZ001 - the document names no zone
+    for numbers in (
+        (2014, 1, 1),
+        (2014, 12, 31, 23, 59, 59),
+        (2016, 2, 29, 12),
+        (2014, 3, 31, 0, 0, 1),
+        (2014, 9, 30, 12, 0, 0),
+    )
+)
+_CLOCK: Final = Clock("time")
+
+
+@client_case("4.5/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """The time is set to the document's example; that is done, and then refused."""
+    call, _ = ask(subject, line, "set_time")
+    line.reply("set_time", data=b"1")
+    subject.done(call)
+    call, _ = ask(subject, line, "set_time")
+    line.reply("set_time", data=b"0")
+    subject.fails(call)
+
+
+@client_case("4.5/1", name="times")
+def test_times(subject: Subject, line: Line) -> None:
+    """Times of two centuries are sent as 14 digits, with zeros where one digit would do."""
+
+    @example(datetime(1999, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
+    @example(datetime(2001, 2, 3, 4, 5, 6))  # noqa: DTZ001 - the document names no zone
+    @example(datetime(2016, 2, 29))  # noqa: DTZ001 - the document names no zone
+    @example(datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
+    @given(_TIMES)
+    def each(time: datetime) -> None:
+        with subject.at_will():
+            call, _ = ask(subject, line, "set_time", time.replace(microsecond=0))
+            line.reply("set_time", data=b"1")
+            subject.done(call)
+
+    each()
+
+
+@client_case("4.5/2", name="edges")
+def test_edges_of_the_calendar(subject: Subject, line: Line) -> None:
+    """The first and last times of years, months and days are sent as they are."""
+    for time in examples(_EDGES):
+        call, _ = ask(subject, line, "set_time", time)
+        line.reply("set_time", data=b"1")
+        subject.done(call)
+
+
+@client_case("4.5/2", "4.5/1")
+def test_impossible_times(subject: Subject, line: Line) -> None:
+    """Times that no calendar has, or of no 14 digits, are ordered; the client sends none."""
+    for text in examples(_IMPOSSIBLE):
+        call = subject.begin("set_time", time=text)
+        if sent_or_settled(subject, line, call) is None:
+            subject.fails(call)
+            continue
+        blame(line)
+        request = line.request("set_time", call)
+        notes = Notes()
+        _CLOCK.read(request.frame.data, notes)
+        expect(
+            not notes.complaints,
+            f"the client was told to set the time to {text}, which it sends",
+            expected="nothing, or a time of the calendar",
+            observed=f"{request}",
+        )
+        line.reply("set_time", data=b"0")
+        subject.settled(call)

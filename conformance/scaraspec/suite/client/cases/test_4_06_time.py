@@ -1,0 +1,41 @@
+"""4.6: asking for the time."""
+
+from datetime import datetime
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import tells
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+
+_ONE_AFTER_ANOTHER: Final = (b"20080908090808", b"20080908090809", b"20080908090909")
+"""The same but for a second or a minute, and with digits that no octal number has."""
+
+_TIMES: Final = st.datetimes(datetime(2000, 1, 1), datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
+
+
+@client_case("4.6/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """get_time is asked for without data, and answered."""
+    tells(subject, line, "get_time", requirement="T/9")
+
+
+@client_case("T/9", name="time")
+def test_times(subject: Subject, line: Line) -> None:
+    """Times of a century are handed on, to the second, and as they are by then."""
+
+    @example(datetime(2001, 2, 3, 4, 5, 6))  # noqa: DTZ001 - the document names no zone
+    @example(datetime(2000, 2, 29))  # noqa: DTZ001 - the document names no zone
+    @example(datetime(2096, 2, 29, 12))  # noqa: DTZ001 - the document names no zone
+    @example(datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
+    @given(_TIMES)
+    def each(time: datetime) -> None:
+        tells(subject, line, "get_time", f"{time:%Y%m%d%H%M%S}".encode())
+
+    each()
+    for time in examples(_ONE_AFTER_ANOTHER):
+        tells(subject, line, "get_time", time)

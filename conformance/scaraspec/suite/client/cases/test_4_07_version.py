@@ -1,0 +1,59 @@
+"""4.7: asking for the version."""
+
+import re
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import tells
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+
+_numbers: Final = st.lists(st.integers(0, 9999), min_size=1, max_size=5)
+_VERSIONS: Final = (
+    "1",
+    "1.0",
+    "01.00",
+    "10.20.30",
+    "1.10.0",
+    "1.0.0-rc1",
+    "V1.0.0 build 20141222",
+    "1.0.0." + "9" * 100,
+    "v" * 255,
+)
+"""Three dotted integers are drawn, free text is tolerated (A-4.7-1)."""
+
+_DRAWN: Final = re.compile(r"[0-9]+\.[0-9]+\.[0-9]+")
+
+
+@client_case("4.7/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """get_version is asked for without data, and answered."""
+    tells(subject, line, "get_version", requirement="4.7/5")
+
+
+def _tells(subject: Subject, line: Line, version: str) -> None:
+    odd = None if _DRAWN.fullmatch(version) else ("A-4.7-1", "three numbers")
+    tells(subject, line, "get_version", version.encode(), requirement="4.7/5", odd=odd)
+
+
+@client_case("4.7/5")
+def test_versions(subject: Subject, line: Line) -> None:
+    """Versions of 1 to 255 characters are handed on as they are."""
+    for version in examples(_VERSIONS):
+        _tells(subject, line, version)
+
+
+@client_case("4.7/5", name="numbers")
+def test_numbers(subject: Subject, line: Line) -> None:
+    """Versions of one to five numbers are handed on as they are."""
+
+    @example([1, 0, 10])
+    @given(_numbers)
+    def each(numbers: list[int]) -> None:
+        _tells(subject, line, ".".join(map(str, numbers)))
+
+    each()

@@ -1,0 +1,92 @@
+"""4.9: asking for the running program."""
+
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.fields import NAME_MAX_BYTES, RunTime
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import ask, tells
+from scaraspec.suite.client.harness.saying import spoken
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.strategies import names
+
+_DAY_S: Final = 86400
+_NO_OCTAL: Final = 8 * _DAY_S + 9 * 3600 + 8 * 60 + 9  # days, hours, minutes, seconds
+_SECONDS: Final = (
+    *(0, 1, 59, 60, 3599, 3600, _NO_OCTAL),
+    *(_DAY_S - 1, _DAY_S, 10 * _DAY_S, 100 * _DAY_S - 1),
+)
+_LONG_BYTES: Final = (30, 31, 64, 100, 200)
+_RUN_TIME: Final = RunTime("run_time_s")
+
+
+def _tells(subject: Subject, line: Line, name: bytes, run_time_s: int) -> None:
+    data = b"1|" + name + b"|" + _RUN_TIME.write(run_time_s, DEFAULT)
+    odd = ("A-4.9-5", "30") if len(name) > NAME_MAX_BYTES else None
+    tells(subject, line, "get_running_program", data, odd=odd)
+
+
+@client_case("4.9/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """get_running_program is asked for without data, and answered."""
+    tells(subject, line, "get_running_program", requirement="T/9")
+
+
+@client_case("T/9", name="running-program")
+def test_running(subject: Subject, line: Line) -> None:
+    """Programs of many names run for up to a hundred days; name and time are handed on."""
+
+    @example(b"a", 1)
+    @given(names, st.sampled_from(_SECONDS) | st.integers(0, 100 * _DAY_S - 1))
+    def each(name: bytes, run_time_s: int) -> None:
+        _tells(subject, line, name, run_time_s)
+
+    each()
+    for run_time_s in examples(_SECONDS):
+        _tells(subject, line, b"pro1.rob", run_time_s)
+
+
+@client_case("T/9", name="running-long-name")
+def test_long_names(subject: Subject, line: Line) -> None:
+    """The running program's name has 30 bytes and more, which it generally has not (A-4.9-5).
+
+    It may have blanks and several dots, too.
+    """
+    for name in examples((b"pick and place.rob", b"pick.v1.2.rob")):
+        _tells(subject, line, name, 90061)
+    for size_bytes in examples(_LONG_BYTES):
+        _tells(subject, line, b"n" * (size_bytes - 4) + b".rob", 90061)
+
+
+@client_case("T/9", name="nothing-runs")
+def test_nothing_runs(subject: Subject, line: Line) -> None:
+    """No program runs, which is told by the flag alone."""
+    call, _ = ask(subject, line, "get_running_program")
+    line.reply("get_running_program", data=b"0")
+    subject.gives(call, None)
+
+
+@client_case("T/9", name="running-readings")
+def test_readings(subject: Subject, line: Line) -> None:
+    """No program runs, with empty fields behind the flag; and a flag is a binary byte (A-T-1)."""
+    running = spoken(RunningProgram(b"pro1.rob", 3661))
+    for data, said, reading in examples(
+        (
+            (b"0||", None, ("runinfo_none", "0")),
+            (b"\x00", None, ("runinfo_binary", "ascii")),
+            (b"\x01|pro1.rob|00010101", running, ("runinfo_binary", "ascii")),
+        )
+    ):
+        call, _ = ask(subject, line, "get_running_program")
+        line.reply("get_running_program", data=data)
+        subject.settled(call)
+        if call.ok:
+            subject.gives(call, said)
+        else:
+            subject.tolerate("T/9", *reading, "the client takes the drawn form only")

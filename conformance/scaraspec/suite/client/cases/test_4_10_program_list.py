@@ -1,0 +1,128 @@
+"""4.10: asking for the program list."""
+
+from typing import Any, Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.fields import show
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.lists import list_of, serve_list
+from scaraspec.suite.client.harness.orders import ask, tells
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.strategies import names
+
+_LATE_S: Final = 0.1
+_MANY: Final = 400
+_LONG_BYTES: Final = (29, 30, 31, 32, 64, 100, 253)
+_SCRIPTED: Final = ("part[1].rob", "{b}.rob", "$c;d.rob", "007", "1e3")
+"""Names that a script takes for commands, lists, variables and numbers."""
+_SEEMING: Final = ("0.rob", "1.rob", "11", "0", "10.rob", "00")
+"""Names that look like flags."""
+
+
+def _lists(subject: Subject, line: Line, names: list[str], per_part: int, **how: Any) -> None:
+    call = subject.begin("list_programs")
+    serve_list(subject, line, call, list_of(*names, per_part=per_part), **how)
+    subject.gives(call, names)
+
+
+@client_case("4.10/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """list_programs is asked for without data, and answered."""
+    tells(subject, line, "list_programs", requirement="4.10/10")
+
+
+@client_case("4.10/10")
+def test_parts(subject: Subject, line: Line) -> None:
+    """Lists of many names come in one to eight parts."""
+
+    @example(["a.rob", "b.rob", "c.rob"], 1)
+    @example([f"{number}.rob" for number in range(8)], 1)
+    @given(
+        st.lists(names.map(bytes.decode), min_size=1, max_size=8, unique=True), st.integers(1, 8)
+    )
+    def each(listed: list[str], per_part: int) -> None:
+        _lists(subject, line, listed, per_part=per_part)
+
+    each()
+
+
+@client_case("4.10/10", name="late", attended=True)
+def test_late_parts(subject: Subject, line: Line) -> None:
+    """Three parts come, with a pause and the result of an old command ahead of each (3/27)."""
+
+    def ahead() -> None:
+        line.wait(_LATE_S)
+        line.result("reset")
+
+    listed = [f"pro{number}.rob" for number in range(6)]
+    _lists(subject, line, listed, per_part=2, ahead=ahead)
+
+
+@client_case("4.10/10", name="many")
+def test_many(subject: Subject, line: Line) -> None:
+    """Hundreds of names come in full parts, in small ones, and but for the last: that fails."""
+    listed = [f"pro{number:03}.rob" for number in range(_MANY)]
+    for per_part in examples((22, 10)):  # of 11 bytes each
+        _lists(subject, line, listed, per_part=per_part)
+    call = subject.begin("list_programs")
+    serve_list(subject, line, call, list_of(*listed, per_part=22)[:-1])
+    line.close()
+    subject.fails(call, requirement="T/9")
+
+
+@client_case("4.10/10", "T/9", name="order")
+def test_order(subject: Subject, line: Line) -> None:
+    """The names are in no order, differ in case, have blanks, are hidden, or look like others."""
+    _lists(subject, line, [".hidden.rob", "~a.rob", "a.rob~", "..rob"], per_part=3)
+    _lists(subject, line, ["pick and place.rob", "a  b.rob"], per_part=2)
+    _lists(subject, line, ["z.rob", "a.rob", "m.rob", "A.rob", "Z.ROB", "z.txt"], per_part=2)
+    _lists(subject, line, list(_SEEMING), per_part=2)
+    _lists(subject, line, list(_SCRIPTED), per_part=5)
+
+
+@client_case("4.10/10", name="no-bar")
+def test_no_bar_behind_the_flag(subject: Subject, line: Line) -> None:
+    """No bar stands between the flag and the first name (A-4.10-2)."""
+    for per_part in examples((3, 1)):
+        call = subject.begin("list_programs")
+        listed = ["pro1.rob", "2.rob", "0.rob"]
+        serve_list(subject, line, call, list_of(*listed, per_part=per_part, bar=b""))
+        subject.settled(call)
+        if call.ok:
+            subject.gives(call, listed)
+        else:
+            subject.tolerate("4.10/10", "list_prefix_sep", "0|a", "a list without that bar fails")
+
+
+@client_case("4.10/12", attended=True)
+def test_empty(subject: Subject, line: Line) -> None:
+    """There are no programs, which is told by the flag alone."""
+    call, _ = ask(subject, line, "list_programs")
+    line.reply("list_programs", data=b"0")
+    subject.gives(call, [])
+
+
+@client_case("4.10/12", name="readings")
+def test_empty_otherwise(subject: Subject, line: Line) -> None:
+    """There are no programs, which is told by a flag and a bar, or by no data (A-4.10-4)."""
+    for data, option in examples(((b"0|", "0|"), (b"", "empty"))):
+        call, _ = ask(subject, line, "list_programs")
+        line.reply("list_programs", data=data)
+        subject.settled(call)
+        if call.ok:
+            subject.gives(call, [])
+        else:
+            told = f"the client fails at an empty list that is written {show(data)!r}"
+            subject.tolerate("4.10/12", "list_empty", option, told)
+
+
+@client_case("4.10/12", "T/9", name="long")
+def test_long_names(subject: Subject, line: Line) -> None:
+    """Names have 30 bytes and more, up to one that fills a part; each is handed on whole."""
+    for size_bytes in examples(_LONG_BYTES):
+        long = "n" * (size_bytes - 4) + ".rob"
+        _lists(subject, line, [long, "a.rob"], per_part=1)

@@ -1,0 +1,44 @@
+"""4.11: deleting a program."""
+
+from typing import Final
+
+from hypothesis import example
+
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import ask
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.strategies import names
+
+_NAMES: Final = (
+    *(b"a", b"PRO1.TXT", b"pro1", b"my program.rob", b"pro1.2.txt", b"0123456789" * 3),
+    *(b"100%%d.rob", b"~it's.rob"),
+)
+
+
+@client_case("4.11/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """A program is deleted, and then another deletion is refused."""
+    call, _ = ask(subject, line, "delete_program")
+    line.reply("delete_program", data=b"1")
+    subject.done(call)
+    call, _ = ask(subject, line, "delete_program")
+    line.reply("delete_program", data=b"0")
+    subject.fails(call)
+
+
+@client_case("4.11/1", name="names")
+def test_names(subject: Subject, line: Line) -> None:
+    """Names with and without extension, of either case, with blanks and dots are sent as given."""
+
+    @given(names)
+    def each(name: bytes) -> None:
+        with subject.at_will():
+            call, _ = ask(subject, line, "delete_program", name)
+            line.reply("delete_program", data=b"1")
+            subject.done(call)
+
+    for name in _NAMES:
+        each = example(name)(each)
+    each()

@@ -1,0 +1,85 @@
+"""4.12: asking for the default program, under 0x0D or 0x13 (A-4.12-1)."""
+
+from contextlib import suppress
+from typing import Final
+
+from hypothesis import example
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.fields import NAME_MAX_BYTES
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import ask
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import NoAnswer, expect
+from scaraspec.suite.engine.strategies import names
+
+_NAME: Final = "get_default_program"
+_MOMENT_S: Final = 0.1
+_LONG_BYTES: Final = (30, 31, 100, 255)
+
+
+def _tells(subject: Subject, line: Line, data: bytes, said: str | None) -> None:
+    """Answer with the opcode that was asked with."""
+    call, request = ask(subject, line, _NAME)
+    if request.frame.opcode != BY_NAME[_NAME].opcode:
+        told = "the default program is asked for as the rows print it"
+        subject.tolerate("4.12/1", "op_get_default", f"0x{request.frame.opcode:02X}", told)
+    line.send_frame(line.frame(_NAME, data=data)._replace(opcode=request.frame.opcode))
+    if len(data) > NAME_MAX_BYTES and not subject.settled(call).ok:
+        subject.tolerate("T/9", "A-5-20", "30", f"a name of {len(data)} bytes is not taken")
+        return
+    subject.gives(call, said, requirement="T/9")
+
+
+@client_case("4.12/1", "T/9", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """get_default_program is asked for without data, and answered."""
+    _tells(subject, line, b"pro1.txt", "pro1.txt")
+
+
+@client_case("4.12/1", name="unanswered")
+def test_unanswered(subject: Subject, line: Line) -> None:
+    """A request under one opcode stays unanswered for a moment; another is answered as it comes."""
+    call, first = ask(subject, line, _NAME)
+    claims_both = subject.dialect["op_get_default"] == "both"
+    with suppress(NoAnswer):
+        again = line.request(_NAME, call, within_s=subject.answer_s if claims_both else _MOMENT_S)
+        expect(not again.frame.data, "the request carries data", observed=f"{again}")
+        first = again
+    line.send_frame(line.frame(_NAME, data=b"pro1.txt")._replace(opcode=first.frame.opcode))
+    subject.gives(call, "pro1.txt")
+
+
+@client_case("T/9", "4.12/1", name="default-program")
+def test_names(subject: Subject, line: Line) -> None:
+    """Default programs of many names, long ones too, are handed on; and that there is none."""
+
+    @example(b"a")
+    @example(b"1.rob")
+    @example(b"0.rob")
+    @example(b"007")  # a number for who reads it as one, and no is false
+    @example(b"no")
+    @example(b"pick and place.rob")
+    @given(names)
+    def each(name: bytes) -> None:
+        _tells(subject, line, name, name.decode())
+
+    each()
+    for size_bytes in examples(_LONG_BYTES):
+        name = "n" * (size_bytes - 4) + ".rob"
+        _tells(subject, line, name.encode(), name)
+    _tells(subject, line, b"", None)
+
+
+@client_case("T/9", "4.12/1", name="no-default-program")
+def test_none_otherwise(subject: Subject, line: Line) -> None:
+    """No default program is set, which is told by a 0 (A-4.12-2)."""
+    call, request = ask(subject, line, _NAME)
+    line.send_frame(line.frame(_NAME, data=b"0")._replace(opcode=request.frame.opcode))
+    subject.settled(call)
+    if not call.ok or call.result == "0":
+        subject.tolerate("T/9", "default_none", "empty", "a 0 is taken for a name, or for nothing")
+    else:
+        subject.gives(call, None)

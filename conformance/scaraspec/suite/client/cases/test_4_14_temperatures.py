@@ -1,0 +1,116 @@
+"""4.14: asking for the temperatures; the reply bears 0x0F, or 0x0E as printed (A-4.14-1)."""
+
+import math
+from itertools import product
+from typing import Any, Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import ask, tells
+from scaraspec.suite.client.harness.saying import same
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect
+
+_NAME: Final = "get_motor_temperatures"
+_SETTING: Final = "set_default_program"
+_AS_PRINTED: Final = Frame(C2A, 0x0E, b"20|38|34|22")
+_SAID: Final = {"inner_arm": 20, "outer_arm": 38, "wrist": 34, "rotation": 22}
+_SHORT_S: Final = 0.1
+_texts: Final = st.integers(-400, 1500).map(lambda tenths: f"{tenths / 10:g}") | st.integers(
+    -40, 150
+).map(str)
+
+
+@client_case("4.14/1", attended=True)
+def test_example(subject: Subject, line: Line) -> None:
+    """get_motor_temperatures is asked for without data, and answered."""
+    tells(subject, line, _NAME, requirement="T/9")
+
+
+def _is_whole(told: Any, due: dict[str, float]) -> bool:
+    """Whether temperatures are told in whole degrees, rounded in whichever way."""
+    return isinstance(told, dict) and any(
+        same(told, dict(zip(due, whole, strict=True)))
+        for whole in product(*((math.floor(value), math.ceil(value)) for value in due.values()))
+    )
+
+
+@client_case("T/9", name="temperatures")
+def test_temperatures(subject: Subject, line: Line) -> None:
+    """Temperatures are handed on in their order, with sign and decimals, if any (A-4.14-2)."""
+
+    @example(("20", "38.5", "-4", "0"))
+    @example(("1", "2", "3", "4"))
+    @given(st.tuples(*[_texts] * 4))
+    def each(texts: tuple[str, ...]) -> None:
+        call, _ = ask(subject, line, _NAME)
+        line.reply(_NAME, data="|".join(texts).encode())
+        due = dict(zip(_SAID, map(float, texts), strict=True))
+        if subject.settled(call).ok and not _is_whole(call.result, due):
+            subject.gives(call, due)
+        elif any("." in text for text in texts):
+            subject.tolerate("T/9", "A-4.14-2", "integers", "decimals of temperatures are not told")
+        else:
+            subject.done(call)
+
+    each()
+
+
+@client_case("4.14/4")
+def test_as_printed(subject: Subject, line: Line) -> None:
+    """The temperatures come under 0x0E; a client that does not take them gets them under 0x0F."""
+    call, _ = ask(subject, line, _NAME)
+    line.send_frame(_AS_PRINTED)
+    line.wait(_SHORT_S)
+    if call.answer is not None and not call.ok:
+        subject.tolerate("4.14/4", "op_temp_reply", "0x0F", "temperatures under 0x0E are refused")
+        return
+    if call.answer is None:
+        subject.tolerate("4.14/4", "op_temp_reply", "0x0F", "temperatures under 0x0E are ignored")
+        line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
+    subject.gives(call, _SAID)
+
+
+@client_case("4.14/4", name="mistaken")
+def test_not_mistaken(subject: Subject, line: Line) -> None:
+    """Temperatures under 0x0E come while the default program is set; that is not their reply."""
+    call, _ = ask(subject, line, "set_default_program")
+    line.send_frame(_AS_PRINTED)
+    line.wait(_SHORT_S)
+    expect(
+        not call.ok,
+        "temperatures were taken for the reply to set_default_program",
+        expected="no answer yet",
+        observed=f"{call}",
+    )
+    if call.answer is None:
+        line.reply("set_default_program", data=b"0")
+        subject.fails(call)
+
+
+@client_case("4.14/4", name="both")
+def test_both(subject: Subject, line: Line) -> None:
+    """Temperatures are asked for and the default program is set at once; both get their own.
+
+    Either comes first, and either is answered first.
+    """
+    subject.concurrent(line)
+    for names, swapped in examples(product(((_NAME, _SETTING), (_SETTING, _NAME)), (False, True))):
+        calls = {name: ask(subject, line, name)[0] for name in names}
+        asking, setting = calls[_NAME], calls[_SETTING]
+        frames = [_AS_PRINTED, Frame(C2A, 0x0E, b"1")]
+        for frame in reversed(frames) if swapped else frames:
+            line.send_frame(frame)
+        line.wait(_SHORT_S)
+        if asking.answer is None:
+            told = "temperatures under 0x0E are ignored"
+            subject.tolerate("4.14/4", "op_temp_reply", "0x0F", told)
+            line.send_frame(_AS_PRINTED._replace(opcode=0x0F))
+        subject.gives(asking, _SAID)
+        subject.done(setting)

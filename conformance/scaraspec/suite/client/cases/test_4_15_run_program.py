@@ -1,0 +1,46 @@
+"""4.15: running a program (0x30, L304-328)."""
+
+from hypothesis import example
+
+from scaraspec.suite.client.harness.executing import Order, failed, finished, refused, run_at_will
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.strategies import names
+
+
+@client_case("4.15/1", attended=True)
+def test_run(subject: Subject, line: Line) -> None:
+    """A program is run by its name, to its end."""
+    call = subject.begin("run_program", name="pro1.txt")
+    line.serve(call, data=b"1", sent=b"pro1.txt")
+    line.result("run_program")
+    finished(subject, call)
+
+
+@client_case("4.15/1", name="names")
+def test_names(subject: Subject, line: Line) -> None:
+    """Programs are run by names of 1 to 30 bytes, short ones behind long ones."""
+
+    @example(b"abcdefghijklmnopqrstuvwxyz.rob")
+    @example(b"a")
+    @example(b"no extension")
+    @example(b"my program (2).txt")
+    @given(names)
+    def each(name: bytes) -> None:
+        run_at_will(subject, line, Order("run_program", {"name": name.decode()}))
+
+    each()
+
+
+@client_case("4/13", "4.15/1", name="missing-program")
+def test_missing(subject: Subject, line: Line) -> None:
+    """A missing program is told as such, whether it is found missing at once or late (A-4.15-1)."""
+    call = subject.begin("run_program", name="none.rob")
+    line.serve(call, data=b"0|20", sent=b"none.rob")
+    refused(subject, call, "20")
+    call = subject.begin("run_program", name="none.rob")
+    line.serve(call, data=b"1", sent=b"none.rob")
+    line.result("run_program", "20")
+    failed(subject, call, "20")

@@ -1,0 +1,36 @@
+"""4.16: simulating a program (0x31, L330-354)."""
+
+from hypothesis import example
+
+from scaraspec.suite.client.harness.executing import Order, finished, run_at_will
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.strategies import names
+
+
+@client_case("4.16/1", attended=True)
+def test_simulate(subject: Subject, line: Line) -> None:
+    """A program is simulated by its name, to its end: 0x31 is sent, not 0x30."""
+    call = subject.begin("simulate_program", name="pro1.txt")
+    line.serve(call, data=b"1", sent=b"pro1.txt")
+    line.result("simulate_program")
+    finished(subject, call)
+
+
+@client_case("4.16/1", name="names")
+def test_names(subject: Subject, line: Line) -> None:
+    """Programs are simulated by names of 1 to 30 bytes, another one than was run before."""
+
+    @example(b"abcdefghijklmnopqrstuvwxyz.rob")
+    @example(b"a")
+    @given(names)
+    def each(name: bytes) -> None:
+        run_at_will(subject, line, Order("simulate_program", {"name": name.decode()}))
+
+    call = subject.begin("run_program", name="former.rob")
+    line.serve(call, data=b"1")
+    line.result("run_program")
+    finished(subject, call)
+    each()

@@ -1,0 +1,214 @@
+"""4.17: the emergency stop (0x32, L356-383), and what becomes of what it stops (A-4.17-4)."""
+
+import pytest
+
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.executing import (
+    INTERRUPTIBLE,
+    JOG,
+    LOCK,
+    MOVE,
+    RUN,
+    STOP,
+    Order,
+    beside,
+    executing,
+    failed,
+    finished,
+    ordered,
+    refused,
+)
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.sending import request_unless_refused
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NotRun, expect, expect_equal
+
+_WHILE_S = 1.0
+_FATES = ("first", "after", "together", "none")
+"""When the stopped command's own result comes: with the stop's in one segment, or never.
+
+Never is the last, as a client may count on that result for a while, and not begin the same anew.
+"""
+
+
+@client_case("4.17/1", attended=True)
+def test_stop(subject: Subject, line: Line) -> None:
+    """The stop carries no data; it is carried out, and once refused, without any code (L366)."""
+    call = subject.begin(STOP.name)
+    line.serve(call, data=b"1", sent=b"")
+    line.result(STOP.name)
+    finished(subject, call)
+    call = subject.begin(STOP.name)
+    line.serve(call, data=b"0", sent=b"")
+    refused(subject, call)
+
+
+@client_case("4.17/1", name="behind-others")
+def test_stop_behind_others(subject: Subject, line: Line) -> None:
+    """The stop carries no data behind requests that carried some."""
+    for order in examples(INTERRUPTIBLE):
+        call = executing(subject, line, order)
+        line.result(order.name)
+        finished(subject, call)
+        call = subject.begin(STOP.name)
+        request = line.serve(call, data=b"0")
+        expect_equal(request.frame.data, b"", f"what the stop carries behind {order.name}")
+        refused(subject, call)
+
+
+@client_case("4.17/9", name="of-a-former")
+def test_result_of_a_former_command(subject: Subject, line: Line) -> None:
+    """The stop ends what nobody here has begun: its result comes first, after, or never."""
+    for order in INTERRUPTIBLE:
+        for fate in examples(_FATES):
+            call = executing(subject, line, STOP)
+            _end(line, order, fate)
+            finished(subject, call, requirement="4.17/9")
+    _still_works(subject, line, RUN)
+
+
+@pytest.mark.parametrize("order", INTERRUPTIBLE, ids=lambda order: order.name)
+@client_case("4.17/9")
+def test_interrupted(subject: Subject, line: Line, order: Order) -> None:
+    """The result of the stopped command comes before that of the stop, with it, after it, never."""
+    beside(subject, line)
+    for fate in examples(_FATES):
+        call = executing(subject, line, order)
+        stop = _begun(subject, line)
+        _end(line, order, fate)
+        finished(subject, stop, requirement="4.17/9")
+        if fate == "none":
+            _not_done(call)
+        else:
+            failed(subject, call, "00", requirement="4.17/9")
+        line.heard.clear()
+        _still_works(subject, line, LOCK)
+
+
+@client_case("4.17/9", name="of-a-later")
+def test_later_command(subject: Subject, line: Line) -> None:
+    """What is ordered behind a stop takes a while, and is done: the stop was not for that."""
+    beside(subject, line)
+    call = executing(subject, line, RUN)
+    stop = _begun(subject, line)
+    _end(line, RUN, "first")
+    finished(subject, stop)
+    failed(subject, call, "00")
+    call = executing(subject, line, MOVE)
+    line.wait(_WHILE_S)
+    line.result(MOVE.name)
+    finished(subject, call)
+
+
+@client_case("4.17/9", name="failed")
+def test_stop_fails(subject: Subject, line: Line) -> None:
+    """The stop is refused, and fails; what it was to stop goes on to its end each time."""
+    beside(subject, line)
+    for accepted in examples((False, True)):
+        call = executing(subject, line, RUN)
+        if accepted:
+            stop = _begun(subject, line)
+            line.result(STOP.name, "12")
+            failed(subject, stop, "12")
+        else:
+            stop = ordered(subject, line, STOP)
+            line.reply(STOP.name, data=b"0")
+            refused(subject, stop)
+        subject.undone(call, "a stop that was not made was taken for the end of what goes on")
+        line.result(RUN.name)
+        finished(subject, call)
+
+
+@client_case("4.17/10")
+def test_stop_beside_a_query(subject: Subject, line: Line) -> None:
+    """The stop is sent while the reply to a query is outstanding."""
+    subject.concurrent(line)
+    for name in examples(("get_version", "get_tool_coordinates", "list_programs")):
+        query = subject.begin(name)
+        line.request(name, query)
+        stop = subject.begin(STOP.name)
+        line.request(STOP.name, stop)
+        line.reply(STOP.name, data=b"0")
+        line.reply(name, data=_REPLIES[name])  # who looks where the arm is may wait for it
+        refused(subject, stop)
+        subject.done(query)
+
+
+@client_case("4.17/10", name="unaccepted")
+def test_stop_beside_an_order(subject: Subject, line: Line) -> None:
+    """The stop is sent while the first reply to a move is outstanding."""
+    subject.concurrent(line)
+    for order in examples((RUN, MOVE, JOG)):
+        call = ordered(subject, line, order)
+        stop = subject.begin(STOP.name)
+        line.request(STOP.name, stop)
+        line.reply(STOP.name, data=b"0")
+        refused(subject, stop)
+        line.reply(order.name, data=b"1")
+        line.result(order.name)
+        finished(subject, call)
+
+
+@client_case("4.17/10", name="executing")
+def test_stop_beside_an_execution(subject: Subject, line: Line) -> None:
+    """The stop is sent while a command executes; a client that takes no order then is told."""
+    try:
+        beside(subject, line)
+    except NotRun as why:
+        subject.tolerate("4.17/10", "A-4-3", "one at a time", f"{why}: no stop either")
+        return
+    for order in examples(INTERRUPTIBLE):
+        call = executing(subject, line, order)
+        stop = _begun(subject, line)
+        line.result(order.name, "00")
+        line.result(STOP.name)
+        finished(subject, stop)
+        failed(subject, call)
+
+
+_REPLIES = {
+    "get_version": b"1.0.0",
+    "get_tool_coordinates": b"200|300|324|34.6|0|0",
+    "list_programs": b"0|pro1.rob",
+}
+
+
+def _end(line: Line, order: Order, fate: str) -> None:
+    """End the stop, and with it a command that it stops."""
+    own, of_stop = line.result_frame(order.name, "00"), line.result_frame(STOP.name)
+    frames = {"first": [own, of_stop], "after": [of_stop, own], "none": [of_stop]}
+    if fate == "together":
+        line.send_bytes(own.encode() + of_stop.encode())
+    for frame in frames.get(fate, ()):
+        line.send_frame(frame)
+
+
+def _not_done(call: Call) -> None:
+    expect(
+        call.answer is None or call.failed,
+        f"{call.name} was stopped, and the client says that it was done",
+        expected="an error, or no answer yet",
+        observed=f"{call}",
+        requirement="4.17/9",
+    )
+
+
+def _begun(subject: Subject, line: Line) -> Call:
+    """A stop that is accepted; what it stops shows in the status as long as it goes on."""
+    stop = ordered(subject, line, STOP)
+    line.reply(STOP.name, data=b"1")
+    return stop
+
+
+def _still_works(subject: Subject, line: Line, other: Order) -> None:
+    """A query is answered, and so is another order, unless the client still counts on the first."""
+    query = subject.begin("get_version")
+    line.serve(query, "1.0.0")
+    subject.gives(query, "1.0.0", requirement="4.17/9")
+    call = subject.begin(other.name, **other.values)
+    if request_unless_refused(line, call):
+        line.reply(other.name, data=b"1")
+        line.result(other.name)
+        finished(subject, call, requirement="4.17/9")

@@ -1,0 +1,27 @@
+"""4.18: the reset (0x33, L385-419)."""
+
+from scaraspec.suite.client.harness.executing import failed, finished, refused
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+
+
+@client_case("4.18/1", attended=True)
+def test_reset(subject: Subject, line: Line) -> None:
+    """The robot is reset."""
+    call = subject.begin("reset")
+    line.serve(call, data=b"1", sent=b"")
+    line.result("reset")
+    finished(subject, call)
+
+
+@client_case("4.18/1", "4/13", name="as-drawn")
+def test_as_drawn(subject: Subject, line: Line) -> None:
+    """The refusal and the failure that the document draws are told; the next reset is empty too."""
+    call = subject.begin("reset")
+    line.serve(call, data=b"0|01", sent=b"")
+    refused(subject, call, "01")
+    call = subject.begin("reset")
+    line.serve(call, data=b"1", sent=b"")
+    line.result("reset", data=b"00|11")
+    failed(subject, call, "11")

@@ -1,0 +1,40 @@
+"""4.19: the gripper centre as it is told (0x34, L421-431)."""
+
+from typing import Final
+
+from hypothesis import example
+
+from scaraspec.protocol.commands import BY_NAME, Point
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.strategies import payload_values
+
+_REPLY: Final = BY_NAME["get_gripper_center"].reply
+
+
+@client_case("4.19/1", attended=True)
+def test_asked(subject: Subject, line: Line) -> None:
+    """The gripper centre is asked for without data, and told."""
+    call = subject.begin("get_gripper_center")
+    line.serve(call, Point(200, 300, 456), sent=b"")
+    subject.gives(call, {"x": 200, "y": 300, "z": 456})
+
+
+@client_case("4.19/1", "T/9", name="values")
+def test_values(subject: Subject, line: Line) -> None:
+    """Gripper centres of every size and sign are told, also behind one that was set."""
+
+    @example(Point(-0.5, 0, 1234.125))
+    @example(Point(0.001, -9999.9, 9999.9))
+    @given(payload_values(_REPLY))
+    def each(told: Point) -> None:
+        call = subject.begin("get_gripper_center")
+        line.serve(call, data=_REPLY.encode(told), sent=b"")
+        subject.gives(call, told._asdict(), requirement="T/9")
+
+    call = subject.begin("set_gripper_center", x=1.5, y=-2.5, z=100)
+    line.serve(call)
+    subject.done(call)
+    each()

@@ -1,0 +1,43 @@
+"""4.20: setting the gripper centre (0x35, L433-443)."""
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import Point
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.sending import expect_numbers
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import given
+
+_tenths = st.integers(-99_999, 99_999).map(lambda tenths: tenths / 10)
+
+
+@client_case("4.20/1", attended=True)
+def test_set(subject: Subject, line: Line) -> None:
+    """The gripper centre is set, and once refused."""
+    call = subject.begin("set_gripper_center", x=200, y=300, z=456)
+    expect_numbers(line.serve(call), (200, 300, 456))
+    subject.done(call)
+    call = subject.begin("set_gripper_center", x=1, y=2, z=3)
+    expect_numbers(line.serve(call, value=False), (1, 2, 3))
+    subject.fails(call)
+
+
+@client_case("4.20/1", name="numbers")
+def test_numbers(subject: Subject, line: Line) -> None:
+    """Numbers of every size and sign go out as decimals between bars, in order."""
+
+    @example(Point(0, 0, 0))
+    @example(Point(-0.1, 0.1, -100))
+    @example(Point(0.00001, 1e6, -0.00001))  # what C's %g and others write with an exponent
+    @example(Point(1e-7, -1e-7, 1.2e-14))  # what JavaScript writes so; a cosine leaves the last
+    @example(Point(-9999.9, 9999.9, 1000))
+    @given(st.builds(Point, _tenths, _tenths, _tenths))
+    def each(wanted: Point) -> None:
+        call = subject.begin("set_gripper_center", **wanted._asdict())
+        with subject.at_will():
+            expect_numbers(line.serve(call), wanted)
+            subject.done(call)
+
+    each()

@@ -1,0 +1,41 @@
+"""4.22: the initial tool position as it is told (0x37, L457-467)."""
+
+from typing import Final
+
+from hypothesis import example
+
+from scaraspec.protocol.commands import BY_NAME, Pose
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.poses import gives_pose
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.strategies import payload_values
+
+_REPLY: Final = BY_NAME["get_initial_tool_position"].reply
+
+
+@client_case("4.22/1", attended=True)
+def test_asked(subject: Subject, line: Line) -> None:
+    """The initial tool position is asked for without data, and told."""
+    call = subject.begin("get_initial_tool_position")
+    line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")
+    useful = {"x": 200, "y": 300, "z": 324, "theta_x": 34.6}
+    subject.gives(call, {**useful, "theta_y": 0, "theta_z": 0})
+
+
+@client_case("4.22/1", "T/9", name="values")
+def test_values(subject: Subject, line: Line) -> None:
+    """Positions of every size and sign are told, also behind one that was set."""
+
+    @example(Pose(-0.5, 0, 1234.125, -179.9, 34.5, -12))
+    @given(payload_values(_REPLY))
+    def each(told: Pose) -> None:
+        call = subject.begin("get_initial_tool_position")
+        line.serve(call, data=_REPLY.encode(told), sent=b"")
+        gives_pose(subject, call, told, requirement="T/9")
+
+    call = subject.begin("set_initial_tool_position", **Pose(190, 280, 317, 6, 5, 4)._asdict())
+    line.serve(call)
+    subject.done(call)
+    each()

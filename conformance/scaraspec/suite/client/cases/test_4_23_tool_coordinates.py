@@ -1,0 +1,55 @@
+"""4.23: the tool coordinates as they are told (0x38, L469-479)."""
+
+from typing import Final
+
+from hypothesis import example
+
+from scaraspec.protocol.commands import BY_NAME, Pose
+from scaraspec.suite.client.harness.executing import MOVE, executing, finished
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.poses import gives_pose
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.strategies import payload_values
+
+_REPLY: Final = BY_NAME["get_tool_coordinates"].reply
+
+
+@client_case("4.23/1", attended=True)
+def test_asked(subject: Subject, line: Line) -> None:
+    """The tool coordinates are asked for without data, and told."""
+    call = subject.begin("get_tool_coordinates")
+    line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")
+    useful = {"x": 200, "y": 300, "z": 324, "theta_x": 34.6}
+    subject.gives(call, {**useful, "theta_y": 0, "theta_z": 0})
+
+
+@client_case("4.23/1", "T/9", name="values")
+def test_values(subject: Subject, line: Line) -> None:
+    """Coordinates of every size and sign are told, also behind a move to others."""
+
+    @example(Pose(-0.5, 0, 1234.125, -179.9, 0, 0))
+    @given(payload_values(_REPLY))
+    def each(told: Pose) -> None:
+        call = subject.begin("get_tool_coordinates")
+        line.serve(call, data=_REPLY.encode(told), sent=b"")
+        gives_pose(subject, call, told, requirement="T/9")
+
+    call = executing(subject, line, MOVE)
+    line.result(MOVE.name)
+    finished(subject, call)
+    each()
+
+
+@client_case("4.23/4", "7/2")
+def test_useless_angles(subject: Subject, line: Line) -> None:
+    """Whatever stands for thetaY and thetaZ, x, y, z and thetaX are told as they are (L1006)."""
+    for name in ("get_tool_coordinates", "get_initial_tool_position"):
+        for useless in examples(
+            ((0, 0), (34.5, 0), (0, -34.5), (90, 180), (-0.1, 720.5), (99999, -99999))
+        ):
+            told = Pose(200, -300, 324.5, -34.6, *useless)
+            call = subject.begin(name)
+            line.serve(call, data=_REPLY.encode(told))
+            gives_pose(subject, call, told)

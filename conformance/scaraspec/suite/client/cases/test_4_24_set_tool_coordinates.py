@@ -1,0 +1,89 @@
+"""4.24: moving to tool coordinates (0x39, L481-516)."""
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import Pose
+from scaraspec.suite.client.harness.executing import MOVE, executing, failed, finished, refused
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.poses import expect_pose
+from scaraspec.suite.client.harness.sending import request_unless_refused
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect_equal, expect_in
+from scaraspec.suite.engine.wire import Answer
+
+_MOVE = "set_tool_coordinates"
+_THERE = Pose(200, 300, 324, 34.6, 0, 0)
+_NO_SPEEDS = (0, -1, 101, 255, 256, 257, 1000, 0.5, 99.5, 100.4)
+_SPEEDS = range(1, 101)
+_MOST_DIGITS = 9  # with leading zeros; more are no speed
+
+_tenths = st.integers(-9_999, 9_999).map(lambda tenths: tenths / 10)
+_poses = st.builds(Pose, *[_tenths] * 4, st.just(0.0), st.just(0.0))
+
+
+@client_case("4.24/1", attended=True)
+def test_move(subject: Subject, line: Line) -> None:
+    """A move is begun, and comes to its end; another one fails."""
+    for code in examples(("", "12")):
+        call = subject.begin(_MOVE, speed=60, **_THERE._asdict())
+        request = line.request(_MOVE, call)
+        expect_pose(subject, request, _THERE, speed=60)
+        line.reply(_MOVE, data=b"1")
+        line.result(_MOVE, code)
+        if code:
+            failed(subject, call)
+        else:
+            finished(subject, call)
+
+
+@client_case("4.24/1", "7/2", name="numbers")
+def test_numbers(subject: Subject, line: Line) -> None:
+    """Speed and pose of every size and sign go out as decimals between bars, in order."""
+
+    @example(1, Pose(0, 0, 0, 0, 0, 0))
+    @example(100, Pose(-0.1, 0.1, -100, -179.9, 0, 0))
+    @given(st.integers(1, 100), _poses)
+    def each(speed: int, wanted: Pose) -> None:
+        call = subject.begin(_MOVE, speed=speed, **wanted._asdict())
+        with subject.at_will():
+            request = line.serve(call, data=b"1")
+            line.result(_MOVE)
+            expect_pose(subject, request, wanted, speed=speed)
+            finished(subject, call)
+
+    each()
+
+
+@client_case("4.24/2")
+def test_every_speed(subject: Subject, line: Line) -> None:
+    """The speed goes out as a whole number, for each from 1 to 100 %."""
+    for speed in examples(range(1, 101)):
+        call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
+        sent = line.request(_MOVE, call)
+        expect_equal(_speed_of(sent), speed, f"the speed of {sent}")
+        line.reply(_MOVE, data=b"0|05")
+        refused(subject, call)
+
+
+@client_case("4.24/2", name="beyond")
+def test_no_speed(subject: Subject, line: Line) -> None:
+    """A speed that is no whole percentage from 1 to 100 is not sent: it is refused, or mended."""
+    for speed in examples(_NO_SPEEDS):
+        call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
+        sent = request_unless_refused(line, call)
+        if sent is not None:
+            expect_in(_speed_of(sent), _SPEEDS, f"the speed that was sent for {speed}")
+            line.reply(_MOVE, data=b"0|05")
+            refused(subject, call)
+    call = executing(subject, line, MOVE)  # what was refused leaves nothing behind
+    line.result(_MOVE)
+    finished(subject, call)
+
+
+def _speed_of(sent: Answer) -> int | None:
+    """The speed that a move carries; None where it is no whole number."""
+    text = sent.seen.text.split(b"|")[0]
+    return int(text) if text.isdigit() and len(text) <= _MOST_DIGITS else None

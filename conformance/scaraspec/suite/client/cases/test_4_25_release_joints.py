@@ -1,0 +1,20 @@
+"""4.25: releasing the joints (0x3A, L518-549)."""
+
+from scaraspec.suite.client.harness.executing import failed, finished
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+
+
+@client_case("4.25/1", attended=True)
+def test_release(subject: Subject, line: Line) -> None:
+    """The joints are released; once that fails."""
+    for code in examples(("", "12")):
+        call = subject.begin("release_joints")
+        line.serve(call, data=b"1", sent=b"")
+        line.result("release_joints", code)
+        if code:
+            failed(subject, call)
+        else:
+            finished(subject, call)

@@ -1,0 +1,31 @@
+"""4.26: locking the joints (0x3B, L551-582)."""
+
+from scaraspec.suite.client.harness.executing import RELEASE, executing, finished, refused
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+
+
+@client_case("4.26/1", attended=True)
+def test_lock(subject: Subject, line: Line) -> None:
+    """The joints are locked; once that is refused."""
+    call = subject.begin("lock_joints")
+    line.serve(call, data=b"1", sent=b"")
+    line.result("lock_joints")
+    finished(subject, call)
+    call = subject.begin("lock_joints")
+    line.serve(call, data=b"0|12", sent=b"")
+    refused(subject, call)
+
+
+@client_case("4.26/1", name="in-turn")
+def test_in_turn(subject: Subject, line: Line) -> None:
+    """Joints that were released are locked, and so several times."""
+    for _ in range(3):
+        call = executing(subject, line, RELEASE)
+        line.result(RELEASE.name)
+        finished(subject, call)
+        call = subject.begin("lock_joints")
+        line.serve(call, data=b"1", sent=b"")
+        line.result("lock_joints")
+        finished(subject, call)

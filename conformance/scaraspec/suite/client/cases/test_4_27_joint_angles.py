@@ -1,0 +1,37 @@
+"""4.27: the joint angles (0x3C, L584-594)."""
+
+from typing import Final
+
+from hypothesis import example
+
+from scaraspec.protocol.commands import BY_NAME, JointValues
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.strategies import payload_values
+
+_REPLY: Final = BY_NAME["get_joint_angles"].reply
+
+
+@client_case("4.27/1", attended=True)
+def test_asked(subject: Subject, line: Line) -> None:
+    """The joint angles are asked for without data, and told."""
+    call = subject.begin("get_joint_angles")
+    line.serve(call, JointValues(20.4, 30.5, 38, 0), sent=b"")
+    subject.gives(call, {"inner_arm": 20.4, "outer_arm": 30.5, "wrist": 38, "rotation": 0})
+
+
+@client_case("4.27/1", "T/9", name="values")
+def test_values(subject: Subject, line: Line) -> None:
+    """Angles of every size and sign are told, each as that of its joint, time and again."""
+
+    @example(JointValues(1, 2, 3, 4))
+    @example(JointValues(-0.5, 0.5, -360, 360))
+    @given(payload_values(_REPLY))
+    def each(told: JointValues) -> None:
+        call = subject.begin("get_joint_angles")
+        line.serve(call, data=_REPLY.encode(told), sent=b"")
+        subject.gives(call, told._asdict(), requirement="T/9")
+
+    each()

@@ -1,0 +1,80 @@
+"""4.28: jogging (0x3D, L596-637)."""
+
+from typing import Final
+
+from scaraspec.protocol import payloads
+from scaraspec.suite.client.harness.executing import RUN, executing, failed, finished, refused
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import expect, expect_equal, told
+
+_DIRECTIONS: Final = {"+y": 1, "-y": 2, "+x": 3, "-x": 4}  # L605-608
+_JOG: Final = "jog"
+_ASCII: Final = ord("0")
+
+
+def _expect_direction(sent: bytes, number: int) -> None:
+    expect_equal(len(sent), 1, "the number of data bytes of a jog", requirement="4.28/1")
+    expect(
+        sent[0] in (number, _ASCII + number),
+        "the direction of a jog",
+        expected=f"{number}, as a digit or a byte",
+        observed=told(sent),
+        requirement="4.28/3",
+    )
+
+
+@client_case("4.28/1", "4.28/3", attended=True)
+def test_jog(subject: Subject, line: Line) -> None:
+    """One byte tells each of the four directions."""
+    for direction, number in examples(_DIRECTIONS.items()):
+        call = subject.begin(_JOG, direction=direction)
+        _expect_direction(line.request(_JOG, call).frame.data, number)
+        line.reply(_JOG, data=b"1")
+        line.result(_JOG)
+        finished(subject, call)
+
+
+@client_case("4.28/3", "4.28/1", name="refused")
+def test_refused(subject: Subject, line: Line) -> None:
+    """A jog that was refused, or failed, changes the direction of no other."""
+    for direction, number in examples(_DIRECTIONS.items()):
+        call = subject.begin(_JOG, direction=direction)
+        _expect_direction(line.request(_JOG, call).frame.data, number)
+        line.reply(_JOG, data=b"0|06")
+        refused(subject, call, "06")
+        call = subject.begin(_JOG, direction=direction)
+        _expect_direction(line.request(_JOG, call).frame.data, number)
+        line.reply(_JOG, data=b"1")
+        line.result(_JOG, "05")
+        failed(subject, call, "05")
+
+
+@client_case("4.28/2")
+def test_byte(subject: Subject, line: Line) -> None:
+    """The byte is one of 1 to 4, always as a digit or always as a number (A-4.28-1)."""
+    forms = set()
+    for direction in examples((*_DIRECTIONS, *reversed(_DIRECTIONS))):
+        call = subject.begin(_JOG, direction=direction)
+        sent = line.request(_JOG, call).frame.data
+        read = payloads.Jog().decode(sent)
+        expect(
+            read.value is not None,
+            "the byte of a jog",
+            expected="1 to 4, as a digit or a byte",
+            observed=told(sent),
+        )
+        forms.add(dict(read.readings)["jog_byte"])
+        line.reply(_JOG, data=b"1")
+        line.result(_JOG)
+        finished(subject, call)
+        call = executing(subject, line, RUN)
+        line.result(RUN.name)
+        finished(subject, call)
+    form = forms.pop()
+    expect(not forms, "the byte of a jog", expected=f"always {form}", observed="now so, now so")
+    subject.found["jog_byte"] = form
+    if form == "binary":
+        subject.tolerate("4.28/2", "jog_byte", form, "the direction of a jog is sent as a number")

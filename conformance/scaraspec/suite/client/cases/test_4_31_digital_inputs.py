@@ -1,0 +1,32 @@
+"""4.31: the digital inputs (0x42, L639-651)."""
+
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.ports import expect_each_port, expect_ports
+from scaraspec.suite.client.harness.sending import expect_no_value
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+
+_GET = "get_digital_inputs"
+_COUNT = 8
+
+
+@client_case("4.31/1", "4.31/3", attended=True)
+def test_asked(subject: Subject, line: Line) -> None:
+    """The inputs are asked for all at once, without data, and port 8 is told leftmost."""
+    expect_ports(subject, line, _GET, "10000010", requirement="4.31/3")
+
+
+@client_case("4.31/3", "4.31/1", name="each")
+def test_each_port(subject: Subject, line: Line) -> None:
+    """Each of the eight inputs shows at its own place, in every combination."""
+    expect_each_port(subject, line, _GET, _COUNT, requirement="4.31/3")
+
+
+@client_case("4.31/1", name="error")
+def test_error(subject: Subject, line: Line) -> None:
+    """The single 0 is an error and no input; the next request carries no data either."""
+    for _ in range(2):
+        call = subject.begin(_GET)
+        line.serve(call, data=b"0", sent=b"")
+        expect_no_value(subject, call)
+        expect_ports(subject, line, _GET, "0" * _COUNT)

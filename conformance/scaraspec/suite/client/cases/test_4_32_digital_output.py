@@ -1,0 +1,73 @@
+"""4.32: setting a digital output (0x43, L653-663)."""
+
+from typing import Final
+
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.sending import numbers_of, request_unless_refused
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import expect, expect_in, told
+from scaraspec.suite.engine.wire import Answer
+
+_SET: Final = "set_digital_output"
+_PORTS: Final = range(1, 17)  # what 0x49 shows (L684)
+_NO_PORTS: Final = (257, 264, 65537)
+"""A byte, or two, of each of these is the number of a port."""
+
+_NO_VALUES: Final = (2, -1, 10, 255, 256, 0.5)
+
+
+def _expect_setting(sent: Answer, port: int, value: int) -> None:
+    text = sent.seen.text
+    expect(
+        numbers_of(sent) == [port, value] and b"." not in text,
+        "the request to set an output",
+        expected=f"{port}|{value}",
+        observed=told(text),
+        requirement="4.32/1",
+    )
+
+
+@client_case("4.32/1", attended=True)
+def test_set(subject: Subject, line: Line) -> None:
+    """An output is set, and once refused."""
+    call = subject.begin(_SET, port=8, value=1)
+    _expect_setting(line.serve(call), 8, 1)
+    subject.done(call)
+    call = subject.begin(_SET, port=8, value=0)
+    _expect_setting(line.serve(call, value=False), 8, 0)
+    subject.fails(call)
+
+
+@client_case("4.32/1", "4.32/2", name="each")
+def test_each_port(subject: Subject, line: Line) -> None:
+    """Each output is set to 1 and to 0, and told apart from its neighbours.
+
+    A port that does not exist is refused, or asked for as it is: no other one is set for it.
+    """
+    for value in (1, 0, 0):  # again, too: a program may have changed it meanwhile
+        for port in examples(_PORTS):
+            call = subject.begin(_SET, port=port, value=value)
+            _expect_setting(line.serve(call), port, value)
+            subject.done(call)
+    for port in examples(_NO_PORTS):
+        call = subject.begin(_SET, port=port, value=1)
+        sent = request_unless_refused(line, call)
+        if sent is not None:
+            line.reply(_SET, value=False)
+            subject.settled(call)
+            _expect_setting(sent, port, 1)
+
+
+@client_case("4.32/2")
+def test_other_values(subject: Subject, line: Line) -> None:
+    """A value other than 0 and 1 is not sent: it is refused, or mended."""
+    for value in examples(_NO_VALUES):
+        call = subject.begin(_SET, port=3, value=value)
+        sent = request_unless_refused(line, call)
+        if sent is not None:
+            text = sent.seen.text.rpartition(b"|")[2]
+            expect_in(text, (b"0", b"1"), f"the value that was sent for {value}")
+            line.reply(_SET, value=False)
+            subject.fails(call)

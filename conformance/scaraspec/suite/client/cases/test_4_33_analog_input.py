@@ -1,0 +1,103 @@
+"""4.33: an analog input (0x44, L665-675)."""
+
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.sending import expect_no_value, request_unless_refused
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect, told
+
+_GET: Final = "get_analog_input"
+_REPLY: Final = BY_NAME[_GET].reply
+_SURE_PORTS: Final = range(1, 9)
+_ALL_PORTS: Final = range(9, 41)
+_NO_PORTS: Final = (100, 128, 256, 1000)
+_BYTES: Final = 2
+
+
+@client_case("4.33/1", attended=True)
+def test_asked(subject: Subject, line: Line) -> None:
+    """The port is asked for in two characters, as 08, and its value is told."""
+    call = subject.begin(_GET, port=8)
+    line.serve(call, 100, sent=b"08")
+    subject.gives(call, 100)
+
+
+@client_case("4.33/1", name="each")
+def test_each_port(subject: Subject, line: Line) -> None:
+    """Each of the forty ports is asked for in two characters, if it is asked for at all."""
+    for port in examples(_SURE_PORTS):
+        call = subject.begin(_GET, port=port)
+        line.serve(call, port, sent=b"%02d" % port)
+        subject.gives(call, port)
+    for port in examples(_ALL_PORTS):  # a client may know of eight (A-4.32-2)
+        call = subject.begin(_GET, port=port)
+        with subject.at_will():
+            line.serve(call, port, sent=b"%02d" % port)
+            subject.gives(call, port)
+
+
+@client_case("4.33/1", name="beyond")
+def test_beyond(subject: Subject, line: Line) -> None:
+    """A port number that does not fit two characters is not sent."""
+    for port in examples(_NO_PORTS):
+        call = subject.begin(_GET, port=port)
+        sent = request_unless_refused(line, call)
+        if sent is not None:
+            data = sent.seen.text
+            expect(
+                len(data) == _BYTES and data.isdigit(),
+                f"the request for port {port}, which does not exist",
+                expected="none, or one of two characters",
+                observed=told(data),
+            )
+            line.reply(_GET, None)
+            expect_no_value(subject, call)
+
+
+@client_case("4.33/4", attended=True)
+def test_zero(subject: Subject, line: Line) -> None:
+    """The value 0 and the error are told apart."""
+    call = subject.begin(_GET, port=1)
+    line.serve(call, data=b"1|0")
+    subject.gives(call, 0)
+    call = subject.begin(_GET, port=1)
+    line.serve(call, data=b"0")
+    expect_no_value(subject, call)
+
+
+@client_case("4.33/4", "T/9", name="values")
+def test_values(subject: Subject, line: Line) -> None:
+    """Values of every size and sign are told, and after each the error as none."""
+
+    @example(0.0)
+    @example(0.125)
+    @example(-0.125)
+    @example(1.0)
+    @example(4095.0)
+    @example(65535.0)
+    @given(st.integers(-10_000_000, 10_000_000).map(lambda thousandths: thousandths / 1000))
+    def each(value: float) -> None:
+        call = subject.begin(_GET, port=2)
+        line.serve(call, data=_REPLY.encode(value))
+        subject.gives(call, value, requirement="4.33/4")
+        call = subject.begin(_GET, port=2)
+        line.serve(call, data=b"0")
+        expect_no_value(subject, call)
+
+    each()
+
+
+@client_case("4.33/4", name="forms")
+def test_forms(subject: Subject, line: Line) -> None:
+    """The value 0 is told in each of its forms."""
+    for form in examples((b"1|0", b"1|0.0", b"1|0.000", b"1|-0", b"1|00")):
+        call = subject.begin(_GET, port=3)
+        line.serve(call, data=form)
+        subject.gives(call, 0)

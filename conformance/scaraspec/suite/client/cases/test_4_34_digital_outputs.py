@@ -1,0 +1,36 @@
+"""4.34: the digital outputs as they are told (0x49, L677-687)."""
+
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.ports import expect_each_port, expect_ports
+from scaraspec.suite.client.harness.sending import expect_no_value
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+
+_GET = "get_digital_outputs"
+_COUNT = 16
+
+
+@client_case("4.34/1", "4.34/3", attended=True)
+def test_asked(subject: Subject, line: Line) -> None:
+    """The outputs are asked for all at once, without data, and port 16 is told leftmost."""
+    expect_ports(subject, line, _GET, "1001000011110000", requirement="4.34/3")
+
+
+@client_case("4.34/3", "4.34/1", name="each")
+def test_each_port(subject: Subject, line: Line) -> None:
+    """Each of the sixteen outputs shows at its own place, in every combination."""
+    expect_each_port(subject, line, _GET, _COUNT, requirement="4.34/3")
+
+
+@client_case("4.34/1", name="error")
+def test_error(subject: Subject, line: Line) -> None:
+    """The single 0 is an error and no output; no request carries data, nor behind a setting."""
+    for port in examples((8, 16)):
+        call = subject.begin("set_digital_output", port=port, value=0)
+        line.serve(call)
+        subject.done(call)
+        call = subject.begin(_GET)
+        line.serve(call, data=b"0", sent=b"")
+        expect_no_value(subject, call)
+        expect_ports(subject, line, _GET, "0" * _COUNT)

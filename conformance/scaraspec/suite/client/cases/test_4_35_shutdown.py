@@ -1,0 +1,85 @@
+"""4.35: the shutdown (0x60, L689-706), and the loss of the link that follows."""
+
+import pytest
+
+from scaraspec.suite.client.harness.executing import MOVE, executing, finished
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import expect
+
+_OFF = "shutdown"
+_READ_S = 1.0
+
+
+@client_case("4.35/1", attended=True)
+def test_refused(subject: Subject, line: Line) -> None:
+    """A shutdown without data is refused while a program runs, and the link goes on."""
+    call = subject.begin(_OFF)
+    line.serve(call, data=b"0|01", sent=b"")
+    subject.fails(call)
+    call = subject.begin("get_status")
+    line.serve(call, "01")
+    subject.gives(call, "01")
+
+
+@client_case("4.35/1", name="behind-others")
+def test_behind_others(subject: Subject, line: Line) -> None:
+    """The request carries no data behind one that carried some; its refusals are told."""
+    for code in examples(("01", "03", "12", "1F")):
+        call = executing(subject, line, MOVE)
+        line.result(MOVE.name)
+        finished(subject, call)
+        call = subject.begin(_OFF)
+        line.serve(call, data=b"0|" + code.encode(), sent=b"")
+        subject.fails(call)
+
+
+@client_case("4.35/6", attended=True)
+def test_done(subject: Subject, line: Line) -> None:
+    """The shutdown is accepted, which is all that comes of it, and the link ends."""
+    call = subject.begin(_OFF)
+    line.serve(call, data=b"1", sent=b"")
+    subject.done(call)
+    line.close()
+
+
+@pytest.mark.parametrize("cut", [False, True], ids=["closed", "cut-off"])
+@client_case("T/9", name="shutdown-unanswered")
+def test_link_is_lost_before_the_answer(subject: Subject, line: Line, *, cut: bool) -> None:
+    """The link ends in place of an answer to the shutdown, which nobody has accepted then."""
+    call = subject.begin(_OFF)
+    line.request(_OFF, call)
+    line.reset() if cut else line.close()
+    subject.fails(call)
+
+
+@pytest.mark.parametrize("loss", ["closed", "closed-at-once", "reset", "pending"])
+@client_case("4.35/6", name="loss")
+def test_link_is_lost(subject: Subject, line: Line, loss: str) -> None:
+    """The link is closed or cut off behind the 1, also with other things under way."""
+    if loss == "pending":
+        subject.concurrent(line)
+        other = subject.begin("get_joint_angles")
+        line.request("get_joint_angles", other)
+    call = subject.begin(_OFF)
+    line.serve(call, data=b"1", sent=b"")
+    if loss != "closed-at-once":
+        subject.speaks(call, _READ_S)  # a cut takes with it what has not been read
+    if loss == "reset":
+        line.reset()
+    else:
+        line.close()
+    subject.done(call, requirement="4.35/6")
+    if loss == "pending":
+        expect(
+            not subject.settled(other).ok,
+            "a query whose reply was lost with the link is said to have been answered",
+            expected="an error",
+            observed=f"{other}",
+        )
+    again = subject.open()
+    query = subject.begin("get_version")
+    again.serve(query, "1.0.0")
+    subject.gives(query, "1.0.0")

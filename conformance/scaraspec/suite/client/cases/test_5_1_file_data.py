@@ -1,0 +1,334 @@
+"""Clause 5.1: the structure fileData, as the client sends and takes it (L710-739)."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.transfer import (
+    BUFFER_BYTES,
+    FILE_DATA_BYTES,
+    HEAD_BYTES,
+    Chunk,
+    chunks_of,
+)
+from scaraspec.suite.client.harness.files import (
+    Upload,
+    cut,
+    expect_failed,
+    expect_no_transfer,
+    fetch,
+    serving,
+)
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.chunks import (
+    chunk_of,
+    expect_content,
+    expect_length,
+    expect_position,
+    expect_within,
+)
+from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect, expect_equal
+from scaraspec.suite.engine.wire import Answer
+
+_SIZES = (1, 200, 201, 400, 450)
+_WHOLE = content_of(450)
+_SHORT_S = 0.1
+_TOLD_S = 2.0
+
+
+def _frames(subject: Subject, line: Line, content: bytes) -> Iterator[Answer]:
+    """What the client sends of a file, right or wrong."""
+    upload = Upload(subject, line, content)
+    upload.accept()
+    yield from upload.frames()
+    upload.expect_done()
+
+
+def _chunks(subject: Subject, line: Line, content: bytes) -> Iterator[Chunk]:
+    return (chunk_of(frame) for frame in _frames(subject, line, content))
+
+
+# As a sender
+
+
+@client_case("5.1/1")
+def test_structure(subject: Subject, line: Line) -> None:
+    """Every chunk of an upload is one fileData."""
+    for size in examples(_SIZES):
+        for frame in _frames(subject, line, content_of(size)):
+            chunk_of(frame)
+
+
+@client_case("5.1/2")
+def test_size_of_the_structure(subject: Subject, line: Line) -> None:
+    """A chunk of an upload has 212 data bytes; the last may be cut off behind its content."""
+    for size in examples(_SIZES):
+        for frame in _frames(subject, line, content_of(size)):
+            chunk, sent_bytes = frame.value, len(frame.frame.data)
+            if sent_bytes == FILE_DATA_BYTES:
+                continue
+            expect(
+                isinstance(chunk, Chunk) and sent_bytes == HEAD_BYTES + chunk.length,
+                "a chunk has another size than fileData",
+                expected=f"{FILE_DATA_BYTES} bytes",
+                observed=f"{sent_bytes} bytes",
+            )
+            message = "chunks are cut off behind their content"
+            subject.tolerate("5.1/2", "chunk_trunc", "truncated", message)
+
+
+@client_case("5.1/3")
+def test_file_size(subject: Subject, line: Line) -> None:
+    """Every chunk of an upload tells the size of the whole file."""
+    for size in examples(_SIZES):
+        for chunk in _chunks(subject, line, content_of(size)):
+            expect_equal(chunk.file_size, size, "fileSize is not the size of the file")
+
+
+@client_case("5.1/4")
+def test_position(subject: Subject, line: Line) -> None:
+    """Every chunk of an upload stands at the byte offset that it tells."""
+    for chunk in _chunks(subject, line, _WHOLE):
+        expect_position(chunk, _WHOLE)
+
+
+@client_case("5.1/5")
+def test_length(subject: Subject, line: Line) -> None:
+    """Every chunk of an upload tells how many bytes of its buffer are the file's: 1 to 200."""
+    for size in examples(_SIZES):
+        content = content_of(size)
+        for chunk in _chunks(subject, line, content):
+            expect_length(chunk)
+            expect_content(chunk, content)
+
+
+@client_case("5.1/6")
+def test_within_the_file(subject: Subject, line: Line) -> None:
+    """No chunk of an upload reaches beyond its fileSize."""
+    for size in examples(_SIZES):
+        for chunk in _chunks(subject, line, content_of(size)):
+            expect_within(chunk, size)
+
+
+@client_case("5.1/7", name="upload")
+def test_end_of_an_upload(subject: Subject, line: Line) -> None:
+    """With the answer to its last chunk, and not before, an upload is done; another may begin."""
+    for size in examples((1, 200, 201)):
+        upload = Upload(subject, line, content_of(size))
+        upload.accept()
+        while upload.received_bytes < size:
+            chunk = upload.next_chunk()
+            line.wait(_SHORT_S if chunk.last else 0)
+            subject.undone(upload.call, "an upload was over before its last chunk was answered")
+            upload.take(chunk.length)
+        upload.expect_done()
+
+
+@client_case("5.1/8")
+@given(size=st.integers(1, 1000))
+@example(size=1000)
+def test_ascending(subject: Subject, line: Line, size: int) -> None:
+    """An upload of any size comes in ascending order, without gap or overlap."""
+    due = 0
+    for chunk in _chunks(subject, line, content_of(size)):
+        expect_equal(chunk.position, due, "a chunk does not follow on the one before")
+        due += chunk.length
+    expect_equal(due, size, "an upload does not reach the end of its file")
+
+
+@client_case("5.1/9")
+def test_one_byte_order(subject: Subject, line: Line) -> None:
+    """Chunks of all uploads of a session are in one byte order."""
+    orders = set()
+    for size in examples((1, 450, 70)):
+        for frame in _frames(subject, line, content_of(size)):
+            parsed = frame.seen.parsed
+            orders |= {v for k, v in parsed.decoded.readings if k == "endian"} if parsed else set()
+            expect(len(orders) <= 1, "the byte order changes", expected="one", observed="both")
+    if "big" in orders:
+        subject.tolerate("5.1/9", "endian", "big", "file data is big-endian")
+
+
+@client_case("5.1/11")
+def test_name_first(subject: Subject, line: Line) -> None:
+    """The name goes ahead of all content, which waits for its answer, also the second time."""
+    for _ in range(2):
+        upload = Upload(subject, line, _WHOLE)
+        message = "content was sent before the name was answered"
+        expect_no_transfer(line, message, "5.1/11", _SHORT_S)
+        upload.accept()
+        upload.finish()
+
+
+# As a receiver
+
+
+@client_case("5.1/1", name="cut-off")
+def test_torn_structure(subject: Subject, line: Line) -> None:
+    """A chunk that says 200 bytes and holds fewer, or not even its numbers, is not taken."""
+    chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
+    for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
+        download = fetch(subject, line)
+        taken = download.offer(chunk, data=download.frame(chunk).data[:size])
+        message = f"{size} bytes were taken as a fileData"
+        expect(not taken, message, expected="0", observed="1")
+        download.expect_failed("5.1/1")
+        line = serving(subject, line, "a chunk that was cut off")
+
+
+@client_case("5.1/2", name="truncated")
+def test_truncated_last_chunk(subject: Subject, line: Line) -> None:
+    """A last chunk of a download that is cut off behind its content is taken, or refused."""
+    for size in examples((1, 237, 450)):
+        download = fetch(subject, line)
+        *full, last = chunks_of(content_of(size))
+        for chunk in full:
+            download.give(chunk)
+        if download.offer(last, data=download.frame(last).data[: HEAD_BYTES + last.length]):
+            download.expect_done("5.1/2")
+            continue
+        download.expect_failed("5.1/2")
+        message = "a chunk that is cut off behind its content is refused"
+        subject.tolerate("5.1/2", "chunk_trunc", "full", message)
+        line = serving(subject, line, "a chunk that was cut off")
+
+
+@client_case("5.1/4", name="download")
+@given(lengths=st.permutations([1, 7, 64, 128, 200]))
+def test_positions_taken(subject: Subject, line: Line, lengths: Sequence[int]) -> None:
+    """What a chunk of a download holds gets to the byte offset that it tells."""
+    download = fetch(subject, line)
+    for chunk in cut(content_of(sum(lengths)), lengths):
+        download.give(chunk, "5.1/4")
+    download.expect_done("5.1/4")
+
+
+@client_case("5.1/7", name="download")
+def test_end_of_a_download(subject: Subject, line: Line) -> None:
+    """With its last chunk, and not before, a download is done; another may begin at once."""
+    for size in examples((1, 200, 201)):
+        download = fetch(subject, line)
+        for chunk in chunks_of(content_of(size)):
+            line.wait(_SHORT_S if chunk.last else 0)
+            subject.undone(download.call, "a download was over before its last chunk came")
+            download.give(chunk)
+        download.expect_done("5.1/7")
+
+
+@client_case("5.1/9", name="big-endian")
+def test_other_byte_order(subject: Subject, line: Line) -> None:
+    """A download in the other byte order is understood, or fails."""
+    order = "little" if subject.dialect["endian"] == "big" else "big"
+    for size in examples((1, 256, 450)):
+        download = fetch(subject, line)
+        if all(download.offer(chunk, order=order) for chunk in chunks_of(content_of(size))):
+            download.expect_done("5.1/9")
+            continue
+        download.expect_failed("5.1/9")
+        message = f"file data is not understood when it is {order}-endian"
+        subject.tolerate("5.1/9", "endian", subject.dialect["endian"], message)
+        line = serving(subject, line, "a download in the other byte order")
+
+
+@client_case("5.1/12")
+@given(lengths=st.lists(st.integers(1, BUFFER_BYTES), min_size=1, max_size=6), filler=st.binary())
+@example(lengths=[50], filler=b"\xaa")
+@example(lengths=[200, 1], filler=b"\xcc")
+@example(lengths=[1, 199, 1], filler=b"!")
+def test_rest_of_the_buffer(
+    subject: Subject, line: Line, lengths: list[int], filler: bytes
+) -> None:
+    """Of chunks of any length the valid bytes are stored, whatever stands behind them."""
+    download = fetch(subject, line)
+    for chunk in cut(content_of(sum(lengths)), lengths):
+        download.give(_filled(chunk, filler), "5.1/12")
+    download.expect_done("5.1/12")
+
+
+def _filled(chunk: Chunk, filler: bytes) -> Chunk:
+    """The chunk with something behind its valid bytes."""
+    return chunk._replace(buffer=(chunk.buffer + filler * BUFFER_BYTES)[:BUFFER_BYTES])
+
+
+def _not_complete(
+    subject: Subject, line: Line, sent: Iterable[Chunk], missing: Iterable[Chunk]
+) -> None:
+    """Send chunks that leave a file incomplete, and then the others.
+
+    A client may refuse them (A-5-8). One that takes them has to wait for what is missing; that it
+    takes the file for complete is seen in what it says.
+    """
+    download = fetch(subject, line)
+    taken = all(download.offer(chunk) for chunk in sent)
+    line.wait(_SHORT_S)
+    if (
+        not taken
+        or download.call.answer is not None
+        or not all(download.offer(chunk) for chunk in missing)
+    ):
+        expect_failed(subject, download.call, "5.1/13")
+        return
+    download.received = _LONG
+    download.expect_done("5.1/13")
+    subject.tolerate("5.1/13", "chunk_order", "any", "chunks are taken in any order")
+
+
+_LONG = content_of(600)
+_FIRST, _SECOND, _THIRD = chunks_of(_LONG)
+
+
+@client_case("5.1/13", name="last-first")
+def test_last_chunk_first(subject: Subject, line: Line) -> None:
+    """A download whose last chunk came first is not complete with it."""
+    _not_complete(subject, line, [_THIRD], [_FIRST, _SECOND])
+
+
+@client_case("5.1/13", name="gap")
+def test_gap(subject: Subject, line: Line) -> None:
+    """A download with a gap is not complete with its last chunk."""
+    _not_complete(subject, line, [_FIRST, _THIRD], [_SECOND])
+
+
+@client_case("5.1/13", name="repeated")
+def test_repeated_chunk(subject: Subject, line: Line) -> None:
+    """A download is not complete because a chunk came twice."""
+    _not_complete(subject, line, [_FIRST, _SECOND, _SECOND], [_THIRD])
+
+
+@client_case("5.1/13", name="overlap")
+def test_overlap(subject: Subject, line: Line) -> None:
+    """A download is not complete because chunks overlap."""
+    between = Chunk(600, 100, 200, _LONG[100:300])
+    _not_complete(subject, line, [_FIRST, between, _SECOND], [_THIRD])
+
+
+@client_case("5.1/13", name="larger-size")
+def test_file_size_grows(subject: Subject, line: Line) -> None:
+    """A download whose second chunk tells a larger size is refused, or has that size in the end."""
+    download = fetch(subject, line)
+    sizes = (450, 600, 600)
+    chunks = (c._replace(file_size=s) for c, s in zip(chunks_of(_LONG), sizes, strict=True))
+    if not all(download.offer(chunk) for chunk in chunks):
+        expect_failed(subject, download.call, "5.1/13")
+        return
+    download.expect_done("5.1/13")
+    subject.tolerate("5.1/13", "A-5-7", "last", "the file size may change on the way")
+
+
+@client_case("5.1/13", name="smaller-size")
+def test_file_size_shrinks(subject: Subject, line: Line) -> None:
+    """A download whose later chunk tells a smaller size is refused, or ends there, whole."""
+    download = fetch(subject, line)
+    download.give(_FIRST)
+    taken = download.offer(Chunk(250, 200, 50, _LONG[200:250]))
+    if not taken or not subject.speaks(download.call, _TOLD_S) or not download.call.ok:
+        expect_failed(subject, download.call, "5.1/13")
+        return
+    download.expect_done("5.1/13")
+    message = "the file size of the last chunk is the one that counts"
+    subject.tolerate("5.1/13", "A-5-7", "last", message)

@@ -1,0 +1,332 @@
+"""Clause 5.3: a file from the controller (0x54, 0x56; L765-787), and what is on the disk then."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, chunks_of
+from scaraspec.suite.client.harness.executing import renewed
+from scaraspec.suite.client.harness.files import (
+    Download,
+    cut,
+    expect_failed,
+    expect_no_transfer,
+    fetch,
+    reaction,
+    serve,
+    serving,
+)
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect, expect_equal
+from scaraspec.suite.engine.strategies import NAME_CHARACTERS
+
+_WHOLE = content_of(650)
+_CHUNKS = tuple(chunks_of(_WHOLE))
+_SHORT_S = 0.1
+_LARGE_BYTES = 65_936  # 400 to whoever counts in 16 bits, and a chunk ends there
+
+
+def _sent(subject: Subject, line: Line, count: int) -> Download:
+    """A download of which so many chunks have been taken."""
+    download = fetch(subject, line)
+    for chunk in _CHUNKS[:count]:
+        download.give(chunk)
+    return download
+
+
+# The name
+
+
+@client_case("5.3/1")
+@given(name=st.text(f"{NAME_CHARACTERS}.", min_size=1, max_size=30).filter(lambda n: n.strip(".")))
+@example(name="file2.txt")
+@example(name="x")
+@example(name="a" * 26 + ".rob")
+def test_names(subject: Subject, line: Line, name: str) -> None:
+    """A download asks for the name in its real length, wherever the file is to be put."""
+    with subject.at_will():
+        download = Download(subject, line, name)
+        download.promise()
+        download.give(Chunk(1, 0, 1, b"!"))
+        download.expect_done()
+
+
+# The answers
+
+
+@client_case("5.3/5", attended=True)
+def test_download(subject: Subject, line: Line) -> None:
+    """A file is downloaded, each chunk of which is answered 1."""
+    serve(subject, line, _WHOLE)
+
+
+@client_case("5.3/5", name="once")
+def test_one_answer_each(subject: Subject, line: Line) -> None:
+    """Each chunk gets one answer and no second, the first and the last one too."""
+    download = fetch(subject, line)
+    message = "a chunk was answered before it came"
+    expect_no_transfer(line, message, "5.3/5", _SHORT_S)
+    for chunk in _CHUNKS:
+        download.give(chunk)
+        expect_no_transfer(line, "a chunk was answered twice", "5.3/5", _SHORT_S)
+    download.expect_done()
+
+
+@client_case("5.3/5", name="together")
+def test_chunk_behind_its_promise(subject: Subject, line: Line) -> None:
+    """A first chunk that comes in one segment with the answer to the name is answered too."""
+    for size in examples((1, 200, 450)):
+        download = Download(subject, line)
+        first, *rest = chunks_of(content_of(size))
+        line.send_bytes(line.frame("download_name").encode() + download.frame(first).encode())
+        download.expect_taken(first)
+        for chunk in rest:
+            download.give(chunk)
+        download.expect_done()
+
+
+@client_case("5.3/5", name="in-pieces")
+def test_chunk_in_pieces(subject: Subject, line: Line) -> None:
+    """A chunk whose frame comes in two or three pieces, split anywhere, is answered once."""
+    chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
+    for at in examples((*range(1, HEAD_BYTES + 4), 100, 213, 214, 215)):
+        download = fetch(subject, line)
+        data = download.frame(chunk).encode()
+        for piece in (data[:at], data[at : at + 1], data[at + 1 :]):
+            line.send_bytes(piece)
+            line.wait(0.005)
+        download.expect_taken(chunk)
+        expect_no_transfer(line, "a chunk in pieces was answered twice", "5.3/5")
+        download.expect_done()
+
+
+@client_case("5.3/5", name="refused")
+def test_refusal_is_an_answer(subject: Subject, line: Line) -> None:
+    """A chunk that cannot be taken is answered 0, unless the client ends the connection."""
+    for count in examples(range(3)):
+        download = _sent(subject, line, count)
+        answered = download.offer(Chunk(650, 200 * count, 201, bytes(200)))
+        expect(
+            answered is False or (answered is None and line.over),
+            "a chunk that cannot be taken was not answered 0",
+            expected="0",
+            observed="1" if answered else "silence",
+        )
+        download.expect_failed()
+        line = serving(subject, line, "a chunk that was refused")
+        expect_no_transfer(line, "a chunk was answered twice", "5.3/5")
+
+
+@client_case("5.3/5", name="unasked")
+def test_unasked_chunk(subject: Subject, line: Line) -> None:
+    """A chunk of no download, before any and after one, is not taken."""
+    download = Download(subject, line)
+    line.reply("download_name", value=False)
+    download.expect_failed()
+    line = serving(subject, line, "a refused download")
+    for _ in range(2):
+        line = _refuses_stray(subject, line, download)
+        download = _sent(subject, line, len(_CHUNKS))
+        download.expect_done()
+    expect_equal(download.stored, _WHOLE, "a chunk of no download changed the file before")
+
+
+def _refuses_stray(subject: Subject, line: Line, download: Download) -> Line:
+    """Send a chunk of no download, which must not be answered 1; the connection afterwards."""
+    line.send_frame(download.frame(_CHUNKS[0]))
+    line = serving(subject, line, "a chunk of no download")
+    taken = [s for s in line.heard if s.name == "download_chunk" and s.value is True]
+    message = "a chunk that nobody had asked for was taken"
+    expect(not taken, message, expected="0 or silence", observed="1")
+    line.heard.clear()
+    return line
+
+
+# The error signal
+
+
+@client_case("5.3/8", attended=True)
+def test_error_signal(subject: Subject, line: Line) -> None:
+    """A chunk frame without data ends a download, which has failed."""
+    download = fetch(subject, line)
+    line.reply("download_chunk", data=b"")
+    subject.fails(download.call)
+
+
+@client_case("5.3/8")
+@pytest.mark.parametrize("signal", ["no-data", "length-0", "numbers-only"])
+def test_error_signals(subject: Subject, line: Line, signal: str) -> None:
+    """An error signal of this form, before or behind any chunk, ends the download.
+
+    Its position may be that of the end (L737): bytes are missing all the same.
+    """
+    for count in examples(range(4)):
+        download = _sent(subject, line, count)
+        chunk = Chunk(650, 650 if count % 2 else 200 * count, 0, b"")
+        whole = download.frame(chunk).data
+        data = {"no-data": b"", "length-0": whole, "numbers-only": whole[:HEAD_BYTES]}[signal]
+        taken = download.offer(chunk, data=data)
+        expect(not taken, "the error signal was taken for content", expected="0", observed="1")
+        if not line.over:
+            again = download.offer(_CHUNKS[count])
+            message = "a download goes on behind the error signal"
+            expect(not again, message, expected="0 or silence", observed="1")
+        download.expect_failed("5.3/8")
+        line = serving(subject, line, "the error signal")
+        line.heard.clear()
+
+
+@client_case("5.3/8", name="empty-file")
+def test_empty_file(subject: Subject, line: Line) -> None:
+    """A chunk of length 0 of a file of size 0 ends the download: failed, or an empty file."""
+    download = fetch(subject, line)
+    taken = download.offer(Chunk(0, 0, 0, b""))
+    if taken or subject.settled(download.call).ok:
+        download.expect_done("5.3/8")
+        message = "an empty file is downloaded as a chunk of length 0"
+        subject.tolerate("5.3/8", "empty_file", "chunk", message)
+        return
+    download.expect_failed("5.3/8")
+
+
+# The file
+
+
+@client_case("5.3/11")
+@given(lengths=st.lists(st.integers(1, BUFFER_BYTES), min_size=1, max_size=6))
+@example(lengths=[200, 200, 1])
+@example(lengths=[1, 1, 1])
+@example(lengths=[199, 200])
+def test_whole_file(subject: Subject, line: Line, lengths: Sequence[int]) -> None:
+    """A download in chunks of any lengths is on the disk then, byte for byte."""
+    download = fetch(subject, line)
+    for chunk in cut(content_of(sum(lengths)), lengths):
+        download.give(chunk)
+    download.expect_done()
+
+
+@client_case("5.3/11", name="content")
+@given(content=st.binary(min_size=1, max_size=500))
+@example(content=bytes(range(256)))
+@example(content=b"\r\n".join([b"line"] * 60) + b"\n\n\r\n")
+@example(content=b"\xef\xbb\xbfwith a mark\x1aand an end\x1a\x04")
+@example(content=b"  blanks and zeros \t\n\0\0\0")
+@example(content="控制层".encode("gb18030") * 50)
+def test_content(subject: Subject, line: Line, content: bytes) -> None:
+    """Whatever a file contains, it is on the disk then, byte for byte."""
+    serve(subject, line, content)
+
+
+@client_case("5.3/11", name="large")
+def test_large_file(subject: Subject, line: Line) -> None:
+    """A file of more bytes than 16 bits count is on the disk then, unless it is refused at once."""
+    download = fetch(subject, line)
+    first, *rest = chunks_of(content_of(_LARGE_BYTES))
+    if not download.offer(first):
+        download.expect_failed()
+        message = f"a file of {_LARGE_BYTES} bytes is too large for the client"
+        subject.tolerate("5.3/11", "A-5-25", "limit", message)
+        return
+    for chunk in rest:
+        download.give(chunk, "5.3/11")
+    download.expect_done()
+
+
+@client_case("5.3/11", name="one-after-another")
+def test_one_after_another(subject: Subject, line: Line) -> None:
+    """A short file that comes after a long one has nothing of that, be it called the same."""
+    for size in examples((650, 10, 400, 1)):
+        serve(subject, line, content_of(size, size), remote="zs-each-time.rob")
+
+
+@client_case("5.3/12", attended=True)
+def test_existing_local_file(subject: Subject, line: Line) -> None:
+    """A file that exists on the client's disk is not overwritten."""
+    local = subject.file(b"mine")
+    call = subject.begin("download", remote="zs-theirs.rob", local=local)
+    sent = reaction(subject, line, call, "download_name") is not None
+    if sent:
+        line.reply("download_name")
+        line.chunk(Chunk(6, 0, 6, b"theirs"))
+    subject.fails(call)
+    expect_equal(Path(local).read_bytes(), b"mine", "a local file was overwritten")
+    line = renewed(subject, line) if sent else line
+    serve(subject, line, _WHOLE)
+
+
+@client_case("5.3/12", name="kept")
+@pytest.mark.parametrize("mine", [b"", b"mine", _WHOLE, _WHOLE + b"more"], ids=len)
+def test_local_file_stays(subject: Subject, line: Line, mine: bytes) -> None:
+    """A local file of any size, empty or equal, stays as it is, and the download fails."""
+    local = subject.file(mine)
+    call = subject.begin("download", remote="zs-theirs.rob", local=local)
+    if reaction(subject, line, call, "download_name") is not None:
+        line.reply("download_name")
+        for chunk in _CHUNKS:
+            line.chunk(chunk)
+            if reaction(subject, line, call, "download_chunk", subject.silence_s) is None:
+                break
+    expect_failed(subject, call, "5.3/12")
+    expect(
+        Path(local).exists() and Path(local).read_bytes() == mine,
+        "a local file that existed was changed by a download",
+        expected=f"its {len(mine)} bytes",
+        observed="another file, or none",
+    )
+
+
+# What is out of bounds
+
+
+_MOST = 2**32 - 1
+_OUT_OF_BOUNDS = {
+    "length-201": Chunk(650, 0, 201, _WHOLE[:200]),
+    "length-201-sent": Chunk(650, 0, 201, _WHOLE[:201]),
+    "length-243-sent": Chunk(650, 0, 243, _WHOLE[:243]),
+    "whole-file-of-201": Chunk(201, 0, 201, _WHOLE[:201]),
+    "length-above-2-to-the-31": Chunk(650, 0, 2**31 + 1, _WHOLE[:200]),  # in any byte order (A-5-2)
+    "length-most": Chunk(650, 0, _MOST, _WHOLE[:200]),
+    "beyond-a-small-file": Chunk(100, 0, 200, _WHOLE[:200]),
+    "beyond-by-one": Chunk(199, 0, 200, _WHOLE[:200]),
+    "at-the-end": Chunk(650, 650, 1, b"!"),
+    "sum-wraps-round": Chunk(184, 2**32 - 16, 200, _WHOLE[:200]),
+}
+
+
+@client_case("5.3/13")
+@pytest.mark.parametrize("chunk", _OUT_OF_BOUNDS.values(), ids=_OUT_OF_BOUNDS)
+def test_first_chunk_out_of_bounds(subject: Subject, line: Line, chunk: Chunk) -> None:
+    """A first chunk that is out of bounds in this way is rejected, and the download fails."""
+    download = fetch(subject, line)
+    _rejected(download, chunk)
+
+
+@client_case("5.3/13", name="later")
+def test_later_chunk_out_of_bounds(subject: Subject, line: Line) -> None:
+    """A later chunk that is longer than the buffer, or reaches beyond fileSize, is rejected."""
+    for count, size, length in examples(
+        ((1, 650, 201), (2, 650, 243), (3, 650, 51), (3, 650, 200))
+    ):
+        download = _sent(subject, line, count)
+        position = 200 * count
+        _rejected(download, Chunk(size, position, length, content_of(max(length, 200))))
+        line = serving(subject, line, "a chunk out of bounds")
+
+
+def _rejected(download: Download, chunk: Chunk) -> None:
+    taken = download.offer(chunk)
+    expect(
+        not taken,
+        f"a chunk of length {chunk.length} at {chunk.position} was taken, of a file of "
+        f"{chunk.file_size} bytes",
+        expected="0",
+        observed="1",
+    )
+    download.expect_failed("5.3/13")

@@ -1,0 +1,175 @@
+"""Clause 5.4: what both ends do: the buffer, the end of a transfer, its time-out (L789-795)."""
+
+from collections.abc import Sequence
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, chunks_of
+from scaraspec.suite.client.harness.files import (
+    Download,
+    Upload,
+    cut,
+    expect_failed,
+    fetch,
+    serve,
+    serving,
+    take,
+)
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.silences import given_up, given_up_meanwhile, survived
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.chunks import chunk_of
+from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect
+
+_WHOLE = content_of(650)
+_CHUNKS = tuple(chunks_of(_WHOLE))
+
+
+@client_case("5.4/3")
+def test_buffer_is_not_exceeded(subject: Subject, line: Line) -> None:
+    """No chunk of an upload holds more than 200 bytes."""
+    for size in examples((200, 201, 243, 255, 256, 400, 1000)):
+        upload = Upload(subject, line, content_of(size))
+        upload.accept()
+        for frame in upload.frames():
+            length = chunk_of(frame).length
+            message = "a chunk holds more than the buffer"
+            expect(length <= BUFFER_BYTES, message, expected="at most 200", observed=f"{length}")
+        upload.expect_done()
+
+
+# The end
+
+
+@client_case("5.4/4")
+def test_end_is_found(subject: Subject, line: Line) -> None:
+    """With its last chunk a download is done, whatever its size, and its file is there."""
+    for size in examples((1, 199, 200, 201, 400, 401)):
+        serve(subject, line, content_of(size), "5.4/4")
+
+
+@client_case("5.4/4", name="short-chunks")
+@given(lengths=st.permutations([1, 7, 64, 128, 200]))
+@example(lengths=[1, 1, 1, 1])
+@example(lengths=[199, 199, 2])
+def test_end_behind_short_chunks(subject: Subject, line: Line, lengths: Sequence[int]) -> None:
+    """A download in chunks of any lengths ends where position + length is fileSize, not before."""
+    download = fetch(subject, line)
+    for chunk in cut(content_of(sum(lengths)), lengths):
+        subject.undone(download.call, "the end of a download was found too early")
+        download.give(chunk, "5.4/4")
+    download.expect_done("5.4/4")
+
+
+# The time-out
+
+
+@client_case("5.4/5")
+def test_late_and_missing_chunks(subject: Subject, line: Line) -> None:
+    """A download survives 25 s of silence, twice, and is over after 60 s; the link serves on."""
+    download = fetch(subject, line)
+
+    def first() -> None:
+        download.give(_CHUNKS[0])
+
+    def second() -> None:
+        download.give(_CHUNKS[1])
+
+    survived(subject, download.call, "5.4/5", first)
+    survived(subject, download.call, "5.4/5", second)
+    given_up(subject, download.call, "5.4/5")
+    _recovered(subject, line, download, 2)
+
+
+@client_case("5.4/5", name="meanwhile")
+def test_chunk_is_missing_amid_others(subject: Subject, line: Line) -> None:
+    """The silence of a download ends it, whatever else is asked and answered meanwhile."""
+    download = fetch(subject, line)
+    download.give(_CHUNKS[0])
+    given_up_meanwhile(subject, line, download.call, "5.4/5")
+
+
+@client_case("5.4/5", name="promised")
+def test_no_chunk_comes(subject: Subject, line: Line) -> None:
+    """A download of which not even the first chunk comes is given up; the link serves on."""
+    download = fetch(subject, line)
+    given_up(subject, download.call, "5.4/5")
+    _recovered(subject, line, download, 0)
+
+
+@client_case("5.4/5", name="name")
+def test_name_is_not_answered(subject: Subject, line: Line) -> None:
+    """A download whose name is not answered is given up; the link serves on."""
+    download = Download(subject, line)
+    given_up(subject, download.call, "5.4/5")
+    if line.ending is None:
+        line.reply("download_name")
+    _recovered(subject, line, download, 0)
+
+
+def _recovered(subject: Subject, line: Line, download: Download, count: int) -> None:
+    """A chunk that comes too late is not taken, and another transfer works."""
+    download.expect_failed("5.4/5")
+    if line.ending is None:
+        line.send_frame(download.frame(_CHUNKS[count]))
+    line = serving(subject, line, "a silence")
+    late = [seen for seen in line.heard if seen.name == "download_chunk" and seen.value is True]
+    message = "a chunk was taken that came after the download had been given up"
+    expect(not late, message, expected="0 or silence", observed="1", requirement="5.4/5")
+    line.heard.clear()
+    serve(subject, line, _WHOLE, "5.4/6")
+
+
+# What a broken transfer leaves
+
+
+@client_case("5.4/6", name="upload")
+def test_served_after_a_broken_upload(subject: Subject, line: Line) -> None:
+    """After an upload that was refused, at its name or a chunk, the link serves all else.
+
+    What broke off is sent once more, and begins anew.
+    """
+    for count in examples((None, 0, 2)):
+        name = "" if count is None else f"again{count}.rob"
+        upload = Upload(subject, line, _WHOLE, name)
+        if count is None:
+            line.reply("upload_name", value=False)
+            upload.expect_failed()
+        else:
+            upload.accept()
+            for _ in range(count):
+                upload.take(upload.next_chunk().length)
+            upload.refuse(upload.next_chunk())
+        line = _next_transfers(subject, line, "a refused upload", sent=name)
+
+
+@client_case("5.4/6", name="download")
+def test_served_after_a_broken_download(subject: Subject, line: Line) -> None:
+    """After a download that was refused or broke off in any way, the link serves all else.
+
+    What broke off is asked for once more, and begins anew.
+    """
+    download = Download(subject, line)
+    line.reply("download_name", value=False)
+    expect_failed(subject, download.call)
+    line = _next_transfers(subject, line, "a refused download")
+    for bad in examples((Chunk(650, 200, 0, b""), Chunk(650, 200, 201, bytes(200)), _CHUNKS[3])):
+        download = fetch(subject, line, "again.rob")
+        download.give(_CHUNKS[0])
+        download.offer(bad)
+        expect_failed(subject, download.call)
+        line = _next_transfers(subject, line, "a broken download", fetched="again.rob")
+
+
+def _next_transfers(
+    subject: Subject, line: Line, what: str, *, sent: str = "", fetched: str = ""
+) -> Line:
+    """The connection, once it has served a status, an upload and a download, by these names."""
+    line = serving(subject, line, what)
+    take(subject, line, _WHOLE, sent)
+    serve(subject, line, _WHOLE, "5.4/6", fetched)
+    return line

@@ -1,0 +1,37 @@
+"""Clause 7: what the six values of a pose mean (L1004-1010)."""
+
+from scaraspec.protocol.commands import Pose
+from scaraspec.suite.client.harness.executing import finished
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.poses import expect_pose, gives_pose
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples
+
+_POSES = (
+    Pose(200, 300, 324, 34.6, 0, 0),
+    Pose(200, -300, 324.5, -34.6, 0, 0),
+    Pose(0, 0, 0, 90, 0, 0),
+    Pose(-1.5, 2.5, -3.5, 0, 0, 0),
+)
+
+
+@client_case("7/2")
+def test_four_of_six(subject: Subject, line: Line) -> None:
+    """What is meant by a pose goes out, and comes in, as x, y, z and thetaX."""
+    for pose in examples(_POSES):
+        call = subject.begin("set_initial_tool_position", **pose._asdict())
+        with subject.at_will():
+            expect_pose(subject, line.serve(call), pose)
+            subject.done(call)
+        call = subject.begin("get_initial_tool_position")
+        line.serve(call, pose)
+        gives_pose(subject, call, pose)
+        call = subject.begin("set_tool_coordinates", speed=50, **pose._asdict())
+        with subject.at_will():
+            expect_pose(subject, line.serve(call, data=b"1"), pose, speed=50)
+            line.result("set_tool_coordinates")
+            finished(subject, call)
+        call = subject.begin("get_tool_coordinates")
+        line.serve(call, pose)
+        gives_pose(subject, call, pose)

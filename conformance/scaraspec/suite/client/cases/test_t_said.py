@@ -1,0 +1,271 @@
+"""Clauses 3 and 4: what a client hands on of what it is sent (A-3-8, A-T-2, A-T-5)."""
+
+from typing import Any, Final
+
+from scaraspec.protocol import errors
+from scaraspec.protocol.commands import BY_NAME, COMMANDS, JointValues
+from scaraspec.protocol.payloads import FLAG, NameListPart
+from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside, still
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import (
+    accomplished,
+    ask,
+    of_each,
+    sent_or_settled,
+    tells,
+)
+from scaraspec.suite.client.harness.polls import REPLIES
+from scaraspec.suite.client.harness.sending import expect_no_value
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect, expect_in
+from scaraspec.suite.engine.strategies import payload_values
+
+_SETTINGS: Final = tuple(c.name for c in COMMANDS if c.reply is FLAG and c.clause.startswith("4."))
+_OWN_CASES: Final = ("login", "set_network")
+_TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
+_PORTS: Final = ("get_digital_inputs", "get_analog_input", "get_digital_outputs")
+_NUMBERS: Final = (
+    b"200|300|456",
+    b"200.0|300.0|456.0",
+    b"200.000|300.00|456",
+    b"-0.5|-300|0",
+    b"0.001|-0.001|0.0",
+    b"100000|-12345.6|12345.678",
+    b"1.001|-4.35|0.29",  # which binary fractions keep a little too small
+    b"-0|0|-0.0",
+)
+_SET_TO_OTHERS: Final = {
+    "get_default_program": ("set_default_program", b"other.rob"),
+    "get_gripper_center": ("set_gripper_center", b"1.5|-2|3"),
+    "get_initial_tool_position": ("set_initial_tool_position", b"1.5|-2|3|4|0|0"),
+    "get_digital_outputs": ("set_digital_output", b"1|0100000000000001"),
+}
+"""Queries: what sets what they ask for, and another value than the document's example sets."""
+
+_WHILE_EXECUTING: Final = {
+    "get_running_program": b"1|another.rob|01020304",
+    "get_joint_angles": b"-1.5|2|3.25|-4",
+    "get_digital_outputs": b"1|0100000000000001",
+}
+_SOON_S: Final = 0.3
+_STEMS: Final = ("程序", "猪", "é", "программа")
+
+
+@client_case("T/9")
+def test_queries(subject: Subject, line: Line) -> None:
+    """Every query is answered in many ways; the client says what the answers say."""
+
+    def each(name: str) -> None:
+        payload = BY_NAME[name].reply
+
+        @given(payload_values(payload))
+        def hand_on(value: Any) -> None:
+            if isinstance(value, NameListPart):
+                value = value._replace(more=False)
+            elif name == "get_motor_temperatures":  # whose decimals have a case of their own
+                value = JointValues(*map(round, value))
+            elif value is None and name in _PORTS:
+                value = payload.decode(REPLIES[name]).value  # that there is none is said below
+            tells(subject, line, name, payload.encode(value, subject.dialect))
+
+        hand_on()
+
+    of_each(REPLIES, each)
+
+
+@client_case("T/9", "T/5", name="numbers")
+def test_numbers(subject: Subject, line: Line) -> None:
+    """Numbers come with as many decimals as the controller likes, or none (A-T-5)."""
+    for data in examples(_NUMBERS):
+        tells(subject, line, "get_gripper_center", data)
+
+
+@client_case("T/5", name="decimals-received")
+def test_decimals(subject: Subject, line: Line) -> None:
+    """The joint angles are as the document prints them, negative, and with three decimals."""
+    for data in examples(
+        (REPLIES["get_joint_angles"], b"-20.4|0|-38.0|-0.5", b"20.125|30.250|38.000|0.001")
+    ):
+        tells(subject, line, "get_joint_angles", data)
+
+
+@client_case("T/9", name="each-bit")
+def test_each_bit(subject: Subject, line: Line) -> None:
+    """One port after the other is on, the highest leftmost."""
+
+    def each(name: str) -> None:
+        count = len(REPLIES[name]) - 2
+        for port in range(count):
+            tells(subject, line, name, b"1|" + b"0" * port + b"1" + b"0" * (count - port - 1))
+
+    of_each(("get_digital_inputs", "get_digital_outputs"), each)
+
+
+@client_case("T/9", name="no-value")
+def test_no_value(subject: Subject, line: Line) -> None:
+    """Inputs and outputs cannot be read, which is told by a 0 alone; the client says so."""
+
+    def each(name: str) -> None:
+        call, _ = ask(subject, line, name)
+        line.reply(name, data=b"0")
+        expect_no_value(subject, call)
+
+    of_each(_PORTS, each)
+
+
+# ---------------------------------------------------------------------- outcomes
+
+
+@client_case("T/9", name="flags")
+def test_flags(subject: Subject, line: Line) -> None:
+    """Every setting is answered with a no, a yes and another yes; the client tells them apart."""
+
+    def each(name: str) -> None:
+        for flag in (b"0", b"1", b"1"):
+            call, _ = ask(subject, line, name)
+            line.reply(name, data=flag)
+            if flag == b"1":
+                subject.done(call)
+            else:
+                subject.fails(call)
+
+    of_each(tuple(name for name in _SETTINGS if name not in _OWN_CASES), each)
+
+
+@client_case("T/9", name="read-back")
+def test_read_back(subject: Subject, line: Line) -> None:
+    """What was set is asked for, and is another value; the client says what the answer says."""
+
+    def each(getter: str) -> None:
+        setter, data = _SET_TO_OTHERS[getter]
+        call, _ = ask(subject, line, setter)
+        line.reply(setter)
+        subject.done(call)
+        tells(subject, line, getter, data)
+
+    of_each(_SET_TO_OTHERS, each)
+
+
+@client_case("T/9", name="while-executing")
+def test_queries_while_executing(subject: Subject, line: Line) -> None:
+    """While a program runs it is asked for how that gets on; the client says what it hears."""
+
+    def each(name: str) -> None:
+        goes_beside(subject, line, name)
+        run = executing(subject, line, RUN)
+        tells(subject, line, name, _WHILE_EXECUTING[name])
+        line.result(RUN.name)
+        finished(subject, run)
+
+    of_each(_WHILE_EXECUTING, each)
+
+
+@client_case("T/9", name="behind-nonsense")
+def test_queries_behind_nonsense(subject: Subject, line: Line) -> None:
+    """A query is answered with nonsense, perhaps in vain; the next answer to it is told."""
+
+    def each(name: str) -> None:
+        nonlocal line
+        call, _ = ask(subject, line, name)
+        line.reply(name, data=b"?")
+        if not subject.speaks(call, _SOON_S) and not line.over:
+            line.reply(name, data=REPLIES[name])  # the nonsense was none to it
+        subject.settled(call)
+        line = still(subject, line)
+        tells(subject, line, name)
+
+    of_each(("get_time", "list_programs", "get_motor_temperatures", "get_joint_angles"), each)
+
+
+@client_case("T/9", name="lost")
+def test_lost(subject: Subject, line: Line) -> None:
+    """The link ends in place of the first reply to each command, which nobody has accepted then."""
+
+    def each(name: str) -> None:
+        nonlocal line
+        call, _ = ask(subject, line, name)
+        line.close()
+        subject.fails(call)
+        line = subject.open()
+
+    of_each(tuple(name for name in (*_SETTINGS, *_TWO_STAGE) if name not in _OWN_CASES), each)
+
+
+@client_case("T/9", name="stages")
+def test_outcomes_of_both_stages(subject: Subject, line: Line) -> None:
+    """Each two-stage command is refused, fails and is done; the client tells these apart."""
+
+    def each(name: str) -> None:
+        call, _ = ask(subject, line, name)
+        line.reply(name, data=b"0|1A" if name != "emergency_stop" else b"0")
+        subject.fails(call)
+        for code in examples(("1A", "05")):
+            call, _ = ask(subject, line, name)
+            line.reply(name, data=b"1")
+            line.result(name, code)
+            subject.fails(call)
+            _expect_code(call.result, code)
+        call, _ = ask(subject, line, name)
+        line.reply(name, data=b"1")
+        line.result(name)
+        accomplished(subject, call)
+
+    of_each(_TWO_STAGE, each)
+
+
+@client_case("T/9", name="codes")
+def test_codes(subject: Subject, line: Line) -> None:
+    """A program is refused for every reason, in upper and lower case; the reason is handed on."""
+    for code in sorted(each.text for each in errors.REFUSALS):
+        for text in examples(dict.fromkeys((code, code.lower()))):
+            call, _ = ask(subject, line, "run_program")
+            line.reply("run_program", data=f"0|{text}".encode())
+            subject.fails(call)
+            _expect_code(call.result, code)
+
+
+def _expect_code(result: Any, code: str) -> None:
+    """A client that tells the code has to tell the right one."""
+    if isinstance(result, dict) and result.get("code") is not None:
+        expect_in(result["code"], {code, code.lower()}, "the code that the client tells")
+
+
+# ---------------------------------------------------------------------- beyond ASCII
+
+
+@client_case("T/8")
+def test_beyond_ascii(subject: Subject, line: Line) -> None:
+    """Names in UTF-8 and GBK are listed, and deleted as the client names them."""
+    ways = {encoding: _passes_on(subject, line, encoding) for encoding in ("utf-8", "gb18030")}
+    if all(ways.values()):
+        return
+    expect(
+        any(ways.values()) or None in ways.values(),
+        "names beyond ASCII are altered",
+        expected="the bytes that were listed",
+        observed="others, whatever the encoding",
+    )
+    taken = next((encoding for encoding, way in ways.items() if way), "ascii")
+    subject.tolerate("T/8", "text_encoding", taken, f"names are taken in {taken} only")
+
+
+def _passes_on(subject: Subject, line: Line, encoding: str) -> bool | None:
+    """Whether names pass through the client as they are; None where it refuses them."""
+    names = [f"{stem}.rob".encode(encoding) for stem in _STEMS]
+    call, _ = ask(subject, line, "list_programs")
+    line.reply("list_programs", data=b"|".join([b"0", *names]))
+    subject.settled(call)
+    if not call.ok or not isinstance(call.result, list) or len(call.result) != len(names):
+        return None
+    intact = True
+    for said, name in zip(call.result, names, strict=True):
+        deletion = subject.begin("delete_program", name=said)
+        if sent_or_settled(subject, line, deletion) is None:
+            return None
+        request = line.request("delete_program", deletion)
+        intact &= request.frame.data.rstrip(b"\0") == name
+        line.reply("delete_program", data=b"0")
+        subject.settled(deletion)
+    return intact

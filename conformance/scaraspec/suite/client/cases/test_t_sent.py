@@ -1,0 +1,285 @@
+"""Clauses 3 and 4: how a client writes text, numbers and fields (A-0-1, A-0-3, A-T-1 to A-T-6)."""
+
+import math
+from typing import Any, Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import (
+    BY_NAME,
+    MoveTarget,
+    Network,
+    PasswordChange,
+    Point,
+    PortValue,
+    Pose,
+)
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.payloads import Record
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import (
+    VALUES,
+    answer,
+    ask,
+    expect_carries,
+    of_each,
+    order,
+    refused,
+    refuses,
+    sent_or_settled,
+)
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.strategies import payload_values
+from scaraspec.suite.engine.wire import Answer
+
+_SEVERAL: Final = tuple(
+    name
+    for name in VALUES
+    if isinstance(BY_NAME[name].request, Record) and len(BY_NAME[name].request.fields) > 1
+)
+_NAMED: Final = ("delete_program", "set_default_program", "run_program", "simulate_program")
+_DIGITS: Final = ("set_time", "set_digital_output", "set_gripper_center", "get_analog_input")
+_BARRED: Final = (b"a|b.rob", b"|a.rob", b"a.rob|", b"|")
+_LONG_BYTES: Final = (30, 31, 32, 33, 64, 100, 128, 255)
+_TIDIED: Final = (
+    *(b" pro1.rob", b"pro1.rob ", b"  pro1  ", b".pro1.rob", b"pro1..rob", b"pro1.rob."),
+    *(b"pro--1.rob", b"pro  1.rob", b"pro\t1.rob", b"pro%201.rob", b"pro$&${1}.rob"),
+    *(b"pro[1].rob", b"pro{1.rob", b"007", b"1.50", b"1e3", b"0x1F"),
+)
+"""Names that a program may tidy up, fill in, or take for a pattern, a list or a number."""
+_CONTROL: Final = 0x20
+_PORTS: Final = 8
+
+_NUMBERS: Final = (0, 1, -1, -0.5, 0.001, 0.125, 34.6, 100000, 12345678, -99999.5, 12345.678)
+
+
+def _sends(
+    subject: Subject, line: Line, name: str, value: Any = None, *, requirement: str = ""
+) -> Answer:
+    """Order an operation, see that its request carries the value, and get it over with."""
+    call, request = ask(subject, line, name, value, requirement=requirement)
+    answer(line, name, request)
+    subject.settled(call)
+    return request
+
+
+# ---------------------------------------------------------------------- fields
+
+
+@client_case("T/1")
+def test_bars(subject: Subject, line: Line) -> None:
+    """One bar stands between the fields of every request that has several."""
+
+    def each(name: str) -> None:
+        request = _sends(subject, line, name)
+        expect(
+            request.frame.data.rstrip(b"|\0").count(b"|") == len(BY_NAME[name].request.fields) - 1,
+            "fields are not separated by one bar",
+            expected=BY_NAME[name].request.form,
+            observed=show(request.frame.data),
+        )
+
+    of_each(_SEVERAL, each)
+
+
+@client_case("T/1", name="values")
+def test_bars_between_short_and_long(subject: Subject, line: Line) -> None:
+    """The fields are as short as can be, or long; one bar stands between them all the same."""
+    for name, value in examples(
+        (
+            ("set_password", PasswordChange(b"o", b"n")),
+            ("set_password", PasswordChange(b"o" * 60, b"n" * 60)),
+            ("set_network", Network("1.1.1.1", "255.0.0.0", "1.1.1.2")),
+            ("set_initial_tool_position", Pose(0, 0, 0, 0, 0, 0)),
+            ("set_initial_tool_position", Pose(-100.5, 200.5, -300.5, -90.5, 0, 0)),
+            ("set_tool_coordinates", MoveTarget(1, 0, 0, 0, 0, 0, 0)),
+        )
+    ):
+        with subject.at_will():
+            _sends(subject, line, name, value, requirement="T/1")
+
+
+# ---------------------------------------------------------------------- characters
+
+
+@client_case("T/2")
+def test_no_quotation_marks(subject: Subject, line: Line) -> None:
+    """No request has the quotation marks of the examples."""
+
+    def each(name: str) -> None:
+        data = _sends(subject, line, name, requirement="T/2").frame.data
+        marks = [mark for mark in ('"', "'", "“", "”") if mark.encode() in data]
+        expect(not marks, "a request has a quotation mark", observed=show(data))
+
+    of_each(VALUES, each)
+
+
+@client_case("T/3")
+def test_digits_are_characters(subject: Subject, line: Line) -> None:
+    """Digits of numbers, ports and times are characters, none of them a binary value."""
+
+    def each(name: str) -> None:
+        data = _sends(subject, line, name, requirement="T/3").frame.data
+        expect(
+            all(byte >= _CONTROL for byte in data.rstrip(b"\0")),
+            "digits are no characters",
+            expected=BY_NAME[name].request.form,
+            observed=show(data),
+        )
+
+    of_each(_DIGITS, each)
+
+
+@client_case("T/4")
+def test_ends_of_texts(subject: Subject, line: Line) -> None:
+    """Nothing is sent behind the last character; a NUL and a bar are only warned of."""
+
+    def each(name: str) -> None:
+        _sends(subject, line, name, requirement="T/4")
+
+    of_each(("login", "set_time", "set_network", *_NAMED), each)
+
+
+# ---------------------------------------------------------------------- numbers
+
+
+@client_case("T/5", "T/10")
+def test_numbers(subject: Subject, line: Line) -> None:
+    """Numbers small and large, whole and broken, are sent as plain decimal text, undiminished."""
+    for number in examples(_NUMBERS):
+        point = Point(number, -number, 0)
+        with subject.at_will():
+            _sends(subject, line, "set_gripper_center", point, requirement="T/10")
+
+
+@client_case("T/5", name="poses")
+def test_numbers_of_poses(subject: Subject, line: Line) -> None:
+    """Poses of many numbers are sent as plain decimal text."""
+    tenths = st.integers(-10_000, 10_000).map(lambda number: number / 10)
+
+    @given(st.tuples(*[tenths] * 6))
+    @example((0.1, -0.1, 99.9, -179.9, 0, 0))
+    def each(numbers: tuple[float, ...]) -> None:
+        x, y, z, theta, *_ = numbers
+        pose = Pose(x, y, z, theta, 0, 0)
+        with subject.at_will():
+            _sends(subject, line, "set_initial_tool_position", pose, requirement="T/10")
+
+    each()
+
+
+# ---------------------------------------------------------------------- bars in texts
+
+
+@client_case("T/6")
+def test_bar_in_a_name(subject: Subject, line: Line) -> None:
+    """A program with a bar in its name is to be deleted; the client refuses."""
+    refuses(subject, line, "delete_program", b"pro|1.rob")
+
+
+@client_case("T/6", name="everywhere")
+def test_bars_in_names(subject: Subject, line: Line) -> None:
+    """Names and passwords with bars in them are ordered everywhere; none is sent."""
+
+    def each(name: str) -> None:
+        for barred in examples(_BARRED):
+            refuses(subject, line, name, barred)
+
+    of_each(("login", *_NAMED), each)
+
+
+@client_case("T/6", name="files")
+def test_bars_in_file_names(subject: Subject, line: Line) -> None:
+    """Files with bars in their names are to be sent and fetched; no request is sent."""
+    local = subject.file(b"SCARA")
+    refused(subject, line, subject.begin("upload", local=local, remote="a|b.rob"))
+    local = subject.no_file()
+    refused(subject, line, subject.begin("download", remote="a|b.rob", local=local))
+
+
+# ---------------------------------------------------------------------- whole values
+
+
+@client_case("T/10")
+def test_values(subject: Subject, line: Line) -> None:
+    """Every operation that takes values, with many of them; all are sent, and in their order."""
+
+    def each(name: str) -> None:
+        @given(payload_values(BY_NAME[name].request))
+        def send(value: Any) -> None:
+            with subject.at_will():
+                _sends(subject, line, name, _ordinary(value))
+
+        send()
+
+    of_each(VALUES, each)
+
+
+def _ordinary(value: Any) -> Any:
+    """The value, without what a client may have reasons of its own to refuse."""
+    match value:
+        case MoveTarget() | Pose():  # two angles mean nothing (L1006)
+            return value._replace(theta_y=0.0, theta_z=0.0)
+        case PortValue():
+            return value._replace(port=_port(value.port))
+        case int():
+            return _port(value)
+    return value
+
+
+def _port(number: int) -> int:
+    """A port that there is, whatever the kind."""
+    return (number - 1) % _PORTS + 1
+
+
+@client_case("T/10", name="long-names")
+def test_long_names(subject: Subject, line: Line) -> None:
+    """Long names are sent whole, or refused by the client."""
+
+    def each(name: str) -> None:
+        for size_bytes in examples(_LONG_BYTES):
+            value = b"".join(b"%d" % (i % 10) for i in range(size_bytes - 4)) + b".rob"
+            call = order(subject, name, value)
+            if sent_or_settled(subject, line, call) is None:
+                continue  # refused
+            request = line.request(name, call)
+            expect(
+                request.frame.data.rstrip(b"\0") == value,
+                f"a name of {size_bytes} bytes is not sent whole",
+                expected=show(value, limit=255),
+                observed=show(request.frame.data, limit=255),
+            )
+            answer(line, name, request)
+            subject.settled(call)
+
+    of_each(_NAMED, each)
+
+
+@client_case("T/10", name="outer-blanks")
+def test_outer_blanks(subject: Subject, line: Line) -> None:
+    """A name with blanks at its ends, or as odd, is sent as it is, or refused by the client."""
+
+    def each(name: str) -> None:
+        for value in examples(_TIDIED):
+            call = order(subject, name, value)
+            if sent_or_settled(subject, line, call) is None:
+                continue  # refused
+            request = line.request(name, call)
+            expect_carries(subject, request, name, value)
+            answer(line, name, request)
+            subject.settled(call)
+
+    of_each(_NAMED, each)
+
+
+@client_case("T/10", name="sequence")
+def test_values_in_sequence(subject: Subject, line: Line) -> None:
+    """The same operation comes again and again with other values, shorter and longer ones."""
+    for name in (b"LongNameOfAProgramWithout0.txt", b"a.txt", b"pro1.txt", b"b.txt", b"pro12.txt"):
+        _sends(subject, line, "delete_program", name)
+    for x in (300.5, 1, -20.5, 0, 300):
+        _sends(subject, line, "set_gripper_center", Point(x, math.floor(x), -x))

@@ -1,0 +1,252 @@
+"""Executing: the two-stage commands of a client under test: ordered, accepted, ended.
+
+What the client says of them is held against what it was sent.
+"""
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any, Final, NamedTuple
+
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.orders import OPENINGS, VALUES, arguments
+from scaraspec.suite.client.harness.polls import REPLIES
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.expect import (
+    Declined,
+    NoAnswer,
+    NotRun,
+    expect,
+    expect_equal,
+    expect_in,
+)
+
+
+class Order(NamedTuple):
+    """An order to execute something.
+
+    Attributes:
+        name: Its command.
+        values: What is ordered.
+        status: What the robot says while it executes.
+    """
+
+    name: str
+    values: Mapping[str, Any]
+    status: str = "04"
+
+
+RUN: Final = Order("run_program", {"name": "pro1.rob"}, "01")
+SIMULATE: Final = Order("simulate_program", {"name": "pro2.rob"}, "02")
+STOP: Final = Order("emergency_stop", {})
+RESET: Final = Order("reset", {}, "03")
+MOVE: Final = Order(
+    "set_tool_coordinates",
+    {"speed": 60, "x": 200, "y": 300, "z": 324, "theta_x": 34.6, "theta_y": 0, "theta_z": 0},
+)
+RELEASE: Final = Order("release_joints", {})
+LOCK: Final = Order("lock_joints", {})
+JOG: Final = Order("jog", {"direction": "+x"})
+
+INTERRUPTIBLE: Final = (RUN, SIMULATE, RESET, MOVE, JOG)
+"""What takes a while, and may be stopped."""
+
+REASONED: Final = (RUN, SIMULATE, RESET, MOVE, RELEASE, LOCK, JOG)
+"""What is refused for a reason; the stop is refused without one (L366)."""
+
+ORDERS: Final = (*REASONED, STOP)
+"""Every two-stage command."""
+
+_BESIDE_S: Final = 2.0
+_KNOWN_S: Final = 0.1  # until a client knows that something executes
+_SOME: Final = b"content"
+
+
+def ordered(subject: Subject, line: Line, order: Order) -> Call:
+    """Give an order, and await its request."""
+    call = subject.begin(order.name, **order.values)
+    line.request(order.name, call)
+    return call
+
+
+def executing(subject: Subject, line: Line, order: Order) -> Call:
+    """Give an order, and accept it."""
+    call = ordered(subject, line, order)
+    line.reply(order.name, data=b"1")
+    line.polls.answers["get_status"] = order.status.encode()
+    return call
+
+
+def run_at_will(subject: Subject, line: Line, order: Order) -> None:
+    """Give an order to run a program, and see it through unless the client declines the name.
+
+    Raises:
+        Unmet: It asks for another program, or tells another outcome.
+    """
+    call = subject.begin(order.name, **order.values)
+    with subject.at_will():
+        request = line.serve(call, data=b"1")
+        line.result(order.name)
+        name = order.values["name"].encode()
+        expect_equal(request.seen.text, name, f"what {order.name} carries")
+        finished(subject, call)
+
+
+def is_idle(subject: Subject, line: Line) -> None:
+    """Tell it that the robot is idle: none that it takes for faulty need be moved."""
+    call = subject.begin("get_status")
+    line.serve(call, "00")
+    subject.settled(call)
+
+
+def renewed(subject: Subject, line: Line) -> Line:
+    """A new connection in place of one that the client may end, at its leisure, after nonsense."""
+    line.close()
+    return subject.open()
+
+
+def still(subject: Subject, line: Line) -> Line:
+    """This connection, or another one where the client has ended it for what it was sent."""
+    return subject.open() if line.over else line
+
+
+def beside(subject: Subject, line: Line) -> None:
+    """Go on only where it takes another order while one executes.
+
+    Raises:
+        NotRun: It, or its driver, does not.
+    """
+    if "beside" not in subject.known:
+        first = executing(subject, line, RUN)
+        name, _ = subject.unpolled("get_version", "get_time", "get_joint_angles")
+        second = subject.begin(name)
+        with suppress(NoAnswer):
+            line.request(name, within_s=_BESIDE_S)
+            subject.known["beside"] = True
+            line.reply(name, data=REPLIES[name])
+        line.result(RUN.name)
+        finished(subject, first)
+        if not subject.known.setdefault("beside", False) and second.answer is None:
+            line.serve(second, data=REPLIES[name])
+        subject.settled(second)
+    if not subject.known["beside"]:
+        raise NotRun("the client takes no order while another one executes")
+
+
+def goes_beside(subject: Subject, line: Line, name: str) -> None:
+    """Go on only where it begins this, too, while a program runs; found out once.
+
+    What is no query is refused.
+
+    Raises:
+        NotRun: It does not, or lacks it.
+    """
+    beside(subject, line)
+    key = f"{name} beside"
+    if key not in subject.known:
+        opening = OPENINGS.get(name, name)
+        reply = REPLIES.get(name, b"0")
+        if name in OPENINGS:
+            local = subject.file(_SOME) if name == "upload" else subject.no_file()
+            values = {"local": local, "remote": "beside.txt"}
+        else:
+            values = arguments(name, VALUES.get(name))
+        run = executing(subject, line, RUN)
+        line.wait(_KNOWN_S)
+        call = subject.begin(name, **values)
+        try:
+            with suppress(NoAnswer, Declined):
+                line.request(opening, call, within_s=_BESIDE_S)
+                line.reply(opening, data=reply)
+        finally:
+            line.result(RUN.name)
+            finished(subject, run)
+        subject.known[key] = call.came
+        if not call.came and call.answer is None:
+            line.request(opening, call)
+            line.reply(opening, data=reply)
+        subject.settled(call)
+    if not subject.known[key]:
+        raise NotRun(f"the client begins no {name} while another command executes")
+
+
+def finished(subject: Subject, call: Call, *, requirement: str = "") -> None:
+    """An order has to be said to have been accepted and done.
+
+    Raises:
+        Unmet: The client says something else, or nothing.
+    """
+    subject.done(call, requirement=requirement)
+    _expect_said(call, {"accepted": True, "outcome": "11"}, requirement)
+
+
+def refused(subject: Subject, call: Call, code: str = "", *, requirement: str = "") -> None:
+    """An order has to be said to have been refused; a code that is told has to be this one.
+
+    Raises:
+        Unmet: The client says something else, or nothing.
+    """
+    subject.fails(call, requirement=requirement)
+    _expect_said(call, {"accepted": False}, requirement)
+    _expect_code(call, code, requirement)
+
+
+def failed(subject: Subject, call: Call, code: str = "", *, requirement: str = "") -> None:
+    """An order has to be said to have been accepted and to have failed; so has its code.
+
+    Raises:
+        Unmet: The client says something else, or nothing.
+    """
+    subject.fails(call, requirement=requirement)
+    _expect_said(call, {"accepted": True, "outcome": "00"}, requirement)
+    _expect_code(call, code, requirement)
+
+
+def fails_in_the_end(subject: Subject, call: Call, why: str) -> None:
+    """An order whose own result tells of a failure has to be said to have failed.
+
+    Raises:
+        Unmet: It is not; the sentence says for what that was taken.
+    """
+    subject.settled(call)
+    expect(
+        call.failed,
+        why,
+        expected="the failure that its own result tells, or an error",
+        observed=f"{call}",
+    )
+
+
+def code_of(call: Call) -> str | None:
+    """The code that the client tells of an order, if it does."""
+    code = call.result.get("code") if isinstance(call.result, Mapping) else None
+    return None if code is None else str(code)
+
+
+def shows(call: Call, code: str) -> bool:
+    """Whether the client tells this code, in a field of its own or in what it complains of."""
+    return code.upper() in (code_of(call) or call.error).upper()
+
+
+def _expect_said(call: Call, stages: Mapping[str, Any], requirement: str) -> None:
+    """Both stages, where they are told: an error tells neither."""
+    said = call.result if isinstance(call.result, Mapping) else {}
+    expect(
+        all(said.get(key, value) == value for key, value in stages.items()),
+        f"the client tells the stages of {call.name} otherwise than they were",
+        expected=json.dumps(stages),
+        observed=f"{call}",
+        requirement=requirement,
+    )
+
+
+def _expect_code(call: Call, code: str, requirement: str) -> None:
+    told = code_of(call)
+    if code and told is not None:
+        expect_in(
+            told.upper(),
+            (code.upper(),),
+            f"the client tells another code of {call.name} than it was sent",
+            requirement=requirement,
+        )

@@ -1,0 +1,486 @@
+"""Files: how the suite, as the controller, takes an upload and serves a download.
+
+What is checked on the way names its own requirement, whatever the case is about. Cases about
+transfers that go wrong give their own answers, and send their own chunks with `Download.offer`.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, chunks_of
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.chunks import chunk_of, expect_next
+from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect, expect_equal
+from scaraspec.suite.engine.limits import limits_of
+from scaraspec.suite.engine.wire import Answer
+from scaraspec.traffic.happenings import FrameSeen
+
+_TRANSFER: Final = range(0x50, 0x57)
+_SLICE_S: Final = 0.05  # between two looks at what the client says
+_RETRIES: Final = 20
+_GRACE_S: Final = 0.5  # until what it has given up is told
+
+
+# ---------------------------------------------------------------------- either way
+
+
+def reaction(
+    subject: Subject, line: Line, call: Call, command: str, within_s: float | None = None
+) -> Answer | None:
+    """Wait for a request; None if it does not come, or not soon after the operation is said over.
+
+    The network may still carry the rest of what the client sent before it said so.
+    """
+    left_s = subject.answer_s if within_s is None else within_s
+    while True:
+        told = call.answer is not None
+        if told:
+            left_s = min(left_s, subject.silence_s)
+        last = line.over or left_s <= 0
+        with suppress(NoAnswer):
+            return line.request(command, within_s=min(_SLICE_S, max(left_s, 0)))
+        if last or (told and not line.unfinished):
+            return None
+        left_s -= _SLICE_S
+
+
+def _settled(subject: Subject, call: Call, within_s: float, requirement: str) -> None:
+    """Wait for what the client says of an order; an operator is asked later.
+
+    Raises:
+        Unmet: It says nothing.
+    """
+    if not subject.access.attended:
+        try:
+            subject.settled(call, within_s=within_s)
+        except Unmet as error:
+            error.requirement = requirement
+            raise
+
+
+def expect_done(subject: Subject, call: Call) -> None:
+    """A transfer of which everything has come has to be over, and done.
+
+    Raises:
+        Unmet: It is not.
+    """
+    _settled(subject, call, subject.answer_s, "5.1/7")  # to the client it is never over
+    subject.done(call, requirement="5.2/19")
+
+
+def expect_failed(subject: Subject, call: Call, requirement: str = "5.2/19") -> None:
+    """A transfer has to fail, at once or when the client has waited in vain (A-5-14).
+
+    Raises:
+        Unmet: It does not.
+    """
+    _settled(subject, call, limits_of(subject).over_s + _GRACE_S, requirement)
+    subject.fails(call, requirement=requirement)
+
+
+def transfer_frames(line: Line) -> list[FrameSeen]:
+    """The frames of clause 5 that came and that nobody has taken."""
+    return [seen for seen in line.heard if seen.frame.opcode in _TRANSFER]
+
+
+def gives_up(seen: FrameSeen | Answer) -> bool:
+    """Whether this is the signal that ends an upload, which wants no answer (L787; A-5-10)."""
+    if seen.frame.opcode != BY_NAME["upload_chunk"].opcode:
+        return False
+    return not seen.frame.data or (isinstance(seen.value, Chunk) and not seen.value.length)
+
+
+def expect_no_transfer(
+    line: Line,
+    message: str,
+    requirement: str,
+    for_s: float = 0.0,
+    *,
+    but: Callable[[FrameSeen], bool] | None = None,
+) -> None:
+    """Fail the client if it has sent, or sends in this time, any frame of a transfer.
+
+    Args:
+        line: Its connection.
+        message: What it has done then.
+        requirement: What it violates.
+        for_s: How long it is listened to.
+        but: Tells the frames that it may send; they are taken.
+
+    Raises:
+        Unmet: It has.
+    """
+    line.wait(for_s)
+    came = transfer_frames(line)
+    for seen in filter(but, came.copy()) if but else ():
+        came.remove(seen)
+        line.heard.remove(seen)
+    expect(
+        not came,
+        message,
+        expected="nothing",
+        observed="; ".join(f"{seen.frame}" for seen in came),
+        requirement=requirement,
+    )
+
+
+def serving(subject: Subject, line: Line, what: str) -> Line:
+    """The connection, once it has served another command; a new one where only that does (A-5-26).
+
+    Raises:
+        Unmet: Neither does.
+    """
+    try:
+        _ask_status(subject, line)
+    except Unmet as error:
+        line.close()
+        try:
+            line = subject.open()
+            _ask_status(subject, line)
+        except Unmet:
+            error.requirement = "5.4/6"
+            raise error from None
+        message = f"after {what} only a new connection is served"
+        subject.tolerate("5.4/6", "A-5-26", "closed", message)
+    return line
+
+
+def _ask_status(subject: Subject, line: Line) -> None:
+    call = subject.begin("get_status")
+    line.serve(call, "00")
+    _settled(subject, call, subject.answer_s, "5.4/6")
+    subject.gives(call, "00")
+
+
+def _expect_named(line: Line, call: Call, remote: str, requirement: str) -> None:
+    asked = line.request(f"{call.name}_name", call)
+    sent = asked.frame.data.removesuffix(b"\0")  # which some end a text with (A-T-3)
+    expect_equal(sent, remote.encode(), "the name sent", requirement=requirement)
+
+
+# ---------------------------------------------------------------------- upload
+
+
+class Upload:
+    """An upload that was ordered, and whose name has come; nothing is answered yet.
+
+    Args:
+        subject: The client.
+        line: Its connection.
+        content: What it is to send.
+        remote: The name to send it under; its own where it is empty.
+
+    Attributes:
+        call: The order.
+        received_bytes: How much has been taken.
+
+    Raises:
+        Unmet: Another name comes, or none.
+    """
+
+    def __init__(self, subject: Subject, line: Line, content: bytes, remote: str = "") -> None:
+        self._subject, self._line, self._content = subject, line, content
+        self.received_bytes = 0
+        local = subject.file(content)
+        remote = remote or Path(local).name
+        self.call = subject.begin("upload", local=local, remote=remote)
+        _expect_named(line, self.call, remote, "5.2/1")
+        line.heard[:] = [seen for seen in line.heard if not gives_up(seen)]  # one before it
+
+    def accept(self) -> None:
+        """Answer the name: the file has been created."""
+        self._line.reply("upload_name")
+
+    def frames(self) -> Iterator[Answer]:
+        """The chunk frames, right or wrong; each is answered 1 when the next one is wanted.
+
+        They end where a sound client has sent the whole content.
+
+        Raises:
+            Unmet: The client stops before.
+        """
+        while self.received_bytes < len(self._content):
+            frame = self._frame("5.2/20")
+            yield frame
+            self.take(frame.value.length if isinstance(frame.value, Chunk) else 0)
+
+    def take(self, length: int) -> None:
+        """Answer a chunk of this length 1."""
+        self._line.reply("upload_chunk")
+        self.received_bytes += length or BUFFER_BYTES
+
+    def next_chunk(self) -> Chunk:
+        """Await the next chunk, which is not answered yet.
+
+        Raises:
+            Unmet: It does not come, or is not the one that is due.
+        """
+        return self._right(self._frame("5.2/19"))
+
+    def refuse(self, chunk: Chunk) -> None:
+        """Answer a chunk 0: the upload has failed, though the client may try that one again.
+
+        Raises:
+            Unmet: It goes on, or is told as done.
+        """
+        self._line.reply("upload_chunk", value=False)
+        for _ in range(_RETRIES):
+            again = reaction(self._subject, self._line, self.call, "upload_chunk")
+            if again is None:
+                break
+            if gives_up(again):
+                continue
+            expect(
+                chunk_of(again).position == chunk.position,
+                f"the upload went on although the chunk at {chunk.position} was refused",
+                expected="no chunk",
+                observed=f"{again}",
+                requirement="5.2/8",
+            )
+            message = "a chunk that was refused is sent again"
+            self._subject.tolerate("5.2/8", "A-5-14", "retry", message)
+            self._line.reply("upload_chunk", value=False)
+        self.expect_failed()
+
+    def finish(self) -> None:
+        """Take all that is left; the client has to say that it was done.
+
+        Raises:
+            Unmet: It does not, or sends something else.
+        """
+        for frame in self.frames():
+            self._right(frame)
+        self.expect_done()
+
+    def expect_done(self) -> None:
+        """The upload has to be over, and done; see `expect_done`."""
+        give_back(self._subject, self._line, self.call, self._content)
+        expect_done(self._subject, self.call)
+
+    def expect_failed(self, requirement: str = "5.2/19") -> None:
+        """The upload has to fail; see `expect_failed`."""
+        expect_failed(self._subject, self.call, requirement)
+
+    def _frame(self, requirement: str) -> Answer:
+        try:
+            return self._line.request("upload_chunk", self.call)
+        except Unmet as error:
+            error.requirement = requirement
+            raise
+
+    def _right(self, frame: Answer) -> Chunk:
+        """A chunk that is what is due."""
+        chunk, due = chunk_of(frame), self.received_bytes
+        expect_next(chunk, due, len(self._content))
+        wanted = self._content[due : due + chunk.length]
+        expect(
+            chunk.data == wanted,
+            f"the chunk at {due} does not hold what the file does",
+            expected=wanted.hex(" "),
+            observed=chunk.data.hex(" "),
+            requirement="5.2/20",
+        )
+        return chunk
+
+
+def give_back(subject: Subject, line: Line, call: Call, content: bytes) -> None:
+    """Serve a client that fetches what it has just sent, to compare it (A-5-21)."""
+    deadline_s = subject.access.now_s + subject.answer_s
+    while not (subject.access.attended or line.over or subject.speaks(call, _SLICE_S)):
+        if subject.access.now_s >= deadline_s:
+            break
+        if any(seen.name == "download_name" for seen in line.heard):
+            line.request("download_name")
+            line.reply("download_name")
+            for chunk in chunks_of(content):
+                line.chunk(chunk)
+                line.request("download_chunk")
+
+
+def take(subject: Subject, line: Line, content: bytes, remote: str = "") -> None:
+    """Let the client upload a file, and take all of it.
+
+    Raises:
+        Unmet: It is not sent as it should be, or the client does not say that it was done.
+    """
+    upload = Upload(subject, line, content, remote)
+    upload.accept()
+    upload.finish()
+
+
+# ---------------------------------------------------------------------- download
+
+
+def cut(content: bytes, lengths: Iterable[int]) -> Iterator[Chunk]:
+    """Cut a file into chunks of these lengths."""
+    position = 0
+    for length in lengths:
+        yield Chunk(len(content), position, length, content[position : position + length])
+        position += length
+
+
+class Download:
+    """A download that was ordered, and whose name has come; nothing is answered yet.
+
+    Args:
+        subject: The client.
+        line: Its connection.
+        remote: The name to ask for; that of the file which it is to make where it is empty.
+
+    Attributes:
+        call: The order.
+        local: The file that it should make.
+        received: What the client has taken.
+
+    Raises:
+        Unmet: Another name comes, or none.
+    """
+
+    def __init__(self, subject: Subject, line: Line, remote: str = "") -> None:
+        self._subject, self._line = subject, line
+        self.local = Path(subject.no_file())
+        self.received = b""
+        remote = remote or self.local.name
+        self.call = subject.begin("download", remote=remote, local=str(self.local))
+        _expect_named(line, self.call, remote, "5.3/1")
+
+    @property
+    def stored(self) -> bytes | None:
+        """What is on the client's disk; None where there is no such file."""
+        return self.local.read_bytes() if self.local.exists() else None
+
+    def promise(self) -> None:
+        """Answer the name: the file can be sent."""
+        self._line.reply("download_name")
+
+    def frame(self, chunk: Chunk, order: str = "") -> Frame:
+        """The frame of a chunk; its buffer may hold more than there is room for in a fileData."""
+        dialect = self._subject.dialect
+        spoken = dialect.replace(endian=order) if order else dialect
+        data = FILE_DATA.encode(chunk._replace(buffer=chunk.buffer[:BUFFER_BYTES]), spoken)
+        opcode = BY_NAME["download_chunk"].opcode
+        return Frame(C2A, opcode, data + chunk.buffer[BUFFER_BYTES:])
+
+    def offer(self, chunk: Chunk, *, data: bytes | None = None, order: str = "") -> bool | None:
+        """Send a chunk, or other data in its place; whether it is taken, None without an answer."""
+        frame = self.frame(chunk, order)
+        self._line.send_frame(frame if data is None else frame._replace(data=data))
+        taken = self.answer()
+        self.received += chunk.data if taken else b""
+        return taken
+
+    def answer(self) -> bool | None:
+        """Whether what was sent is taken; None where the client does not say."""
+        patience_s = self._subject.silence_s
+        answer = reaction(self._subject, self._line, self.call, "download_chunk", patience_s)
+        return answer.accepted if answer else None
+
+    def give(self, chunk: Chunk, requirement: str = "5.3/5") -> None:
+        """Send a chunk that the client has to take.
+
+        Raises:
+            Unmet: It does not.
+        """
+        self._line.send_frame(self.frame(chunk))
+        self.expect_taken(chunk, requirement)
+
+    def expect_taken(self, chunk: Chunk, requirement: str = "5.3/5") -> None:
+        """Await the answer to a chunk that the client has to take.
+
+        Raises:
+            Unmet: It does not take it, or does not answer.
+        """
+        which = f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes"
+        answer = reaction(self._subject, self._line, self.call, "download_chunk")
+        if answer is None or not answer.accepted:
+            self._subject.has_been_in_time(self.call)
+        if answer is None:
+            error = self._line.no_answer(f"{which} was not answered")
+            error.requirement = "5.3/5"
+            if self.call.answer is not None:
+                error.observed = f"{error.observed}; {self.call}"
+            raise error
+        expect(
+            answer.accepted,
+            f"{which} was refused",
+            expected="1",
+            observed=f"{answer}",
+            requirement=requirement,
+        )
+        self.received += chunk.data
+
+    def expect_done(self, requirement: str = "5.3/11") -> None:
+        """All that was received has to be on the client's disk, and the download to be done.
+
+        Raises:
+            Unmet: It is not.
+        """
+        expect_done(self._subject, self.call)
+        size_bytes, content = len(self.received), self.received
+        confirmed = self._subject.confirmed(f"{self.local} holds {size_bytes} bytes")
+        stored = self.stored
+        if confirmed or (confirmed is None and stored == content):
+            return
+        got = stored or b""
+        pairs = enumerate(zip(got, content, strict=False))
+        at = next((i for i, (a, b) in pairs if a != b), min(len(got), size_bytes))
+        seen = f"{len(got)} bytes, at {at}: {got[at : at + 8].hex(' ')}"
+        raise Unmet(
+            f"of a file of {size_bytes} bytes that was downloaded the client has another one",
+            expected=f"{size_bytes} bytes, at {at}: {content[at : at + 8].hex(' ')}",
+            observed="no file" if stored is None else seen,
+            requirement=requirement,
+        )
+
+    def expect_failed(self, requirement: str = "5.2/19") -> None:
+        """The download has to fail; of its file there is nothing but what was received.
+
+        Raises:
+            Unmet: It does not, or something else is there.
+        """
+        expect_failed(self._subject, self.call, requirement)
+        stored, received = self.stored, self.received
+        if stored is None:
+            return
+        room = stored.startswith(received) and not any(stored[len(received) :])
+        expect(
+            room or received.startswith(stored),
+            "a broken download left a file that is not what was received of it",
+            expected=f"no file, or the {len(received)} bytes received",
+            observed=f"{len(stored)} bytes",
+            requirement="5.3/11",
+        )
+        message = "what was received of a broken download stays on the disk"
+        self._subject.tolerate("5.3/11", "A-5-12", "keep", message)
+
+
+def fetch(subject: Subject, line: Line, remote: str = "") -> Download:
+    """Order a download, and promise the file.
+
+    Raises:
+        Unmet: Its name does not come.
+    """
+    download = Download(subject, line, remote)
+    download.promise()
+    return download
+
+
+def serve(
+    subject: Subject, line: Line, content: bytes, requirement: str = "5.3/11", remote: str = ""
+) -> None:
+    """Let the client download a file, and compare what it has then.
+
+    Raises:
+        Unmet: It has not got it.
+    """
+    download = fetch(subject, line, remote)
+    for chunk in chunks_of(content):
+        download.give(chunk)
+    download.expect_done(requirement)

@@ -1,0 +1,41 @@
+"""Ports: what a client gives back of the states of all inputs, or all outputs."""
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.examples import given
+
+
+def expect_ports(
+    subject: Subject, line: Line, name: str, bits: str, *, requirement: str = ""
+) -> None:
+    """Have the client ask for them, without data, and give back what it is told.
+
+    Raises:
+        Unmet: It does otherwise.
+    """
+    call = subject.begin(name)
+    line.serve(call, bits, sent=b"")
+    subject.gives(call, bits, requirement=requirement)
+
+
+def expect_each_port(
+    subject: Subject, line: Line, name: str, count: int, *, requirement: str
+) -> None:
+    """Try each of so many ports alone, all, none, and what hypothesis draws.
+
+    Raises:
+        Unmet: The client gives back otherwise than it is told.
+    """
+
+    @example("0" * count)
+    @example("1" * count)
+    @given(st.text("01", min_size=count, max_size=count))
+    def each(bits: str) -> None:
+        expect_ports(subject, line, name, bits, requirement=requirement)
+
+    for place in range(count):
+        each = example("0" * place + "1" + "0" * (count - 1 - place))(each)
+    each()

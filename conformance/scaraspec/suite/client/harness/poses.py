@@ -1,0 +1,72 @@
+"""Poses as a client sends them and as it says it was told them.
+
+thetaY and thetaZ mean nothing on this series (L1006): a client may leave them at 0 (A-4.21-3). No
+requirement is judged here.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from scaraspec.protocol.commands import Pose
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.saying import same
+from scaraspec.suite.client.harness.sending import near, numbers_of
+from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.engine.expect import expect, told
+from scaraspec.suite.engine.wire import Answer
+
+USEFUL: Final = ("x", "y", "z", "theta_x")
+"""What means something."""
+
+
+def expect_pose(
+    subject: Subject, answer: Answer, ordered: Pose, *, speed: int | None = None
+) -> None:
+    """Fail the client unless a request carries this pose, behind this speed if there is one.
+
+    Raises:
+        Unmet: It carries something else.
+    """
+    ahead = () if speed is None else (float(speed),)
+    wanted = (*ahead, *ordered)
+    sent = numbers_of(answer)
+    meant = len(ahead) + len(USEFUL)
+    expect(
+        sent is not None
+        and len(sent) == len(wanted)
+        and all(map(near, sent[:meant], wanted))
+        and all(near(number, due) or not number for number, due in zip(sent, wanted, strict=True)),
+        f"what {answer.seen.name} carries",
+        expected="|".join(f"{number:.15g}" for number in wanted),
+        observed=told(answer.frame.data),
+    )
+    assert sent is not None
+    if not all(map(near, sent, wanted)):
+        message = "thetaY and thetaZ are sent as 0, whatever was ordered"
+        subject.tolerate("7/2", "A-4.21-3", "0", message)
+
+
+def gives_pose(subject: Subject, call: Call, due: Pose, *, requirement: str = "") -> None:
+    """The pose that a client tells has to be this one, whatever it tells of thetaY and thetaZ.
+
+    Raises:
+        Unmet: It is another one, or none.
+    """
+    result = subject.done(call, requirement=requirement)
+    values = _by_name(result)
+    right = all(same(values.get(name), getattr(due, name)) for name in USEFUL)
+    useless = {name: values.get(name) or 0 for name in Pose._fields[len(USEFUL) :]}
+    expect(
+        right and all(same(v, 0) or same(v, getattr(due, name)) for name, v in useless.items()),
+        f"what the client says of {call.name}",
+        expected=f"{due._asdict()}",
+        observed=f"{result}",
+        requirement=requirement,
+    )
+
+
+def _by_name(result: Any) -> Mapping[str, Any]:
+    if isinstance(result, Mapping):
+        return result
+    listed = result if isinstance(result, list) else []
+    return dict(zip(Pose._fields, listed, strict=False))

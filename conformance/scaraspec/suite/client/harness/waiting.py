@@ -1,0 +1,18 @@
+"""Waiting for several things at once: a connection, and whoever works the client behind it."""
+
+import socket
+from collections.abc import Sequence
+from typing import Any
+
+from scaraspec.transports.tcp import TcpLink, ready_of
+
+
+class WatchedLink(TcpLink):
+    """A link whose waiting ends early when something else can be read, too."""
+
+    def __init__(self, connected: socket.socket, other: Any) -> None:
+        super().__init__(connected)
+        self._other = other
+
+    def _readable(self, timeout_s: float, others: Sequence[Any]) -> bool:
+        return self in ready_of(self.now_s + timeout_s, self._other, self, *others)

@@ -1,0 +1,1 @@
+"""The cases against a controller, one file per clause of the document."""

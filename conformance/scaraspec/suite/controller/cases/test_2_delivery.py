@@ -1,0 +1,151 @@
+"""Clause 2: TCP carries a stream; how it is cut into segments means nothing (L79; A-2-6)."""
+
+import itertools
+from collections.abc import Mapping
+from typing import Final
+
+from scaraspec.suite.controller.harness.asking.queries import Query, known_to, some_queries
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.carriers import GET_STATUS, GET_TIME, GET_VERSION
+from scaraspec.suite.controller.harness.spoiling.delivery import (
+    SEGMENT_S,
+    SLOWEST_S,
+    ask_together,
+    pieces,
+    send_in,
+    some_cuts,
+    takes_one_at_a_time,
+)
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import NoAnswer
+
+_BURST: Final = 250  # more than a kilobyte, which a small buffer holds; the judge follows 256
+_CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
+
+
+@case("2/5", slow=True)
+def test_cut_at_every_byte(subject: Subject) -> None:
+    """Every carrier, and the login, is cut at every byte into two segments; a login at all."""
+    line = subject.open()
+    for name in ("get_time", "get_version", "get_status"):
+        frame = line.request(name).encode()
+        for cut in examples(range(1, len(frame))):
+            send_in(line, (frame[:cut], frame[cut:]), subject, SEGMENT_S)
+            line.reply(name)
+    line.close()
+    if not subject.access.needs_login:
+        return
+    login = _login(subject, line)
+    halves = [(login[:cut], login[cut:]) for cut in range(1, len(login))]
+    for parts in examples((*halves, pieces(login, [1] * len(login)))):
+        line = subject.open(login=False)
+        send_in(line, parts, subject, SEGMENT_S)
+        line.reply("login")
+        line.close()
+
+
+@case("2/5", name="slowly", slow=True)
+def test_slowly(subject: Subject) -> None:
+    """A request comes byte by byte, and a login in three pieces, with almost 1 s between them."""
+    parts = {subject.open(): ("get_status", pieces(GET_STATUS, (1, 1, 1)))}
+    if not subject.takes_several:
+        _send_slowly(subject, parts)
+        parts.clear()
+        subject.close_lines()
+    if subject.access.needs_login:
+        line = subject.open(login=False)
+        parts[line] = ("login", pieces(_login(subject, line), (1, 5)))
+    _send_slowly(subject, parts)
+
+
+def _send_slowly(subject: Subject, parts: Mapping[Line, tuple[str, list[bytes]]]) -> None:
+    """Send on several connections at once, piece by piece; await each reply."""
+    for number, now in enumerate(itertools.zip_longest(*(each for _, each in parts.values()))):
+        if number:
+            subject.pause(SLOWEST_S / subject.statement.time_scale)
+        for line, part in zip(parts, now, strict=True):
+            line.send_bytes(part or b"")
+    for line, (name, _) in parts.items():
+        line.reply(name)
+
+
+@case("2/5", name="random")
+@given(queries=some_queries, sizes=some_cuts)
+def test_random_cuts(subject: Subject, queries: list[Query], sizes: list[int]) -> None:
+    """Queries that follow each other come in segments of random sizes."""
+    line = subject.open()
+    if takes_one_at_a_time(subject):
+        for query in known_to(subject, queries):
+            ask_together(subject, line, [query], sizes)
+    else:
+        ask_together(subject, line, queries, sizes)
+    line.close()
+
+
+@case("2/5", "2/6", name="across", slow=True)
+def test_segments_across_frames(subject: Subject, line: Line) -> None:
+    """Each segment ends one frame and begins the next, at every byte."""
+    for cut in examples(range(1, 4)):
+        parts = pieces(b"".join(_CARRIERS * 2), (cut, *[4] * 5))
+        send_in(line, parts, subject, SEGMENT_S)
+        for name in ("get_time", "get_version", "get_status") * 2:
+            line.reply(name)
+
+
+@case("2/6")
+@given(queries=some_queries)
+def test_several_in_one_segment(subject: Subject, queries: list[Query]) -> None:
+    """One segment brings several queries, and each is answered."""
+    line = subject.open()
+    _served_together(subject, line, queries)
+    line.close()
+
+
+@case("2/6", name="burst")
+def test_burst(subject: Subject, line: Line) -> None:
+    """One segment brings hundreds of requests, and each is answered.
+
+    The first one is longer by half of another: a buffer of 256 bytes, or of any power of two, ends
+    inside of a request.
+    """
+    longer = Query("get_analog_input", 1)
+    turn = (Query("get_time"), Query("get_version"), Query("get_status"), longer)
+    _served_together(subject, line, [longer, *(turn[n % len(turn)] for n in range(_BURST))])
+
+
+@case("2/6", name="login")
+def test_login_and_more(subject: Subject) -> None:
+    """One segment brings the login and a query, which is served because the login comes first."""
+    line = subject.open(login=False)
+    login = _login(subject, line) if subject.access.needs_login else b""
+    line.send_bytes(login + GET_STATUS)
+    if login:
+        line.reply("login")
+    _or_one_at_a_time(subject, line, "get_status")
+
+
+def _login(subject: Subject, line: Line) -> bytes:
+    return line.request("login", subject.password).encode()
+
+
+def _served_together(subject: Subject, line: Line, queries: list[Query]) -> None:
+    """Each of these is answered, or only the first where the subject claims so (A-3-14)."""
+    if not takes_one_at_a_time(subject):
+        ask_together(subject, line, queries)
+        return
+    first = known_to(subject, queries)[:1]
+    line.send_bytes(b"".join(query.frame(line).encode() for query in known_to(subject, queries)))
+    for query in first:
+        line.reply(query.name)
+    subject.tolerate("2/6", "pipelining", "one", "only the first request of a segment is served")
+
+
+def _or_one_at_a_time(subject: Subject, line: Line, name: str) -> None:
+    try:
+        line.reply(name)
+    except NoAnswer:
+        if not takes_one_at_a_time(subject) or line.ending is not None:
+            raise
+        subject.tolerate("2/6", "pipelining", "one", f"{name} behind another one was not served")

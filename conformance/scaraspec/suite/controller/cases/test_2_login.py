@@ -1,0 +1,305 @@
+"""Clause 2: over the network, nothing is done for whom has not logged in (L83, L104; A-4-4).
+
+Whether such a client hears nothing, hears the failure form or is cut off is a reading; what counts
+is that nothing has changed. What is sent is chosen so that a subject which does it does no harm.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any, Final
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import PasswordChange, Point, PortValue
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import Acceptance, JogDirection
+from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.controller.harness.asking.clock import shifted
+from scaraspec.suite.controller.harness.asking.files import begin, upload
+from scaraspec.suite.controller.harness.asking.motion import (
+    SLOWEST_PERCENT,
+    joints_of,
+    pose_of,
+    target,
+)
+from scaraspec.suite.controller.harness.asking.passwords import rotated
+from scaraspec.suite.controller.harness.asking.ports import expect_outputs, outputs, outputs_kept
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
+from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, stored
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
+from scaraspec.suite.program_files.layout import short_program
+
+if TYPE_CHECKING:
+    from scaraspec.traffic.happenings import FrameSeen
+
+_AHEAD: Final = timedelta(days=3000)
+_BETWEEN_S: Final = 0.02
+_CENTRE: Final = Point(11.5, -7.5, 3.5)
+_RUNS_S: Final = 60
+
+Requests = list[tuple[str, Any]]
+
+
+class _Stranger:
+    """A client that sends requests without a login, on a new connection where it is cut off.
+
+    Attributes:
+        granted: What was answered with yes.
+    """
+
+    def __init__(self, subject: Subject, *, wrong_logins: int = 0) -> None:
+        if not subject.access.needs_login:
+            raise NotRun("on this link no login is needed (L83)")
+        self.granted: list[FrameSeen] = []
+        self._subject, self._wrong_logins = subject, wrong_logins
+
+    def ask(self, *requests: tuple[str, Any]) -> None:
+        """Connect, send requests, and listen for a moment."""
+        line = self._connect()
+        for name, value in examples(requests):
+            try:
+                line.send(name, value)
+            except NoAnswer:
+                line = self._connect()
+                line.send(name, value)
+            self._hear(line, _BETWEEN_S)
+            if line.ending is not None:
+                line = self._connect()
+        self._hear(line, MOMENT_S)
+        line.close()
+
+    def _connect(self) -> Line:
+        line = self._subject.open(login=False)
+        wrong_logins, self._wrong_logins = self._wrong_logins, 0  # no more than these (A-4.1-2)
+        for _ in range(wrong_logins):
+            try:
+                said = line.ask("login", rotated(self._subject.password))
+            except NoAnswer:
+                if line.ending is None:
+                    raise
+                return self._subject.open(login=False)
+            expect(said.accepted is False, "a wrong password opens", requirement="4.1/3")
+        return line
+
+    def _hear(self, line: Line, for_s: float) -> None:
+        line.wait(for_s)
+        self.granted += [seen for seen in line.heard if _grants(seen.value)]
+        line.heard.clear()
+
+    def expect_nothing(self) -> None:
+        """Fail the subject if anything was answered with yes.
+
+        Raises:
+            Unmet: It was.
+        """
+        for seen in self.granted:
+            expect(
+                condition=False,
+                message=f"{seen.name} was accepted on a connection that had not logged in",
+                expected="silence, a refusal or the end of the connection",
+                observed=f"{seen.frame}",
+            )
+
+
+def _grants(value: Any) -> bool:
+    return value is True or (isinstance(value, Acceptance) and value.accepted)
+
+
+@contextmanager
+def _unchanged(subject: Subject, *settings: tuple[str, str]) -> Iterator[dict[str, Any]]:
+    """See that values stay as they are; what has changed is put back.
+
+    Args:
+        subject: The subject.
+        settings: What asks for each value, and what sets it.
+    """
+    before = _values(subject, settings)
+    yield before
+    after = _values(subject, settings)
+    line = subject.open()
+    for name, setter in examples(settings):
+        if after[name] != before[name]:
+            line.ask(setter, before[name])
+    line.close()
+    expect_equal(after, before, "settings were changed without a login")
+
+
+def _values(subject: Subject, settings: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    line = subject.open()
+    values = {name: line.ask(name).value for name, _ in settings}
+    line.close()
+    if None in values.values():
+        raise Undecided("the subject does not say how it is set")
+    return values
+
+
+_GRIPPER: Final = ("get_gripper_center", "set_gripper_center")
+_HOME: Final = ("get_initial_tool_position", "set_initial_tool_position")
+
+
+@contextmanager
+def _settings_tried(subject: Subject) -> Iterator[Requests]:
+    """Give what sets positions, the clock and a file; see that none of it happens."""
+    name = subject.new_name()
+    with _unchanged(subject, _GRIPPER, _HOME) as before, _clock_kept(subject) as time:
+        pose = before["get_initial_tool_position"]
+        yield [
+            ("set_gripper_center", _CENTRE),
+            ("set_initial_tool_position", pose._replace(z=pose.z + 1)),
+            ("set_time", shifted(time, _AHEAD)),
+            ("upload_name", name),
+            ("upload_chunk", Chunk(4, 0, 4, b"none")),
+        ]
+    is_there = subject.open().ask("download_name", name).accepted
+    expect(not is_there, "a file was stored without a login", observed="1 to 0x54")
+
+
+@case("2/11", hazards=(Hazard.STATE,))
+def test_settings(subject: Subject) -> None:
+    """Positions, the clock and files are set without a login; none of it happens."""
+    stranger = _Stranger(subject)
+    with _settings_tried(subject) as settings:
+        stranger.ask(*settings)
+    stranger.expect_nothing()
+
+
+@contextmanager
+def _clock_kept(subject: Subject) -> Iterator[datetime]:
+    """Give the subject's time; see that it is not set, and if it is, put it back."""
+    line = subject.open()
+    before: datetime | None = line.ask("get_time").value
+    line.close()
+    if before is None:
+        raise Undecided("the subject does not say its time")
+    yield before
+    line = subject.open()
+    after: datetime | None = line.ask("get_time").value
+    was_set = after is not None and abs(after - before) > _AHEAD / 2
+    if was_set:
+        line.ask("set_time", before)
+    line.close()
+    expect(not was_set, "the clock was set without a login", observed=f"{after}")
+
+
+@case("2/11", "4.1/3", name="wrong-login", hazards=(Hazard.STATE,))
+def test_wrong_login(subject: Subject) -> None:
+    """After a wrong password settings are tried; they do not take effect.
+
+    Nor do they after a second one, where things may be lost (A-4.1-2).
+    """
+    destructive = Hazard.DESTRUCTIVE in subject.allowed
+    stranger = _Stranger(subject, wrong_logins=2 if destructive else 1)
+    with _settings_tried(subject) as settings:
+        stranger.ask(*settings)
+    stranger.expect_nothing()
+
+
+@case("2/11", name="beside", hazards=(Hazard.STATE,))
+def test_beside_another(subject: Subject) -> None:
+    """While one client is logged in, another one that is not tries settings."""
+    subject.several()
+    subject.open()
+    stranger = _Stranger(subject)
+    with _settings_tried(subject) as settings:
+        stranger.ask(*settings)
+    stranger.expect_nothing()
+
+
+@case("2/11", name="behind", hazards=(Hazard.STATE,))
+def test_behind_another(subject: Subject) -> None:
+    """Another client leaves in the midst of an upload, or is cut off; the next tries a setting."""
+    stranger = _Stranger(subject)
+    with _unchanged(subject, _GRIPPER):
+        for cut in examples((False, True)):
+            line = subject.open()
+            begin(line, subject.new_name())
+            line.reset() if cut else line.close()
+            stranger.ask(("set_gripper_center", _CENTRE))
+    stranger.expect_nothing()
+
+
+@case("2/11", name="motion", hazards=(Hazard.MOTION, Hazard.STATE))
+def test_motion(subject: Subject) -> None:
+    """All that moves, and an output, is asked for without a login; nothing happens.
+
+    So it is while a program of another client runs.
+    """
+    subject.moved = True
+    line = subject.open()
+    name = stored(subject, line, _RUNS_S)
+    before, joints, pose = outputs(line), joints_of(line), pose_of(line)
+    line.close()
+    stranger = _Stranger(subject)
+    port = len(before)
+    stranger.ask(
+        ("set_digital_output", PortValue(port, int(not before[-1]))), ("run_program", name)
+    )
+    stranger.ask(("jog", JogDirection.PLUS_X))
+    stranger.ask(
+        ("release_joints", None),
+        ("lock_joints", None),
+        ("set_tool_coordinates", target(pose, SLOWEST_PERCENT)),
+        ("simulate_program", name),
+        ("reset", None),
+    )
+    line = subject.open()
+    status = line.ask("get_status").value
+    moved = farthest(joints_of(line), joints)
+    with outputs_kept(line) as after:
+        line.send("set_digital_output", PortValue(port, int(before[-1])))
+        line.fence()
+    expect_equal(after, before, "an output was set without a login")
+    expect_equal(status, "00", "a command executes that came without a login")
+    expect(moved <= STANDSTILL, "the arm has moved without a login", observed=f"by {moved:.2f}")
+    if subject.takes_several:
+        with outputs_kept(line):
+            with lasting(subject, line, RUN, queries=False):
+                stranger.ask(("set_digital_output", PortValue(port, int(not before[-1]))))
+            expect_outputs(line, before, "an output was set without a login while a program ran")
+    stranger.expect_nothing()
+
+
+@case("2/11", name="loss", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE))
+def test_loss(subject: Subject) -> None:
+    """A file is deleted, password, network and default are set without a login; all stays.
+
+    So does the file behind a wrong login.
+    """
+    line = subject.open()
+    name = subject.new_name()
+    upload(line, name, short_program(subject))
+    network = line.ask("get_network").value
+    line.close()
+    stranger = _Stranger(subject)
+    other = PasswordChange(subject.password, PLAIN_PASSWORD)
+    stranger.ask(("set_default_program", name), ("delete_program", name))
+    if network is not None:  # what it answers 4.3 judges
+        stranger.ask(("set_network", network))
+    stranger.ask(("set_password", other))
+    mistaken = _Stranger(subject, wrong_logins=1)
+    mistaken.ask(("delete_program", name))
+    stranger.granted += mistaken.granted
+    line = subject.open(login=False)
+    opens = line.ask("login", subject.password).accepted
+    if not opens:
+        subject.log_in(line, other.new)
+        line.ask("set_password", PasswordChange(other.new, other.old))
+    expect(opens, "the password was changed without a login", observed="0 to the old one")
+    is_there = line.ask("download_name", name).accepted
+    expect(is_there, "a file was deleted without a login", observed="0 to 0x54")
+    stranger.expect_nothing()
+
+
+@case("2/11", name="shutdown", hazards=(Hazard.DESTRUCTIVE,), last=True)
+def test_shutdown(subject: Subject) -> None:
+    """A shutdown is asked for without a login; the subject goes on."""
+    stranger = _Stranger(subject)
+    stranger.ask(("shutdown", None))
+    line = subject.open()
+    line.ask("get_status")
+    line.close()
+    stranger.expect_nothing()

@@ -1,0 +1,267 @@
+"""Clause 3: how a frame is made, in what the controller sends and in what it takes (L89-98)."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Final
+
+from hypothesis import assume, example
+from hypothesis import strategies as st
+
+from scaraspec.judge.rules.diagnosis import Fault, diagnose
+from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.files import expect_round_trip, expect_stored, upload
+from scaraspec.suite.controller.harness.asking.queries import ask_all, known_to
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.carriers import (
+    GET_STATUS,
+    GET_TIME,
+    GET_VERSION,
+    OPCODES,
+    harmless,
+)
+from scaraspec.suite.controller.harness.subject import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect
+from scaraspec.suite.program_files.layout import short_program
+from scaraspec.traffic.happenings import FrameSeen
+
+_BLAME: Final[Mapping[Fault, str]] = {
+    Fault.START: "3/4",
+    Fault.END: "3/5",
+    Fault.LENGTH: "3/7",
+    Fault.STRAY: "3/32",
+    Fault.TAG: "3/14",
+}
+_LONG_NAME_BYTES: Final = 30  # L226
+_FEW: Final = 7  # for which any robot has room
+_MANY: Final = 9  # so many such names, and their bars, do not fit one frame
+_SHORT_REPLIES: Final = 45  # so many replies with the status fill the longest frame
+_IDLE_S: Final = 0.6
+_LENGTHS: Final = (
+    *range(18),
+    *range(29, 36),
+    *range(60, 67),
+    *range(124, 132),
+    A2C.start,
+    *range(196, 256, 3),
+    A2C.end,
+    254,
+    255,
+)
+
+# ---------------------------------------------------------------------- what is sent
+
+
+@case("3/1", "3/4", "3/5", "3/6", "3/7", "3/8", "3/32")
+def test_replies_are_frames(subject: Subject, line: Line) -> None:
+    """Every query is answered with a frame: its bytes, its length, and nothing around it."""
+    for query in examples(known_to(subject)):
+        with _told_apart(line, query.name):
+            line.ask(*query)
+        line.fence()
+        _no_noise(line, query.name)
+
+
+@contextmanager
+def _told_apart(line: Line, name: str) -> Iterator[None]:
+    """Where no frame came, find out what came: a wrong length waits for what follows it."""
+    try:
+        yield
+    except Unmet:
+        for _ in range(_SHORT_REPLIES):
+            if line.noise or line.ending:
+                break
+            line.send("get_status")
+            line.wait(SILENCE_S)
+        _no_noise(line, name)
+        raise
+
+
+def _no_noise(line: Line, name: str) -> None:
+    """Say what is wrong with bytes that are no frame."""
+    line.pump()
+    for noise in line.noise:
+        found = diagnose(noise)
+        requirement = _BLAME.get(found.fault, "3/1")
+        if requirement == "3/7" and found.observed == "0":
+            requirement = "3/8"
+        raise Unmet(
+            f"{name} was answered with bytes that are no frame",
+            expected=f"{found.fault.value} {found.expected}",
+            observed=noise.data.hex(" "),
+            requirement=requirement,
+        )
+
+
+@case("3/8", name="empty")
+def test_reply_without_data(subject: Subject, line: Line) -> None:
+    """The default program is asked for, of which there may be none; its frame is a frame."""
+    command = line.send("get_default_program")
+    came = [seen for seen in line.fence() if seen.frame.opcode in (command.opcode, command.also)]
+    _no_noise(line, "get_default_program")
+    if not came:
+        subject.tolerate(
+            "3/8", "default_none", "silence", "the default program is not answered at all"
+        )
+
+
+@case("3/6", "3/5", "3/7", name="long", hazards=(Hazard.STATE,))
+def test_long_replies(subject: Subject, line: Line) -> None:
+    """Long names make a program list that does not fit one frame, and a download fills chunks."""
+    content = short_program(subject)
+    stem = "n" * (_LONG_NAME_BYTES - len(subject.new_name()) - 1)
+    names = [subject.new_name(stem) for _ in range(_MANY)]
+    for number, name in enumerate(names):
+        try:
+            upload(line, name, content)
+        except Unmet as error:
+            if number < _FEW or error.requirement != "5.2/2":
+                raise
+            break  # there is no more room (A-5-21)
+    with _told_apart(line, "download_name"):
+        expect_stored(line, names[0], content)
+    with _told_apart(line, "list_programs"):
+        line.ask("list_programs")
+    line.wait(MOMENT_S)
+    line.fence()
+    _no_noise(line, "list_programs")
+
+
+@case("3/32", "3/10", "3/26", name="idle")
+def test_nothing_while_idle(subject: Subject) -> None:
+    """A connection is silent before the login, behind it, and behind a query."""
+    lines = [subject.open(login=False)]
+    if subject.takes_several:
+        lines.append(subject.open())
+        with suppress(Unmet):  # it may not serve three (A-2-2)
+            lines.append(subject.open())
+        lines[-1].ask("get_status")
+    subject.pause(_IDLE_S)
+    for line in lines:
+        _is_silent(subject, line)
+    if not subject.takes_several:
+        if subject.access.needs_login:
+            subject.log_in(line)
+        line.ask("get_status")
+        line.wait(_IDLE_S)
+        _is_silent(subject, line)
+    line.fence()
+    _no_noise(line, "get_status")
+
+
+def _is_silent(subject: Subject, line: Line) -> None:
+    """A frame of another kind than the document knows fails; others are only warned of (A-3-16)."""
+    _no_noise(line, "nothing")
+    for seen in line.heard:
+        expect(
+            seen.frame.opcode in BY_OPCODE,
+            "a frame with an undefined opcode came while nothing was asked",
+            expected="silence",
+            observed=f"{seen.frame}",
+            requirement="3/10",
+        )
+        expect(
+            not seen.frame.tagged,
+            "a final result came while nothing was asked",
+            expected="silence",
+            observed=f"{seen.frame}",
+            requirement="3/16",
+        )
+        subject.tolerate("3/26", "A-3-16", "unsolicited frame", f"{seen.frame} came unasked")
+    line.heard.clear()
+
+
+@case("3/10")
+def test_opcodes_of_replies(subject: Subject, line: Line) -> None:
+    """No query is answered with an opcode that the document does not define."""
+    answers = [answer.seen for answer in ask_all(subject, line)]
+    for seen in (*answers, *line.heard):
+        expect(
+            seen.frame.opcode in BY_OPCODE,
+            "a reply bears an undefined opcode",
+            expected="an opcode of clauses 4 and 5",
+            observed=f"{seen.frame}",
+        )
+
+
+# ---------------------------------------------------------------------- what is taken
+
+
+@case("3/9", "3/6")
+@given(
+    data=st.binary(max_size=MAX_DATA_BYTES)
+    | st.integers(0, 160).map(lambda n: b"\xaa" * n)
+    | st.integers(0, MAX_DATA_BYTES).map(lambda n: b"\xcc" * n)
+    | st.integers(0, 63).map(lambda n: GET_VERSION * n)
+    | st.integers(0, 127).map(lambda n: b"\xcc\xaa" * n)
+)
+@example(data=b"\xcc" + GET_VERSION)  # who looks for the end in small frames alone finds one
+def test_data_on_a_query(subject: Subject, data: bytes) -> None:
+    """A query has up to 255 bytes of data; it is answered or not, and none of them is a frame."""
+    frame = Frame(A2C, 0x07, data).encode()
+    assume(harmless(frame + GET_STATUS))
+    line = subject.open()
+    line.send_bytes(frame)
+    for seen in _came(subject, line):
+        expect(
+            seen.frame.opcode == 0x07,
+            "bytes inside of the data of a frame were taken for a frame",
+            expected="a reply to 0x07, or none (A-3-12)",
+            observed=f"{seen.frame}",
+        )
+    line.close()
+
+
+@case("3/6", name="lengths")
+def test_every_length(subject: Subject, line: Line) -> None:
+    """A query has up to 255 bytes of data, and none of them is a frame, however many there are."""
+    pushed = OPCODES - {GET_TIME[1]}  # some send such things unasked (A-3-16)
+    for length_bytes in examples(_LENGTHS):
+        many, rest = divmod(length_bytes, len(GET_TIME))
+        line.send_bytes(Frame(A2C, 0x08, b"0" * rest + GET_TIME * many).encode())
+        others = [seen for seen in _came(subject, line) if seen.frame.opcode not in pushed]
+        expect(not others, f"behind {length_bytes} bytes of data the frames are out of step")
+        if line.ending is not None:
+            line = subject.open()
+
+
+def _came(subject: Subject, line: Line) -> list[FrameSeen]:
+    """What a query with data brought about; closing is a reading (A-3-9)."""
+    try:
+        return line.fence()
+    except NoAnswer:
+        if line.ending is None:
+            raise
+        subject.tolerate("3/6", "on_unknown", "close", "a query with data ends the connection")
+        return line.heard
+
+
+_FULL_OF_MARKS: Final = (
+    b"\xaa" * 150,
+    b"\xcc" * 200,
+    b"\xcc\xaa" * 150,
+    b"\xaa\x09\x00\xcc" * 75,
+    b"\xcc\x09\x02\x30\x30\xaa" * 40,
+)
+
+
+@case("3/9", name="content", hazards=(Hazard.STATE,))
+def test_marks_in_files(subject: Subject, line: Line) -> None:
+    """Files full of start and end bytes are sent, and come back as they are."""
+    expect_round_trip(subject, line, b"plain" * 50)
+    for content in examples(_FULL_OF_MARKS):
+        expect_round_trip(subject, line, content, "3/9")
+        expect(not line.fence(), "bytes of a file were taken for a frame", observed="a reply")
+
+
+@case("3/9", name="name", hazards=(Hazard.STATE,))
+def test_marks_in_names(line: Line) -> None:
+    """A name with 0xAA and 0xCC in it is asked for; it is refused or served, in one frame."""
+    for data in examples((b"\xaa.rob", b"\xcc.rob", b"a\xcc\xaab.rob", b"\xb0\xcc\xaa\xcc.rob")):
+        answer = line.ask("download_name", data=data)
+        expect(answer.accepted is False, "a file is sent that is not there", requirement="5.3/3")
+        expect(not line.fence(), "bytes of a name were taken for a frame", observed="a reply")

@@ -1,0 +1,202 @@
+"""Clause 3: opcodes that nobody defined (L96; A-3-9); a real robot, which may move, gets none."""
+
+import math
+from collections.abc import Iterable
+from typing import Any, Final
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import BY_OPCODE, Point
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG, Frame
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.transfer import BUFFER_BYTES, chunks_of
+from scaraspec.suite.controller.harness.asking.files import again, begin, expect_stored, send
+from scaraspec.suite.controller.harness.asking.motion import await_rest, joints_of
+from scaraspec.suite.controller.harness.asking.ports import ALL_OUTPUTS, outputs_kept, set_output
+from scaraspec.suite.controller.harness.asking.queries import known_to
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.carriers import GET_STATUS
+from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
+from scaraspec.suite.controller.harness.state.keeping import kept
+from scaraspec.suite.controller.harness.subject import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import RUN, has, interrupted, lasting
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, expect, expect_equal
+from scaraspec.suite.engine.limits import Silence, limits_of
+from scaraspec.suite.program_files.listed import store_program
+
+_UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
+"""No reply can bear the tag for its opcode (A-3-5), so what follows it is read on no connection."""
+_DATA: Final = (b"", b"1", b"1|1", b"0" * MAX_DATA_BYTES)
+_MOTION: Final = (Hazard.STATE, Hazard.MOTION)
+_CENTRE: Final = Point(10, -20, 30)
+_A_CHUNK: Final = 16
+_RESTLESS: Final = (
+    "get_time",
+    "get_motor_temperatures",
+    "get_joint_angles",
+    "get_tool_coordinates",
+    "get_digital_inputs",
+    "get_analog_input",
+)
+
+
+@case("3/21", undefined=True)
+def test_undefined_opcodes(subject: Subject) -> None:
+    """Every undefined opcode is sent; nothing happens, and no other opcode answers."""
+    subject.moved = True
+    before = _state(subject)
+    for data in _DATA:
+        _send(subject, (Frame(A2C, opcode, data) for opcode in _UNDEFINED))
+    line = subject.open(judged=False)
+    line.send_frame(Frame(A2C, TAG))
+    line.wait(MOMENT_S)
+    line.close()
+    _expect_unchanged(subject, before)
+
+
+@case("3/21", name="alone", undefined=True)
+def test_undefined_opcodes_alone(subject: Subject) -> None:
+    """Undefined opcodes are the first that a connection brings, and one segment brings them all."""
+    subject.moved = True
+    before = _state(subject)
+    line = subject.open(judged=False)
+    line.send_bytes(b"".join(Frame(A2C, opcode).encode() for opcode in _UNDEFINED))
+    line.wait(MOMENT_S)
+    _only_themselves(subject, line, frozenset(_UNDEFINED))
+    line.close()
+    _expect_unchanged(subject, before)
+
+
+@case("3/21", name="settings", hazards=_MOTION, undefined=True)
+def test_settings_behind_undefined_opcodes(subject: Subject, line: Line) -> None:
+    """A gripper centre, a default program and outputs that are on stay behind all of them."""
+    for name in ("set_gripper_center", "set_default_program", "set_digital_output"):
+        has(subject, name)
+    subject.several()
+    subject.moved = True
+    program = store_program(subject, line)
+    with kept(subject, line, "gripper centre"), default_kept(subject, line), outputs_kept(line):
+        named = line.ask("set_default_program", program).accepted
+        taken = [line.ask("set_gripper_center", _CENTRE).accepted, named]
+        taken += [set_output(line, port, on=True).accepted for port in ALL_OUTPUTS]
+        if not any(taken):
+            raise NotRun("the subject takes none of these settings")
+        await_rest(subject, line)  # the default program may be run once it is set (A-4.12-3)
+        before = _state(subject)
+        _send(subject, (Frame(A2C, opcode) for opcode in _UNDEFINED))
+        _expect_unchanged(subject, before)
+        if named:
+            expect_default(subject, subject.open(), program, "3/21")
+
+
+@case("3/21", name="in-an-upload", hazards=(Hazard.STATE,), undefined=True)
+def test_undefined_opcodes_in_an_upload(subject: Subject) -> None:
+    """Between two chunks of a file all of them are sent, and it arrives whole."""
+    name, opcodes = subject.new_name(), list(_UNDEFINED)
+    content = content_of(BUFFER_BYTES * math.ceil(len(opcodes) / _A_CHUNK))
+    line = subject.open(judged=False)
+    begin(line, name)
+    for chunk in chunks_of(content):
+        silence = Silence(subject)
+        for opcode in examples(opcodes[:_A_CHUNK]):
+            _send_one(subject, line, Frame(A2C, opcode))
+            if line.ending is not None:
+                raise NotRun("the subject ends the connection behind an undefined opcode")
+        if silence.passed_s > limits_of(subject).survived_s:
+            raise NotRun("between so many answers the transfer may be over")
+        send(line, chunk, "3/21", "behind undefined opcodes a chunk of an upload is not taken")
+        del opcodes[:_A_CHUNK]
+    expect_stored(again(subject, line), name, content, "3/21")
+
+
+@case("3/21", name="running", hazards=_MOTION, undefined=True)
+def test_undefined_opcodes_beside_a_program(subject: Subject, line: Line) -> None:
+    """A program that runs goes on behind all of them, which another client sends at once."""
+    subject.several()
+    other = subject.open(judged=False)
+    with lasting(subject, line, RUN) as task:
+        other.send_bytes(b"".join(Frame(A2C, opcode).encode() for opcode in _UNDEFINED))
+        other.wait(MOMENT_S)
+        _only_themselves(subject, other, frozenset(_UNDEFINED))
+        status = line.ask("get_status")
+        own = None if status.value == task.state else interrupted(line, RUN)
+        expect(
+            status.value == task.state or (own is not None and own.done),
+            "a program that ran is gone behind undefined opcodes",
+            expected=task.state,
+            observed=f"{own or status}",
+        )
+
+
+def _send(subject: Subject, frames: Iterable[Frame]) -> None:
+    """Send each, on a new connection where the subject closes."""
+    line = subject.open(judged=False)
+    for frame in examples(frames):
+        _send_one(subject, line, frame)
+        if line.ending is not None:
+            line = subject.open(judged=False)
+    line.close()
+
+
+def _send_one(subject: Subject, line: Line, frame: Frame) -> None:
+    """Send a request with an undefined opcode, and a query behind it."""
+    line.send_frame(frame)
+    try:
+        line.send_bytes(GET_STATUS)
+        line.reply("get_status")
+    except NoAnswer:
+        expect(
+            line.ending is not None,
+            "behind a request with an undefined opcode nothing is answered any more",
+            expected="a reply to 0x09, or the end of the connection",
+            observed=f"silence behind opcode {frame.opcode:02X}",
+        )
+    _only_themselves(subject, line, frozenset({frame.opcode}))
+
+
+def _only_themselves(subject: Subject, line: Line, opcodes: frozenset[int]) -> None:
+    """An undefined opcode is answered under itself or not at all."""
+    if line.ending is not None:
+        subject.tolerate("3/21", "on_unknown", "close", "the connection was closed")
+    told = subject.observer.told_unasked - opcodes
+    for seen in line.heard:
+        if seen.frame.opcode in told:
+            continue
+        expect(
+            seen.frame.opcode in opcodes and not seen.frame.tagged,
+            "a request with an undefined opcode was answered with another one",
+            expected="silence, or the opcode of the request",
+            observed=f"{seen.frame}",
+        )
+        subject.tolerate(
+            "3/21", "on_unknown", "0", f"an undefined opcode is answered: {seen.frame}"
+        )
+    line.heard.clear()
+
+
+# ---------------------------------------------------------------------- what must not change
+
+
+def _state(subject: Subject) -> dict[str, Any]:
+    line = subject.open()
+    state: dict[str, Any] = {
+        query.name: line.ask(*query).frame.data
+        for query in known_to(subject)
+        if query.name not in _RESTLESS
+    }
+    state["joints"] = joints_of(line)
+    line.close()
+    return state
+
+
+def _expect_unchanged(subject: Subject, before: dict[str, Any]) -> None:
+    subject.pause(MOMENT_S)
+    after = _state(subject)
+    joints = before.pop("joints")
+    moved = farthest(after.pop("joints"), joints)
+    expect(moved <= STANDSTILL, "an undefined opcode has moved the arm", observed=f"by {moved:.2f}")
+    for name, data in before.items():
+        expect_equal(after[name], data, f"an undefined opcode has changed what {name} tells")

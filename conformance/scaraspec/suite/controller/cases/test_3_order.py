@@ -1,0 +1,213 @@
+"""Clause 3: requests sent without waiting: their replies, and the order in which things happen.
+
+In which order replies come is a reading; in which order requests take effect is not (A-3-14).
+"""
+
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from itertools import pairwise
+from typing import Final
+
+from scaraspec.protocol.commands import Point
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import JogDirection
+from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.controller.harness.asking.clock import shifted
+from scaraspec.suite.controller.harness.asking.files import CHUNK_S, expect_stored
+from scaraspec.suite.controller.harness.asking.motion import quieten, returning, status_behind, stop
+from scaraspec.suite.controller.harness.asking.queries import (
+    Query,
+    known_to,
+    replies_to,
+    some_queries,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.delivery import takes_one_at_a_time
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import finish, has, jog_somewhere
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.expect import NotRun, Undecided, expect, expect_equal
+from scaraspec.suite.engine.wire import Answer
+
+_STATE: Final = (Hazard.STATE,)
+_MOTION: Final = (Hazard.STATE, Hazard.MOTION)
+_CENTRES: Final = tuple(Point(float(n), -n / 2, n + 0.5) for n in range(1, 9))
+_CLOCK_SLACK: Final = timedelta(seconds=5)
+_HOUR: Final = timedelta(hours=1)
+_CHUNKS: Final = 3
+
+
+@case("3/24")
+@given(queries=some_queries)
+def test_replies_in_order(subject: Subject, queries: list[Query]) -> None:
+    """Queries are sent without waiting; none of their replies is missing, and they keep order."""
+    _takes_several(subject)
+    line = subject.open()
+    queries = known_to(subject, queries)
+    line.send_bytes(b"".join(query.frame(line).encode() for query in queries))
+    _tell_order(subject, replies_to(line, queries))
+    line.close()
+
+
+def _takes_several(subject: Subject) -> None:
+    """Go on only where requests may follow each other without waiting.
+
+    Raises:
+        NotRun: They may not.
+    """
+    if takes_one_at_a_time(subject):
+        raise NotRun("the subject serves one request at a time (pipelining)")
+
+
+def _tell_order(subject: Subject, answers: list[Answer]) -> None:
+    places = [answer.seen.place.offset_bytes for answer in answers]
+    if any(later < earlier for earlier, later in pairwise(places)):
+        subject.tolerate("3/24", "pipelining", "any-order", "replies came in another order")
+
+
+@case("3/24", name="same")
+def test_same_opcode(subject: Subject) -> None:
+    """Twenty requests for the status, twenty replies: no more and no fewer."""
+    _takes_several(subject)
+    line = subject.open()
+    line.send_bytes(line.request("get_status").encode() * 20)
+    replies_to(line, [Query("get_status")] * 20)
+    for seen in line.fence():
+        subject.tolerate("3/26", "A-3-16", "unsolicited frame", f"{seen.frame} came unasked")
+
+
+# ---------------------------------------------------------------------- effects
+
+
+@case("3/30", hazards=_STATE)
+def test_last_setting_stays(subject: Subject, line: Line) -> None:
+    """One segment sets the gripper centre eight times; the last one stays."""
+    _takes_several(subject)
+    has(subject, "set_gripper_center", "get_gripper_center")
+    before = line.ask("get_gripper_center").value
+    try:
+        for centres in (_CENTRES, _CENTRES[::-1]):
+            _send_together(line, [("set_gripper_center", each) for each in centres])
+            for _ in centres:
+                said = line.reply("set_gripper_center").accepted
+                expect(said, "a setting was refused", requirement="4.20/2")
+            now = line.ask("get_gripper_center").value
+            expect_equal(now, centres[-1], "not the setting that was sent last has stayed")
+    finally:
+        if before is not None:
+            line.ask("set_gripper_center", before)
+
+
+@case("3/30", name="queries", hazards=_STATE)
+def test_queries_between_settings(subject: Subject, line: Line) -> None:
+    """One segment sets and asks in turn; each question is answered as of its place."""
+    _takes_several(subject)
+    has(subject, "set_gripper_center", "get_gripper_center")
+    before = line.ask("get_gripper_center").value
+    requests: list[tuple[str, object]] = []
+    for each in _CENTRES:
+        requests += [("set_gripper_center", each), ("get_gripper_center", None)]
+    try:
+        _send_together(line, requests)
+        said = [line.reply("get_gripper_center").value for _ in _CENTRES]
+    finally:
+        if before is not None:
+            line.ask("set_gripper_center", before)
+    if said != list(_CENTRES):
+        expect_equal(set(said), set(_CENTRES), "questions were not answered as of their place")
+        subject.tolerate("3/24", "pipelining", "any-order", "replies came in another order")
+
+
+@case("3/30", name="clock", hazards=_STATE)
+def test_last_time_stays(subject: Subject, line: Line) -> None:
+    """One segment sets the clock ahead and back; the last time stays."""
+    _takes_several(subject)
+    has(subject, "set_time", "get_time")
+    before: datetime | None = line.ask("get_time").value
+    if before is None:
+        raise Undecided("the subject does not say its time")
+    ahead = [("set_time", shifted(before, hours * _HOUR)) for hours in (5, 3, 1, 0)]
+    _send_together(line, ahead)
+    for _ in ahead:
+        line.reply("set_time")
+    now: datetime | None = line.ask("get_time").value
+    if now is None or abs(now - before) > _CLOCK_SLACK:
+        line.ask("set_time", before)
+    expect(
+        now is not None and abs(now - before) <= _CLOCK_SLACK,
+        "not the time that was set last has stayed",
+        expected=f"{before}",
+        observed=f"{now}",
+    )
+
+
+@case("3/30", name="upload", hazards=_STATE)
+def test_upload_in_one_segment(subject: Subject, line: Line) -> None:
+    """One segment brings a name and the chunks of its file, which is stored as it was sent."""
+    _takes_several(subject)
+    has(subject, "upload_name", "upload_chunk")
+    name, content = subject.new_name(), content_of(200 * _CHUNKS)
+    requests: list[tuple[str, object]] = [("upload_name", name)]
+    requests += [("upload_chunk", chunk) for chunk in chunks_of(content)]
+    _send_together(line, requests)
+    said = [line.reply("upload_name").accepted]
+    said += [line.reply("upload_chunk", within_s=CHUNK_S).accepted for _ in range(_CHUNKS)]
+    expect_equal(said, [True] * (1 + _CHUNKS), "an upload in one segment was refused")
+    expect_stored(line, name, content, requirement="3/30")
+
+
+@case("3/30", "4/6", name="stop", hazards=_MOTION)
+def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
+    """One segment brings a jog, a lock and an emergency stop: it moves, is busy, and stands."""
+    _takes_several(subject)
+    has(subject, "jog", "emergency_stop")
+    with returning(subject, line):
+        jog_somewhere(subject, line)  # finds out in which notation (A-4.28-1)
+        stop(subject, line)
+        refuses = subject.dialect["busy_reply"] != "queue"
+        locks = refuses and "lock_joints" not in subject.statement.lacks
+        between = [("lock_joints", None)] if locks else []
+        for direction in JogDirection:
+            _send_together(line, [("jog", direction), *between, ("emergency_stop", None)])
+            jog, stopped = line.reply("jog"), line.reply("emergency_stop")
+            locked = jog.accepted and _locked_between(line, jog, stopped)
+            if stopped.accepted:
+                finish(subject, line, "emergency_stop")  # until then the arm may slow down
+            status = status_behind(line).value
+            quieten(subject, line)
+            if jog.accepted:
+                break
+        else:
+            raise Undecided("the subject refuses to jog in any direction")
+        expect(
+            stopped.accepted and status != "04",
+            "an emergency stop that came behind a jog did not stop it",
+            expected="1, and a status other than 04",
+            observed=f"{stopped}, and {status}",
+        )
+        expect(
+            not locked,
+            "a lock that came behind a jog was accepted",
+            expected="0|04, or silence",
+            observed="1",
+            requirement="4/6",
+        )
+
+
+def _locked_between(line: Line, jog: Answer, stopped: Answer) -> bool:
+    """Whether a lock was accepted between a jog and its stop, and before anything had ended."""
+    between = range(jog.seen.place.offset_bytes, stopped.seen.place.offset_bytes)
+    for seen in line.heard:
+        if seen.place.offset_bytes not in between:
+            continue
+        if seen.frame.tagged:
+            return False
+        if seen.name == "lock_joints" and Answer(seen, seen.value).accepted:
+            return True
+    return False
+
+
+def _send_together(line: Line, requests: Sequence[tuple[str, object]]) -> None:
+    line.send_bytes(b"".join(line.request(*request).encode() for request in requests))

@@ -1,0 +1,228 @@
+"""Clause 3: the final results of two-stage commands: tagged, behind the first reply, exactly one.
+
+What a command does is judged with its own clause; here it is only brought to its end.
+"""
+
+from typing import Any, Final
+
+import pytest
+
+from scaraspec.protocol.commands import BY_NAME, MoveTarget
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.frames import TAG
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import FinalResult
+from scaraspec.suite.controller.harness.asking.motion import (
+    begin_step_somewhere,
+    listens,
+    returning,
+)
+from scaraspec.suite.controller.harness.asking.queries import ask_all
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.state.keeping import alive
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    JOG,
+    MOVE,
+    RUN,
+    SIMULATE,
+    STOP,
+    TWO_STAGE,
+    accepted,
+    find_out_whether_it_listens,
+    finish,
+    harmless,
+    has,
+    lasting,
+    offered,
+    start_program,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect
+from scaraspec.traffic.happenings import FrameSeen, Undecodable
+
+_MOTION: Final = (Hazard.MOTION, Hazard.STATE)
+_LATER_S: Final = 0.4  # for how long a second result is looked for
+_TIMES: Final = 12
+_FAR: Final = MoveTarget(1, 9e5, 9e5, 9e5, 0.0, 0.0, 0.0)
+
+
+# ---------------------------------------------------------------------- one, and tagged
+
+
+@pytest.mark.parametrize("name", TWO_STAGE)
+@case("3/12", "3/14", "3/16", "3/18", hazards=_MOTION)
+def test_one_tagged_result(subject: Subject, line: Line, name: str) -> None:
+    """A command ends with one final result, behind the tag and behind its first reply."""
+    try:
+        performed = perform(subject, line, name)
+    finally:
+        line.finish()  # another tag makes another length
+        _expect_tagged(subject, name)
+    first, result = performed.first, performed.result
+    if result is None:
+        return
+    expect(
+        first.seen.place.offset_bytes < result.seen.place.offset_bytes,
+        f"the final result of {name} came ahead of its first reply",
+        expected="the first reply first",
+        observed="the final result first",
+        requirement="3/16",
+    )
+    line.heard[:0] = line.fence()
+    _no_result(line, name, f"{name} ended a second time", "3/18")
+
+
+@case("3/18", name="twice", hazards=_MOTION)
+def test_no_second_result(subject: Subject, line: Line) -> None:
+    """Every command ends once; time passes, and none of them ends again."""
+    names = [name for name in TWO_STAGE if name not in subject.statement.lacks]
+    for name in names:
+        perform(subject, line, name)
+        line.heard.clear()
+    line.wait(_LATER_S)
+    for name in names:
+        _no_result(line, name, f"{name} ended a second time", "3/18")
+
+
+def _expect_tagged(subject: Subject, name: str) -> None:
+    """Look among what has just passed for a final result that came without its tag."""
+    opcode = BY_NAME[name].opcode
+    for seen in subject.observer.recent:
+        if seen.place.direction is C2A and _lacks_its_tag(seen, opcode):
+            raise Unmet(
+                f"the final result of {name} came without the tag",
+                expected=f"{TAG:02X} {opcode:02X}",
+                observed=f"{seen.frame}" if isinstance(seen, FrameSeen) else show(seen.data[:8]),
+                requirement="3/12",
+            )
+
+
+def _lacks_its_tag(seen: FrameSeen | Undecodable, opcode: int) -> bool:
+    """Whether it is a final result without a tag, with another one, or with it elsewhere."""
+    if isinstance(seen, FrameSeen):
+        frame = seen.frame
+        return frame.opcode == opcode and not frame.tagged and _says_how_it_ended(frame.data)
+    head, data = seen.data[1:3], seen.data[4 : 4 + sum(seen.data[3:4])]
+    ends = seen.data[4 + len(data) : 5 + len(data)] == bytes((C2A.end,))
+    return opcode in head and ends and _says_how_it_ended(data)
+
+
+def _says_how_it_ended(data: bytes) -> bool:
+    return FinalResult().decode(data).value is not None
+
+
+def _no_result(line: Line, name: str, message: str, requirement: str) -> None:
+    for seen in line.heard:
+        if _is_result(seen, name):
+            raise Unmet(
+                message, expected="no result", observed=f"{seen.frame}", requirement=requirement
+            )
+
+
+def _is_result(seen: FrameSeen, name: str) -> bool:
+    return seen.frame.tagged and seen.frame.opcode == BY_NAME[name].opcode
+
+
+@case("3/14")
+def test_queries_bear_no_tag(subject: Subject, line: Line) -> None:
+    """The replies of queries bear no tag; one that does is undocumented (A-3-6)."""
+    try:
+        ask_all(subject, line)
+    except NoAnswer:
+        tagged = next((seen for seen in line.heard if seen.frame.tagged), None)
+        if tagged is None:
+            raise
+        raise Unmet(
+            "a query was answered behind the tag of final results",
+            expected="no tag",
+            observed=f"{tagged.frame}",
+        ) from None
+
+
+@case("3/18", "3/16", name="again", hazards=_MOTION)
+def test_again_and_again(subject: Subject, line: Line) -> None:
+    """A program runs a dozen times, asked about meanwhile; each run has its one result."""
+    find_out_whether_it_listens(subject, line)
+    program = start_program(subject, line, RUN, 0).program
+    finish(subject, line, RUN)
+    for _ in range(_TIMES):
+        first = line.ask(RUN, program)
+        expect(first.accepted, "a program that ran is refused", requirement="4.15/4")
+        if listens(subject, line):
+            line.ask("get_status")
+        result = finish(subject, line, RUN)
+        expect(
+            first.seen.place.offset_bytes < result.seen.place.offset_bytes,
+            "a final result came ahead of its first reply",
+            requirement="3/16",
+        )
+        line.heard[:0] = line.fence()
+        _no_result(line, RUN, "a run ended a second time", "3/18")
+
+
+@case("3/18", name="own-connection", hazards=_MOTION)
+def test_result_for_whom_asked(subject: Subject, line: Line) -> None:
+    """While another client is connected, the result comes to the one that asked."""
+    subject.several()
+    other = subject.open()
+    find_out_whether_it_listens(subject, line)
+    with returning(subject, line):
+        _, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        if listens(subject, other):
+            other.ask("get_status")
+        finish(subject, line, MOVE)
+        other.fence()
+
+
+# ---------------------------------------------------------------------- none
+
+
+@case("3/17", hazards=_MOTION, slow=True)
+def test_no_result_of_what_is_refused(subject: Subject, line: Line) -> None:
+    """Programs that are not there, a pose out of reach and a jog nowhere are refused, and end."""
+    subject.moved = True
+    missing = subject.new_name()
+    requests: list[tuple[str, Any, bytes | None]] = [
+        (RUN, missing, None),
+        (SIMULATE, missing, None),
+        (MOVE, _FAR, None),
+        (JOG, None, b"9"),
+        (STOP, None, None),
+    ]
+    refused = []
+    for name, value, data in examples(requests):
+        if name in subject.statement.lacks:
+            continue
+        line = alive(subject, line)
+        answer = offered(line, name, value, data=data)
+        if answer is None or answer.accepted is False:
+            refused.append(name)
+    _stay_without_result(alive(subject, line), refused)
+
+
+@case("3/17", name="busy", hazards=_MOTION, slow=True)
+def test_no_result_of_what_came_while_busy(subject: Subject, line: Line) -> None:
+    """While a program runs, other commands are refused, and none of them has a result."""
+    if subject.dialect["busy_reply"] == "queue":
+        raise NotRun("the subject claims to execute afterwards what comes while it is busy")
+    has(subject, RUN)
+    requests = harmless(subject, line)
+    with lasting(subject, line, RUN) as task:
+        refused = []
+        for name, value in requests.items():
+            answer = offered(line, name, value)
+            task.lasts()
+            if name != RUN and (answer is None or answer.accepted is False):
+                refused.append(name)
+    _stay_without_result(line, refused)
+
+
+def _stay_without_result(line: Line, names: list[str]) -> None:
+    line.wait(_LATER_S)
+    for name in names:
+        _no_result(line, name, f"a final result of {name} came, which was refused", "3/17")

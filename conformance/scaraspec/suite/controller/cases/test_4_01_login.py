@@ -1,0 +1,144 @@
+"""Clause 4.1: the login (0x01, L102-119)."""
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.passwords import altered, change, expect_changed
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.state.keeping import needs_login, password_kept
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.suite_passwords import LONG_PASSWORD
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect
+from scaraspec.suite.engine.wire import Answer
+
+_LOGINS = 5
+
+# A-4.1-2: nobody is to be locked out, so a run sends no more than one wrong password where state
+# may change, and five where things may be lost: these, and the old one in clause 4.2.
+
+
+def _expect_flag(answer: Answer) -> None:
+    expect(
+        answer.accepted is not None,
+        "the reply to a login is not one flag",
+        expected="1 or 0",
+        observed=f"{answer}",
+        requirement="4.1/4",
+    )
+
+
+def _expect_open(subject: Subject, line: Line, message: str, requirement: str = "4.1/2") -> None:
+    answer = line.ask("login", subject.password)
+    _expect_flag(answer)
+    expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
+
+
+def _expect_refused(subject: Subject, wrong: bytes, what: str, right: bytes | None = None) -> Line:
+    """Try one wrong password, behind the right one if need be; the connection on which it was."""
+    line = subject.open(login=False)
+    if right is not None:
+        subject.log_in(line, right)
+    answer = line.ask("login", wrong)
+    _expect_flag(answer)
+    expect(
+        not answer.accepted,
+        f"{what} was accepted",
+        expected="0",
+        observed=f"{answer}",
+        requirement="4.1/3",
+    )
+    return line
+
+
+@case("4.1/2", "4.1/4")
+def test_right_password(subject: Subject) -> None:
+    """The right password is answered 1, with nothing more, also when it is sent again."""
+    needs_login(subject)
+    line = subject.open(login=False)
+    for _ in range(2):
+        _expect_open(subject, line, "the right password was refused")
+        more = [seen for seen in line.fence() if seen.name == "login"]
+        expect(
+            not more,
+            "a login was answered more than once",
+            expected="one reply",
+            observed="; ".join(f"{seen.frame}" for seen in more),
+            requirement="4.1/4",
+        )
+
+
+@case("4.1/6")
+def test_again(subject: Subject) -> None:
+    """The password opens one new connection after another, and one beside another."""
+    needs_login(subject)
+    beside = subject.takes_several
+    for number in range(1, _LOGINS + 1):
+        line = subject.open(login=False)
+        _expect_open(subject, line, f"login {number} with the right password was refused", "4.1/6")
+        line.ask("get_version")
+        if not beside or number > 1:
+            line.close()
+
+
+@case("4.1/3", "4.1/4", "4.1/7", "4.1/2", hazards=(Hazard.STATE,))
+def test_wrong_password(subject: Subject) -> None:
+    """A wrong password is answered 0, and the right one still opens this and a new connection."""
+    needs_login(subject)
+    line = _expect_refused(subject, altered(subject.password), "another password")
+    line.pump()
+    if line.ending is None:
+        message = "after a wrong password the right one was refused on the same connection"
+        try:
+            _expect_open(subject, line, message)
+        except NoAnswer:
+            if line.ending is None:
+                raise
+    if line.ending is not None:
+        message = "a wrong password ends the connection"
+        subject.tolerate("4.1/7", "A-4.1-2", "closes", message)
+    line.close()
+    _expect_open(
+        subject,
+        subject.open(login=False),
+        "after a wrong password the right one was refused on a new connection",
+    )
+
+
+@case("4.1/3", "4.1/4", name="near-misses", hazards=(Hazard.STATE, Hazard.DESTRUCTIVE))
+def test_near_misses(subject: Subject) -> None:
+    """A password that is the right one but for its end, and no password, are no right password.
+
+    Two of them are tried with a long one, as far as it may be set: what compares its beginning
+    alone would not be seen by a short one.
+    """
+    needs_login(subject)
+    right = subject.password
+    _expect_refused(subject, right + b"x", "the right password with a letter behind it").close()
+    with password_kept(subject):
+        line = subject.open()
+        if "set_password" not in subject.statement.lacks:
+            right = LONG_PASSWORD if expect_changed(line, right, LONG_PASSWORD) else right
+        line.close()
+        last = b"y" if right.endswith(b"x") else b"x"
+        behind = "the right password but for its last letter, behind the right one,"
+        tried: list[tuple[bytes, str, bytes | None]] = [(right[:-1] + last, behind, right)]
+        if len(right) > 1:
+            tried.append((right[:-1], "the right password without its last letter", None))
+        for wrong, what, before in examples(tried):
+            _expect_refused(subject, wrong, what, before).close()
+            line = subject.open(login=False)  # three wrong ones in a row may lock us out (A-4.1-2)
+            subject.log_in(line, right)
+            line.close()
+        if right != subject.password:
+            line = subject.open(login=False)
+            subject.log_in(line, right)
+            change(line, right, subject.password)
+            line.close()
+    line = subject.open(login=False)
+    line.send("login", data=b"")
+    try:
+        answer = line.reply("login", within_s=1.0)
+    except NoAnswer:
+        return  # a request that says nothing may be ignored (A-3-9)
+    if answer.accepted:
+        raise Unmet("no password at all was accepted", expected="0", observed=f"{answer}")

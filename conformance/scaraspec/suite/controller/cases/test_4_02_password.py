@@ -1,0 +1,125 @@
+"""Clause 4.2: a new password (0x03, L121-141)."""
+
+from scaraspec.protocol.commands import PasswordChange
+from scaraspec.protocol.fields import show
+from scaraspec.suite.controller.harness.asking.passwords import (
+    altered,
+    change,
+    expect_changed,
+    usable_passwords,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
+from scaraspec.suite.controller.harness.state.keeping import password_kept
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect
+
+_EMPTY_FIELDS = ("empty in old", "empty in new")
+_TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
+"""Malformed pairs that are tried: few, as each may count for an attempt with a wrong password."""
+
+
+def _expect_login(
+    subject: Subject, password: bytes, message: str, requirement: str, *, opens: bool = True
+) -> None:
+    """Log in on a new connection, or be refused."""
+    line = subject.open(login=False)
+    answer = line.ask("login", password)
+    expect(
+        bool(answer.accepted) is opens,
+        message,
+        expected="1" if opens else "0",
+        observed=f"{answer}",
+        requirement=requirement,
+    )
+    line.close()
+
+
+@case("4.2/4", "4.2/2")
+def test_changed(subject: Subject) -> None:
+    """A new password opens the next login and the old one does not, change after change."""
+    first = old = subject.password
+    with password_kept(subject):
+        for new in examples((*usable_passwords(subject), first)):
+            line = subject.open(login=False)
+            subject.log_in(line, old)
+            changed = expect_changed(line, old, new)
+            line.close()
+            if not changed:
+                subject.tolerate("4.2/2", "A-4.1-3", "refused", f"{show(new)} may be no password")
+                continue
+            _expect_login(subject, new, "the new password does not open the next login", "4.2/4")
+            if old == first:  # one wrong attempt is enough (A-4.1-2)
+                message = "the old password still opens a login"
+                _expect_login(subject, old, message, "4.2/4", opens=False)
+            old = new
+
+
+def _expect_refused(subject: Subject, line: Line, wrong: bytes, new: bytes, right: bytes) -> None:
+    """Offer a wrong old password, in vain: the right one still opens the next login."""
+    answer = change(line, wrong, new)
+    expect(
+        answer.accepted is False,
+        "a new password with a wrong old one was not answered 0",
+        expected="0",
+        observed=f"{answer}",
+    )
+    line.close()
+    message = "after a refused change the password does not log in any more"
+    _expect_login(subject, right, message, "4.2/5")
+
+
+@case("4.2/3", "4.2/5")
+def test_wrong_old_password(subject: Subject, line: Line) -> None:
+    """With a wrong old password the change is refused and the password remains."""
+    right = subject.password
+    with password_kept(subject):
+        for wrong in examples(filter(None, (altered(right), right[:-1]))):
+            _expect_refused(subject, line, wrong, PLAIN_PASSWORD, right)
+            line = subject.open()
+
+
+@case("4.2/3", "4.2/5", name="after-a-change")
+def test_former_password(subject: Subject) -> None:
+    """Who has changed the password, and who was there meanwhile, gives the former one; refused."""
+    former, tried = subject.password, False
+    with password_kept(subject):
+        lines = [subject.open() for _ in range(2 if subject.takes_several else 1)]
+        expect_changed(lines[0], former, PLAIN_PASSWORD)
+        for line in lines:
+            try:
+                served = line.ask("get_status").value is not None
+            except NoAnswer:
+                served = False
+            if not served:
+                continue  # the change has ended its login
+            _expect_refused(subject, line, former, former, PLAIN_PASSWORD)
+            tried = True
+    if not tried:
+        raise NotRun("a new password ends all logins")
+
+
+@case("4.2/6", "4.2/5", name="malformed")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """A pair without separator or with an empty field changes nothing."""
+    right = subject.password
+    with password_kept(subject):
+        wrongs = malformed("set_password", PasswordChange(right, PLAIN_PASSWORD))
+        for wrong in examples(each for each in wrongs if f"{each}" in _TRIED):
+            offered = offer(subject, line, "set_password", wrong)
+            line = offered.line
+            if not offered.accepted:
+                line.close()
+                message = "after a malformed change the password does not log in any more"
+                _expect_login(subject, right, message, "4.2/5")
+                line = subject.open()
+                continue
+            if f"{wrong}" == "empty in new":
+                line.ask("set_password", data=b"|" + right)
+            if f"{wrong}" in _EMPTY_FIELDS:  # split at the first bar (A-4.2-3)
+                subject.tolerate("4.2/6", "A-4.2-3", "split", f"{wrong} was accepted")
+                continue
+            raise Unmet(f"{wrong} was accepted", expected="0", observed=f"{offered}")

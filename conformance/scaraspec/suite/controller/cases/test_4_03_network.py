@@ -1,0 +1,22 @@
+"""Clause 4.3: the network settings as they are read (0x04, L143-153)."""
+
+from scaraspec.protocol.commands import Network
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import expect, expect_equal
+
+
+@case("4.3/2", "4.3/3", "4.3/4")
+def test_network(subject: Subject, line: Line) -> None:
+    """The network is three IPv4 values between bars, the same for every connection that asks."""
+    first = line.ask("get_network")
+    expect(
+        isinstance(first.value, Network),
+        "the network is not three IPv4 values between bars",
+        expected="ip|mask|gateway",
+        observed=f"{first}",
+    )
+    line.close()
+    again = subject.open().ask("get_network")
+    expect_equal(again.value, first.value, "the network changed although nobody set it")

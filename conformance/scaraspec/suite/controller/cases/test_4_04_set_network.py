@@ -1,0 +1,186 @@
+"""Clause 4.4: setting the network (0x05, L155-165).
+
+On a robot that keeps to its address only mask and gateway are changed: another address would cut
+us off. Where that cannot happen the address changes, too.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from ipaddress import IPv4Network
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import Network
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
+from scaraspec.suite.controller.harness.state.keeping import alive, kept
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet, expect
+
+_MASKS: Final = ("255.255.255.0", "255.255.0.0")
+
+
+_PRIVATE: Final = (
+    st.integers(0x0A000000, 0x0AFFFFFF)
+    | st.integers(0xAC100000, 0xAC1FFFFF)
+    | st.integers(0xC0A80000, 0xC0A8FFFF)
+)
+_LONGEST: Final = Network("192.168.200.150", "255.255.255.192", "192.168.200.190")
+
+
+@st.composite
+def _networks(draw: st.DrawFn) -> Network:
+    """Private addresses with a gateway in the same net: what every validation takes (A-4.4-2)."""
+    net = IPv4Network((draw(_PRIVATE), draw(st.integers(16, 30))), strict=False)
+    hosts = st.integers(1, net.num_addresses - 2)
+    ip, gateway = draw(st.lists(hosts, min_size=2, max_size=2, unique=True))
+    return Network(str(net[ip]), str(net.netmask), str(net[gateway]))
+
+
+def _read(line: Line) -> Network:
+    answer = line.ask("get_network")
+    if not isinstance(answer.value, Network):
+        message = "the network is not three IPv4 values between bars"
+        raise Unmet(message, observed=f"{answer}", requirement="4.3/2")
+    return answer.value
+
+
+def _others(now: Network) -> tuple[Network, Network]:
+    """Two networks with the same address, another mask, and gateways of their own."""
+    mask = _MASKS[now.mask == _MASKS[0]]
+    head, _, tail = now.ip.rpartition(".")
+    first, second, *_ = (f"{head}.{part}" for part in (1, 254, 200) if f"{part}" != tail)
+    return Network(now.ip, mask, first), Network(now.ip, mask, second)
+
+
+def _set(subject: Subject, line: Line, wanted: Network, *, again: bool) -> Line:
+    """Set a network; a connection on which it can be read.
+
+    A request whose connection ended may not have been heard, where a setting before it may have
+    ended that: `again` says so, and it is sent once more.
+
+    Raises:
+        Unmet: It was refused.
+    """
+    try:
+        answer = line.ask("set_network", wanted)
+    except NoAnswer as error:
+        if line.ending is None:
+            raise Unmet(
+                f"{error}",
+                expected=error.expected,
+                observed=error.observed,
+                requirement="4.4/2",
+            ) from None
+        line = alive(subject, line)
+        if again and _read(line) != wanted:
+            return _set(subject, line, wanted, again=False)
+        message = "the connection ended instead of a reply to 0x05"
+        subject.tolerate("4.4/3", "A-4.4-1", "no reply", message)
+        return line
+    expect(
+        answer.accepted,
+        "a network that can be was not answered 1",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.4/2",
+    )
+    return alive(subject, line)
+
+
+def _shown(subject: Subject, line: Line) -> tuple[Network, Line]:
+    """The network, and where it is read: elsewhere if setting it ends the connection only now."""
+    try:
+        return _read(line), line
+    except NoAnswer:
+        if line.ending is None:
+            raise
+    line = alive(subject, line)
+    return _read(line), line
+
+
+def _expect_set(subject: Subject, line: Line, wanted: Network, *, again: bool) -> Line:
+    """Set a network, as `_set` does, and read it back; the connection that is in use then."""
+    line = _set(subject, line, wanted, again=again)
+    if subject.statement.network_applies == "after-restart":
+        subject.hook("restart")
+        line = alive(subject, line)
+    shown, line = _shown(subject, line)
+    expect(
+        shown == wanted,
+        "0x04 does not show the network that was set",
+        expected="|".join(wanted),
+        observed="|".join(shown),
+        requirement="4.4/4",
+    )
+    return line
+
+
+@contextmanager
+def _network_kept(subject: Subject, line: Line) -> Iterator[None]:
+    """Put the network back, and let it take effect where that needs a restart."""
+    try:
+        with kept(subject, line, "network"):
+            yield
+    finally:
+        if subject.statement.network_applies == "after-restart":
+            with suppress(Undecided):
+                subject.hook("restart")
+
+
+@case("4.4/4", "4.4/2", "4.4/3")
+def test_mask_and_gateway(subject: Subject, line: Line) -> None:
+    """Another mask and another gateway are set and shown, the address remains."""
+    others = _others(_read(line))
+    with _network_kept(subject, line):
+        for wanted in examples(others):
+            line = _expect_set(subject, line, wanted, again=wanted != others[0])
+
+
+@case("4.4/4", "4.4/2", name="address")
+def test_address(subject: Subject, line: Line) -> None:
+    """Any address, mask and gateway that can be are set and shown in this order."""
+    if not subject.access.readdressable:
+        raise NotRun("another address would cut us off from a subject on another machine")
+    lines = [line]
+
+    @example(_LONGEST)
+    @given(_networks())
+    def each(wanted: Network) -> None:
+        lines[0] = _expect_set(subject, lines[0], wanted, again=wanted != _LONGEST)
+
+    with _network_kept(subject, line):
+        each()
+
+
+@case("4.4/5", "4.4/2")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """An address that cannot be is not answered 1, and what was refused changes nothing."""
+    before = _read(line)
+    other = _others(before)[1]
+    if subject.access.readdressable:
+        other = other._replace(ip=_LONGEST.ip)
+    with _network_kept(subject, line):
+        for wrong in examples(malformed("set_network", other, subject.dialect)):
+            offered = offer(subject, line, "set_network", wrong)
+            line = offered.line
+            expect(
+                not (offered.accepted and wrong.firm),
+                f"{wrong} was accepted as a network",
+                expected="0",
+                observed=f"{offered}",
+            )
+            silent = offered.answer is None and not wrong.firm  # it may have been taken, too
+            if offered.accepted or silent:
+                line = _set(subject, line, before, again=True)
+            elif (shown := _read(line)) != before:
+                raise Unmet(
+                    f"a network with {wrong} was refused and has changed the network",
+                    expected="|".join(before),
+                    observed="|".join(shown),
+                    requirement="4.4/2",
+                )

@@ -1,0 +1,162 @@
+"""Clause 4.5: setting the clock (0x06, L167-177)."""
+
+from datetime import datetime, timedelta
+from typing import Final
+
+from hypothesis import example
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.suite.controller.harness.asking.clock import (
+    Reading,
+    expect_ran,
+    read,
+    set_to,
+    shifted,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
+from scaraspec.suite.controller.harness.state.keeping import kept, patient
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.strategies import payload_values
+from scaraspec.suite.program_files.bench import PROGRAMS, running
+
+_NS: Final = 1e9
+_SECOND: Final = timedelta(seconds=1)
+
+
+def _moment(text: str) -> datetime:
+    return datetime.strptime(text, "%Y%m%d%H%M%S")  # noqa: DTZ007 - the document names no zone
+
+
+_NOON: Final = _moment("20240615120000")
+_EDGES: Final = tuple(
+    map(
+        _moment,
+        (
+            "20000101000000",
+            "20000229123456",
+            "20280229235959",
+            "20241231120000",  # the 366th day
+            "20380119031408",  # behind what 32 bits of seconds hold
+            "20960229000000",
+            "20991231235959",
+            *(f"2026{month:02}31120000" for month in (1, 3, 5, 7, 8, 10, 12)),
+        ),
+    )
+)
+_GRAVEST: Final = tuple(map(_moment, ("20250101000000", "20240229000000", "20230301000000")))
+"""What the clock is to roll over to where there is little time: everything, and leap days."""
+_OTHERS: Final = tuple(
+    map(
+        _moment,
+        (
+            "20240615120100",
+            "20240615200000",
+            "20240616000000",
+            "20240501000000",
+            "20240731000000",
+            "20240801000000",
+            "20241010100000",
+            "20240301000000",
+            "20000229000000",
+            "20000301000000",
+            "20960229000000",
+            "20380119031408",
+        ),
+    )
+)
+_AFTER_S: Final = 1.1
+"""Behind the second before it a clock must have rolled over."""
+_LATER_S: Final = 2.1
+"""Behind which a clock that stands still is off by more than it may be."""
+
+
+@case("4.5/4", "4.5/3")
+def test_set(subject: Subject, line: Line) -> None:
+    """The clock shows the time that was set, whatever it showed before."""
+    with kept(subject, line, "clock"):
+        for time in examples((_NOON, _NOON - timedelta(days=400))):
+            first = set_to(subject, line, time)
+            message = "the clock does not show the time that was set"
+            expect_ran(subject, first, read(subject, line), message)
+
+
+@case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS)
+def test_set_while_running(subject: Subject, line: Line) -> None:
+    """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
+    with kept(subject, line, "clock"), running(subject, line):
+        first, asked_s = read(subject, line), subject.now_ns / _NS
+        day = shifted(first.time, timedelta(days=1))  # a wait by the clock is over, not endless
+        time = day.replace(hour=12)  # an hour that every day has
+        answer = line.ask("set_time", time)
+        if answer.accepted:
+            first = Reading(time, asked_s, answer.time_s)
+        message = f"a setting while a program ran was answered {answer}, and the clock is another"
+        expect_ran(subject, first, read(subject, line), message, "4.5/4")
+
+
+@case("4.5/6", "4.5/4")
+def test_every_moment(subject: Subject, line: Line) -> None:
+    """Every moment of the years 2000 to 2099 can be set and is shown."""
+
+    @given(payload_values(BY_NAME["set_time"].request))
+    def each(time: datetime) -> None:
+        first = set_to(subject, line, time)
+        message = "the clock does not show the time that was set"
+        expect_ran(subject, first, read(subject, line), message, "4.5/4")
+
+    for time in _EDGES:
+        each = example(time)(each)
+    with kept(subject, line, "clock"):
+        each()
+
+
+def _expect_rollover(subject: Subject, line: Line, time: datetime) -> Reading:
+    first = set_to(subject, line, time - _SECOND)
+    line.wait(_AFTER_S / subject.statement.time_scale)
+    message = f"the clock does not go over to {time}"
+    expect_ran(subject, first, read(subject, line), message, "4.5/6")
+    return first
+
+
+@case("4.5/6", "4.5/4", name="new-year", slow=True)
+def test_new_year(subject: Subject, line: Line) -> None:
+    """The clock goes over into a new year, onto 29 February, past 28 February, and goes on."""
+    with kept(subject, line, "clock"):
+        for time in examples(_GRAVEST):
+            first = _expect_rollover(subject, line, time)
+        line.wait((_LATER_S - _AFTER_S) / subject.statement.time_scale)
+        message = "the clock did not go on from the time that was set"
+        expect_ran(subject, first, read(subject, line), message, "4.5/4")
+
+
+@case("4.5/6", name="rollovers")
+def test_rollovers(subject: Subject, line: Line) -> None:
+    """The clock goes over into minutes, hours, days and months of every kind."""
+    patient(subject, len(_OTHERS) * _AFTER_S)
+    with kept(subject, line, "clock"):
+        for time in examples(_OTHERS):
+            _expect_rollover(subject, line, time)
+
+
+@case("4.5/5")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """A time that no calendar has, or that is none, is not answered 1, and the clock goes on."""
+    with kept(subject, line, "clock"):
+        first = set_to(subject, line, _NOON)
+        for wrong in examples(malformed("set_time", _NOON + timedelta(days=700), subject.dialect)):
+            offered = offer(subject, line, "set_time", wrong)
+            line = offered.line
+            expect(
+                not (offered.accepted and wrong.firm),
+                f"{wrong} was accepted as a time",
+                expected="0",
+                observed=f"{offered}",
+            )
+            if offered.accepted:
+                first = set_to(subject, line, _NOON)
+            message = f"the clock did not go on as before when {wrong} was refused"
+            expect_ran(subject, first, read(subject, line), message)

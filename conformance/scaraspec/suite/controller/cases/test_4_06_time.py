@@ -1,0 +1,69 @@
+"""Clause 4.6: the clock as it is read (0x07, L179-189)."""
+
+from typing import Final
+
+from scaraspec.suite.controller.harness.asking.clock import Reading, expect_ran, read
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.state.keeping import alive, patient
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import expect
+
+_STEPS: Final = 6
+_STEP_S: Final = 0.35
+_TIMES: Final = 3
+_MINUTES_S: Final = 150.0
+_HOURS_S: Final = 8 * 3600.0
+_PARTS: Final = 9  # three days
+
+
+def _expect_on(first: Reading, then: Reading) -> None:
+    expect(
+        then.time >= first.time,
+        "the clock went back",
+        expected=f"{first.time} or later",
+        observed=f"{then.time}",
+        requirement="4.6/4",
+    )
+
+
+@case("4.6/2", "4.6/3", "4.6/4")
+def test_time(subject: Subject, line: Line) -> None:
+    """The time is 14 digits of the calendar, never goes back, and gains a second a second."""
+    first = before = read(subject, line)
+    for _ in range(_STEPS):
+        line.wait(_STEP_S / subject.statement.time_scale)
+        for _ in range(_TIMES):
+            now = read(subject, line)
+            _expect_on(before, now)
+            message = "the clock does not gain a second a second"
+            expect_ran(subject, first, now, message, "4.6/4")
+            before = now
+
+
+@case("4.6/4", name="minutes")
+def test_minutes(subject: Subject, line: Line) -> None:
+    """In the course of minutes the clock neither gains nor loses, whether it is read or not."""
+    patient(subject, _MINUTES_S)
+    first = read(subject, line)
+    line.wait(_MINUTES_S / subject.statement.time_scale)
+    line = alive(subject, line)
+    message = "the clock gains or loses in the course of minutes"
+    expect_ran(subject, first, read(subject, line), message, "4.6/4")
+
+
+@case("4.6/4", name="days")
+def test_days(subject: Subject, line: Line) -> None:
+    """In the course of days the clock passes every noon and every midnight."""
+    patient(subject, _PARTS * _HOURS_S)
+    first = before = read(subject, line)
+    for _ in range(_PARTS):
+        line.wait(_HOURS_S / subject.statement.time_scale)
+        line = alive(subject, line)
+        now = read(subject, line)
+        _expect_on(before, now)
+        expect_ran(
+            subject, before, now, "the clock does not run through the hours of a day", "4.6/4"
+        )
+        before = now
+    expect_ran(subject, first, before, "the clock does not run through days", "4.6/4")

@@ -1,0 +1,27 @@
+"""Clause 4.7: the version of the software (0x08, L191-203)."""
+
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import expect, expect_equal
+
+_TIMES = 300
+
+
+@case("4.7/2", "4.7/3")
+def test_version(line: Line) -> None:
+    """The version is a text of at least one character."""
+    answer = line.ask("get_version")
+    expect(answer.value, "the version is empty", expected="1.0.0", observed=f"{answer}")
+
+
+@case("4.7/4")
+def test_constant(subject: Subject, line: Line) -> None:
+    """The version is the same however often it is asked for, and on another connection."""
+    first = line.ask("get_version").value
+    for number in range(2, _TIMES):
+        message = f"request {number} for the version gave another one"
+        expect_equal(line.ask("get_version").value, first, message)
+    line.close()
+    version = subject.open().ask("get_version").value
+    expect_equal(version, first, "another connection is told another version")

@@ -1,0 +1,127 @@
+"""Clause 4.8: the status of the robot (0x09, L205-217)."""
+
+from contextlib import suppress
+from typing import Final
+
+from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import quieten, status_behind
+from scaraspec.suite.controller.harness.asking.queries import known_to
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.executing import (
+    begin,
+    expect_status,
+    finish,
+    sound,
+    store_wait_program,
+    unless_others_run,
+)
+from scaraspec.suite.controller.harness.two_stage.tasks import JOG, MOVE, RESET, lasting
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect, expect_equal
+
+_IDLE: Final = "00"
+_MOTION: Final = (Hazard.STATE, Hazard.MOTION)
+_TIMES: Final = 100
+_WAIT_S: Final = 1
+_STEP_S: Final = 0.25
+
+
+def _expect_idle(line: Line, message: str) -> None:
+    answer = status_behind(line)
+    code = sound(answer)
+    if code is None:
+        message = "the status is no code of table 8-1"
+        raise Unmet(message, expected="00", observed=f"{answer}", requirement="4.8/2")
+    expect_equal(code.text, _IDLE, message, requirement="4.8/3")
+
+
+@case("4.8/2", "4.8/3", "4.8/9")
+def test_idle(subject: Subject, line: Line) -> None:
+    """The status of a robot at rest is 00, however often it is asked for, whatever else is."""
+    with unless_others_run(subject):
+        for _ in range(_TIMES):
+            _expect_idle(line, "the status of a robot at rest is not 00")
+        for query in known_to(subject):
+            line.ask(*query)
+            _expect_idle(line, f"the status of a robot at rest is not 00 behind {query.name}")
+        line.close()
+        _expect_idle(subject.open(), "another connection is not told that the robot is at rest")
+
+
+@case("4.8/3", "4.8/9", name="refused", hazards=(Hazard.MOTION,))
+def test_idle_once_refused(subject: Subject, line: Line) -> None:
+    """A robot that has refused a program which is not stored is still at rest."""
+    missing = subject.new_name()
+    subject.moved = True
+    for command in ("run_program", "simulate_program"):
+        if line.ask(command, missing).accepted:  # it may fail late (A-4.15-1)
+            line.result(command)
+        message = f"the status is not 00 once {command} was refused"
+        _expect_idle(line, message)
+
+
+@case("4.8/4", "4.8/3", "4.8/10", hazards=_MOTION, slow=True)
+def test_running(subject: Subject, line: Line) -> None:
+    """While a program runs the status is 01, before and behind it 00."""
+    _watch_program(subject, line, "run_program", "01", "4.8/4")
+
+
+@case("4.8/5", "4.8/3", "4.8/10", hazards=_MOTION, slow=True)
+def test_simulating(subject: Subject, line: Line) -> None:
+    """While a program is simulated the status is 02, before and behind it 00."""
+    _watch_program(subject, line, "simulate_program", "02", "4.8/5")
+
+
+def _watch_program(subject: Subject, line: Line, command: str, code: str, requirement: str) -> None:
+    name = store_wait_program(subject, line, _WAIT_S)
+    _expect_idle(line, "the status of a robot at rest is not 00")
+    try:
+        begin(subject, line, command, name)
+        if not expect_status(subject, line, command, code, requirement):
+            raise NotRun(f"{command} was over before the status could be asked for")
+        for _ in range(int(_WAIT_S / _STEP_S) - 1):
+            line.wait(_STEP_S / subject.statement.time_scale)
+            if not expect_status(subject, line, command, code, requirement):
+                break
+        else:
+            finish(subject, line, command)
+    finally:
+        quieten(subject, line)
+
+
+@case("4.8/6", "4.8/10", "4.9/6", hazards=_MOTION)
+def test_resetting(subject: Subject, line: Line) -> None:
+    """While the robot resets the status is 03."""
+    _watch(subject, line, RESET, "4.8/6")
+
+
+@case("4.8/7", "4.8/10", "4.9/6")
+def test_moving(subject: Subject, line: Line) -> None:
+    """While the arm moves by a step the status is 04."""
+    _watch(subject, line, MOVE, "4.8/7")
+
+
+@case("4.8/7", "4.8/10", "4.9/6", name="jogging")
+def test_jogging(subject: Subject, line: Line) -> None:
+    """While the arm jogs the status is 04, until it is stopped."""
+    _watch(subject, line, JOG, "4.8/7")
+
+
+def _watch(subject: Subject, line: Line, command: str, requirement: str) -> None:
+    with lasting(subject, line, command) as task:
+        if not expect_status(subject, line, command, task.state, requirement):
+            raise NotRun(f"{command} was over before the status could be asked for")
+        line.wait(subject.statement.motion.jog_s / 2)
+        expect_status(subject, line, command, task.state, requirement)
+        with suppress(NoAnswer):  # a robot that executes need not answer (A-4-3)
+            told = line.ask("get_running_program")
+            expect(
+                not isinstance(told.value, RunningProgram),
+                f"a program is told to run during {command}",
+                expected="0",
+                observed=f"{told}",
+                requirement="4.9/6",
+            )
+    _expect_idle(line, f"the robot is not idle although {command} is over")

@@ -1,0 +1,271 @@
+"""Clause 4.9: what the robot says of the program that runs (0x0A, L219-237)."""
+
+from typing import Final, NamedTuple
+
+from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.fields import NAME_MAX_BYTES, show
+from scaraspec.suite.controller.harness.asking.clock import Reading, expect_ran, read
+from scaraspec.suite.controller.harness.asking.motion import quieten
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.state.defaults import default_kept
+from scaraspec.suite.controller.harness.state.keeping import patient
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.executing import (
+    ask_busy,
+    begin,
+    ended,
+    expect_rest,
+    store_wait_program,
+    unless_others_run,
+)
+from scaraspec.suite.controller.harness.two_stage.tasks import RUN, finish, start_program
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet, expect, expect_equal
+from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.program_files.bench import PROGRAMS
+from scaraspec.suite.program_files.listed import long_name, program_names, store_program
+
+_NONE: Final = (b"0", b"0||", b"\0", b"\0||")
+"""No program runs; the ways to say so (A-4.9-2, A-T-1)."""
+_DEFAULTS: Final = ("get_default_program", "set_default_program")
+_WAIT_S: Final = 3
+_STEP_S: Final = 0.7
+_LAG_S: Final = 0.3
+_SLACK_S: Final = 1.5  # two times, each cut to a whole second, and half a one
+_DRIFT: Final = 0.01
+_MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
+_NS: Final = 1e9
+
+
+def _says_none(answer: Answer) -> bool:
+    """Whether no program is told; NULs may follow the flag, and it may be one (A-T-1, A-T-3)."""
+    flag, rest = answer.frame.data[:1], answer.frame.data[1:]
+    return flag + rest.rstrip(b"\0") in _NONE
+
+
+def _expect_none(line: Line, message: str) -> None:
+    answer = line.ask("get_running_program")
+    expect(_says_none(answer), message, expected="0", observed=f"{answer}", requirement="4.9/6")
+
+
+def _told(subject: Subject, line: Line, command: str, name: bytes) -> RunningProgram | None:
+    """What is told of a program while it runs; None where it has ended.
+
+    Raises:
+        Unmet: It is told wrongly.
+    """
+    answer = ask_busy(subject, line, "get_running_program", command)
+    told = answer.value
+    if not isinstance(told, RunningProgram):
+        if ended(line, command, _LAG_S) is not None:
+            return None
+        if command == "simulate_program" and _says_none(answer):
+            message = "a simulated program is not told as running"
+            subject.tolerate("4.9/10", "A-4.9-4", "no", message)
+            return None
+        message = "the program that runs is not told"
+        expected = f"1|{name.decode()}|DDHHMMSS"
+        raise Unmet(message, expected=expected, observed=f"{answer}", requirement="4.9/2")
+    expect_equal(
+        told.name, name, "another program is told than the one that runs", requirement="4.9/4"
+    )
+    _expect_form(answer)
+    return told
+
+
+def _expect_form(answer: Answer) -> None:
+    """Eight digits, of which hours, minutes and seconds are such (A-4.9-3); T/4 is for more."""
+    text = answer.frame.data.rstrip(b"\0|").rpartition(b"|")[2]
+    carried = text[2:4] < b"24" and text[4:6] < b"60" and text[6:] < b"60"
+    expect(
+        len(text) == len("DDHHMMSS") and text.isdigit() and carried,
+        "the run time is not DDHHMMSS with hours, minutes and seconds that are carried over",
+        expected="DDHHMMSS",
+        observed=f"{answer}",
+        requirement="4.9/3",
+    )
+
+
+class _Reading(NamedTuple):
+    """A run time, and between which times it was told."""
+
+    run_time_s: int
+    asked_s: float
+    told_s: float
+
+
+def _read(subject: Subject, line: Line, name: bytes) -> _Reading | None:
+    asked_s = _now_s(subject)
+    told = _told(subject, line, "run_program", name)
+    return told and _Reading(told.run_time_s, asked_s, _now_s(subject))
+
+
+def _expect_grown(subject: Subject, first: _Reading, then: _Reading, what: str) -> None:
+    """Hold two run times against the time between them."""
+    scale = subject.statement.time_scale
+    least_s = (then.asked_s - first.told_s) * scale
+    most_s = (then.told_s - first.asked_s) * scale
+    grown_s, slack_s = then.run_time_s - first.run_time_s, _SLACK_S + _DRIFT * most_s
+    expect(
+        least_s - slack_s <= grown_s <= most_s + slack_s,
+        f"the run time does not grow as time passes{what}",
+        expected=f"{most_s:.1f} s more than {first.run_time_s} s",
+        observed=f"{then.run_time_s} s",
+        requirement="4.9/5",
+    )
+
+
+def _now_s(subject: Subject) -> float:
+    return subject.now_ns / _NS
+
+
+@case("4.9/6", "4.9/7")
+def test_none(subject: Subject, line: Line) -> None:
+    """While no program runs the reply is 0, without name and time, on every connection."""
+    with unless_others_run(subject):
+        _expect_none(line, "a program is told although none runs")
+        line.close()
+        _expect_none(subject.open(), "a program is told to another connection although none runs")
+
+
+@case(
+    *("4.9/2", "4.9/3", "4.9/4", "4.9/5", "4.9/6", "4.9/8", "4.9/9", "4.9/10"),
+    *("4.6/4", "4.8/4", "4.10/11"),
+)
+def test_running(subject: Subject, line: Line) -> None:
+    """One of two programs runs: it is told, all 30 bytes of its name, and its run time grows.
+
+    So does the time of the clock. The other one is the default program, as far as there is one.
+    Another client is told of it, too.
+    """
+    other = store_program(subject, line)
+    name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
+    if not subject.statement.lacks.isdisjoint(_DEFAULTS):
+        _expect_told(subject, line, name, other)
+        return
+    with default_kept(subject, line):
+        line.ask("set_default_program", other)
+        _expect_told(subject, line, name, other)
+
+
+def _expect_told(subject: Subject, line: Line, name: bytes, other: bytes) -> None:
+    beside = subject.open() if subject.takes_several else line
+    try:
+        begin(subject, line, "run_program", name)
+        first = clock = None
+        for _ in range(1 + int(_WAIT_S / _STEP_S)):
+            if first:
+                line.wait(_STEP_S / subject.statement.time_scale)
+            now = _read(subject, line, name)
+            if now is None:
+                break
+            if first is None:
+                first, clock = now, _clock(subject, line)
+                _expect_listed_beside(subject, line, other, name)
+            _expect_grown(subject, first, now, "")
+            _expect_flag_and_status(line, "4.9/10")
+            _expect_flag_and_status(beside, "4.9/2")
+            _expect_clock_on(subject, clock, _clock(subject, line))
+        else:
+            line.result("run_program")
+        expect_rest(subject, line, "the robot is not idle although run_program has ended")
+        _expect_none(line, "a program is told to run although it has ended")
+        if first is None:
+            raise NotRun("the program was over before it could be asked about")
+    finally:
+        quieten(subject, line)
+
+
+def _expect_listed_beside(subject: Subject, line: Line, other: bytes, running: bytes) -> None:
+    """The program that runs is in a list that has another one."""
+    try:
+        names = program_names(subject, line)
+    except NoAnswer:  # a robot that executes need not answer (A-4-3)
+        return
+    expect(
+        running in names or other not in names,
+        "a program is not listed while it runs",
+        expected=show(running),
+        observed=", ".join(map(show, names)),
+        requirement="4.10/11",
+    )
+
+
+def _clock(subject: Subject, line: Line) -> Reading | None:
+    """What the clock shows; None where that is not told, as while it executes (A-4-3)."""
+    if "get_time" in subject.statement.lacks:
+        return None
+    try:
+        return read(subject, line)
+    except NoAnswer:
+        return None
+
+
+def _expect_clock_on(subject: Subject, first: Reading | None, then: Reading | None) -> None:
+    if first is not None and then is not None:
+        message = "the clock does not go on while a program runs"
+        expect_ran(subject, first, then, message, "4.6/4")
+
+
+def _expect_flag_and_status(line: Line, requirement: str) -> None:
+    """The flag is 1 between two statuses 01, whoever has begun the program."""
+    before = line.ask("get_status").value
+    answer = line.ask("get_running_program")
+    if before == line.ask("get_status").value == "01":
+        expect(
+            isinstance(answer.value, RunningProgram),
+            "no program is told although the status is 01",
+            expected="1|name|DDHHMMSS",
+            observed=f"{answer}",
+            requirement=requirement,
+        )
+
+
+@case("4.9/4", "4.9/6", "4.9/10", name="simulated", hazards=PROGRAMS)
+def test_simulated(subject: Subject, line: Line) -> None:
+    """While a program is simulated it is told by its name, or not at all, whatever ran before."""
+    if RUN not in subject.statement.lacks:
+        start_program(subject, line, RUN, seconds=0)
+        finish(subject, line, RUN)
+    name = store_wait_program(subject, line, _WAIT_S)
+    try:
+        begin(subject, line, "simulate_program", name)
+        _told(subject, line, "simulate_program", name)
+    finally:
+        quieten(subject, line)
+    _expect_none(line, "a program is told to run although its simulation has ended")
+
+
+@case("4.9/3", "4.9/5", name="minute", hazards=PROGRAMS)
+def test_minute(subject: Subject, line: Line) -> None:
+    """The run time goes over into minutes."""
+    _watch_carries(subject, line, (_MINUTE_S,))
+
+
+@case("4.9/3", "4.9/5", name="day", hazards=PROGRAMS)
+def test_day(subject: Subject, line: Line) -> None:
+    """The run time goes over into minutes, hours and days."""
+    marks = (_MINUTE_S, 10 * _MINUTE_S, _HOUR_S, 10 * _HOUR_S, _DAY_S, _DAY_S + _HOUR_S)
+    _watch_carries(subject, line, marks)
+
+
+def _watch_carries(subject: Subject, line: Line, marks_s: tuple[int, ...]) -> None:
+    """Run a program past these run times, and look at it just before and just behind each."""
+    lasts_s = marks_s[-1] + 5
+    patient(subject, lasts_s)
+    name = store_wait_program(subject, line, lasts_s)
+    scale = subject.statement.time_scale
+    try:
+        begun_s = _now_s(subject)
+        begin(subject, line, "run_program", name)
+        first = None
+        for at_s in (s for mark_s in marks_s for s in (mark_s - 2, mark_s + 2)):
+            line.wait(max(begun_s + at_s / scale - _now_s(subject), 0.0))
+            now = _read(subject, line, name)
+            if now is None:
+                raise Undecided("a program ended that should still wait")
+            if first is not None:
+                _expect_grown(subject, first, now, f" past {marks_s[-1]} s")
+            first = first or now
+    finally:
+        quieten(subject, line)

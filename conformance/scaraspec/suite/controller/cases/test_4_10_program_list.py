@@ -1,0 +1,215 @@
+"""Clause 4.10: the list of the programs (0x0B, L239-251)."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.fields import NAME_MAX_BYTES, show
+from scaraspec.suite.controller.harness.asking.files import NameRefused, upload
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.expect import NotRun, Unmet, expect, expect_in
+from scaraspec.suite.engine.strategies import NAME_CHARACTERS
+from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.program_files.layout import layout_in_use
+from scaraspec.suite.program_files.listed import (
+    list_parts,
+    long_name,
+    names_of,
+    program_names,
+    store_program,
+)
+from scaraspec.suite.program_files.writing import program_file, wait
+
+_EMPTY: Final = (b"0", b"0|", b"")
+"""The list of an empty store, in the ways to tell it (A-4.10-4)."""
+_MANY: Final = 40  # more than 32
+_FEW: Final = 7  # for which any robot has room
+_LENGTHS_BYTES: Final = (30, 12, 17, 30, 23)
+"""Names of these lengths make parts of every length about the longest."""
+_NODES: Final = 258
+"""More than a byte counts, and than a buffer of 16 kilobytes holds."""
+_TOO_LONG_BYTES: Final = 256
+"""A part of this length must have been divided."""
+
+
+def _delete(line: Line, name: bytes) -> None:
+    answer = line.ask("delete_program", name)
+    expect(
+        answer.accepted,
+        "a program that was just uploaded cannot be deleted",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.11/2",
+    )
+
+
+def _listed(subject: Subject, line: Line) -> list[bytes]:
+    """The names in the list, which is checked as a whole."""
+    parts = list_parts(subject, line)
+    more = [seen for seen in line.fence() if seen.name == "list_programs"]
+    expect(
+        not more,
+        "another part of the list comes behind one that begins with 0",
+        expected="no more",
+        observed="; ".join(f"{seen.frame}" for seen in more),
+        requirement="4.10/2",
+    )
+    _expect_names(parts)
+    return names_of(parts)
+
+
+def _expect_names(parts: list[Answer]) -> None:
+    names = names_of(parts)
+    told = "; ".join(f"{part}" for part in parts)
+    expect(all(names), "a name in the list is empty", observed=told, requirement="4.10/7")
+    twice = [show(name) for name, count in Counter(names).items() if count > 1]
+    expect(
+        not twice,
+        "a name stands in the list more than once",
+        expected="once",
+        observed=", ".join(twice),
+        requirement="4.10/7",
+    )
+
+
+def _expect_listed(names: list[bytes], wanted: list[bytes]) -> None:
+    missing = [show(name) for name in wanted if name not in names]
+    if not missing:
+        return
+    glued = [show(n) for n in names if any(m in n and m != n for m in wanted)]
+    expect(
+        not glued,
+        "names in the list are not separated by bars",
+        expected=missing[0],
+        observed=", ".join(glued),
+        requirement="4.10/3",
+    )
+    known = b"".join(wanted)
+    torn = [show(n) for n in names if n and n not in wanted and n in known and n.isascii()]
+    expect(
+        not torn,
+        "a name does not stand whole in one part of the list",
+        expected=missing[0],
+        observed=", ".join(torn),
+        requirement="4.10/6",
+    )
+    raise Unmet(
+        "a program that was uploaded is not listed",
+        expected=missing[0],
+        observed=", ".join(map(show, names)),
+        requirement="4.10/11",
+    )
+
+
+@case("4.10/2", "4.10/3", "4.10/7", "4.10/9")
+def test_list(subject: Subject, line: Line) -> None:
+    """The list is a flag and names between bars, none of them empty or twice."""
+    _listed(subject, line)
+
+
+@case("4.10/8")
+def test_empty(line: Line) -> None:
+    """The list of an empty store is the flag 0 without any name."""
+    answer = line.ask("list_programs")
+    if answer.value is not None and any(answer.value.names):
+        raise NotRun("there are programs on the subject, which are not the suite's to delete")
+    expect_in(
+        answer.frame.data.rstrip(b"\0"), _EMPTY, "the list of an empty store is not the flag 0"
+    )
+
+
+@case("4.10/4", "4.10/2", "4.10/3", "4.10/5", "4.10/6", "4.10/7", "4.10/9", "4.10/11", name="many")
+def test_many(subject: Subject, line: Line) -> None:
+    """Program after program is uploaded and listed, in as many parts as that takes."""
+    mine: list[bytes] = []
+    before = _listed(subject, line)
+    lengths = _overfilling(subject, line)
+    for number in range(_MANY):
+        length_bytes = next(lengths, _LENGTHS_BYTES[number % len(_LENGTHS_BYTES)])
+        name = long_name(subject, length_bytes)
+        try:
+            mine.append(store_program(subject, line, name))
+        except Unmet as error:
+            if number < _FEW or error.requirement != "5.2/2":
+                raise
+            message = f"there is room for {number} more programs"
+            subject.tolerate("4.10/4", "A-5-21", "full", message)
+            mine.remove(longest := max(mine, key=len))
+            _delete(line, longest)
+            mine.append(store_program(subject, line, name))  # there is room again
+            break
+        _expect_listed(_listed(subject, line), [*before, *mine])
+    while mine:
+        _delete(line, mine.pop(len(mine) // 2))
+        names = _listed(subject, line)
+        _expect_listed(names, [*before, *mine])
+        gone = [show(name) for name in names if name not in before and name not in mine]
+        expect(
+            not gone,
+            "a program that was deleted is still listed",
+            expected="not in the list",
+            observed=", ".join(gone),
+            requirement="4.10/11",
+        )
+
+
+def _overfilling(subject: Subject, line: Line) -> Iterator[int]:
+    """The lengths of names that make one part just too long, in whatever order they are listed.
+
+    Those behind the first follow from the list that has it: so its bars are counted (A-4.10-2).
+    """
+    yield NAME_MAX_BYTES
+    parts = list_parts(subject, line)
+    left_bytes = _TOO_LONG_BYTES - len(parts[-1].frame.data)
+    count = math.ceil(left_bytes / (NAME_MAX_BYTES + 1))
+    for number in range(count):
+        yield (left_bytes + number) // count - 1
+
+
+@case("4.10/11", name="names")
+def test_names(subject: Subject, line: Line) -> None:
+    """A program is listed by its name, whatever that is, from its upload to its deletion."""
+
+    @example("AZaz09_-")
+    @example("AZaz09")
+    @given(st.text(NAME_CHARACTERS, max_size=18))
+    def each(stem: str) -> None:
+        name = subject.new_name(stem)
+        try:
+            store_program(subject, line, name)
+        except NameRefused:
+            return
+        _expect_listed(program_names(subject, line), [name])
+        _delete(line, name)
+        expect(
+            name not in program_names(subject, line),
+            "a program that was deleted is still listed",
+            expected="not in the list",
+            observed=show(name),
+        )
+
+    each()
+
+
+@case("4.10/11", "4.10/2", name="another-connection")
+def test_another_connection(subject: Subject, line: Line) -> None:
+    """What one connection has uploaded another one finds in its list, however long it is.
+
+    So it does where the name of one program begins as that of another does.
+    """
+    name = subject.new_name()
+    stem, dot, extension = name.rpartition(b".")
+    longer = stem + b"a" + dot + extension
+    upload(
+        line, name, program_file(subject.dialect, wait(0) * _NODES, layout=layout_in_use(subject))
+    )
+    store_program(subject, line, longer)
+    line.close()
+    _expect_listed(_listed(subject, subject.open()), [name, longer])

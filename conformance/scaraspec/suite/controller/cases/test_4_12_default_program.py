@@ -1,0 +1,103 @@
+"""Clause 4.12: the default program as it is read (0x0D or 0x13, L265-275)."""
+
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.state.defaults import (
+    OPCODES,
+    ask_default,
+    default_kept,
+    expect_default,
+    says_nothing,
+)
+from scaraspec.suite.controller.harness.state.keeping import alive
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import NotRun, expect
+from scaraspec.suite.program_files.listed import store_program
+from scaraspec.traffic.happenings import FrameSeen
+
+
+def _told(subject: Subject, line: Line) -> list[FrameSeen]:
+    """What is told when asked with either opcode; of a 0 and something else the latter."""
+    replies = [reply for opcode in OPCODES if (reply := ask_default(subject, line, opcode))]
+    return [reply for reply in replies if not says_nothing(reply)] or replies
+
+
+@case("4.12/2", "4.12/4")
+def test_both_opcodes(subject: Subject, line: Line) -> None:
+    """Asked with either opcode, the default program is told with the same, or not at all."""
+    told = _told(subject, line)
+    if not told:
+        message = "neither 0x0D nor 0x13 is answered: there may be no default program"
+        subject.tolerate("4.12/4", "default_none", "silence", message)
+        return
+    expect(
+        len({reply.value for reply in told}) == 1,
+        "the two opcodes are told different default programs",
+        observed=", ".join(f"{reply.frame}" for reply in told),
+        requirement="4.12/3",
+    )
+
+
+@case("4.12/5", "4.12/2", "4.12/3", hazards=(Hazard.STATE,))
+def test_told(subject: Subject, line: Line) -> None:
+    """Where one of two programs is the default one, 0x0D or 0x13 or both tell its name."""
+    with default_kept(subject, line):
+        store_program(subject, line)
+        name = store_program(subject, line)
+        answer = line.ask("set_default_program", name)
+        expect(
+            answer.accepted,
+            "a program that is stored cannot be made the default one",
+            expected="1",
+            observed=f"{answer}",
+            requirement="4.13/2",
+        )
+        replies = _told(subject, line)
+        expect(
+            replies,
+            "neither 0x0D nor 0x13 is answered although there is a default program",
+            expected=show(name),
+            observed="silence",
+        )
+        for reply in replies:
+            expect(
+                reply.value == name,
+                "the default program is told by another name",
+                expected=show(name),
+                observed=f"{reply.frame}",
+                requirement="4.12/3",
+            )
+        served = {f"0x{reply.frame.opcode:02X}" for reply in replies}
+        subject.follows("op_get_default", "both" if len(served) > 1 else served.pop())
+
+
+@case("4.12/4", "4.13/3", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
+def test_none(subject: Subject, line: Line) -> None:
+    """Once the default program is deleted there is none, or as before; another's end is nothing.
+
+    It is the default one again where it is stored and named again.
+    """
+    with default_kept(subject, line):
+        other, name = store_program(subject, line), store_program(subject, line)
+        if not line.ask("set_default_program", name).accepted:
+            raise NotRun("no program can be made the default one")
+        expect_default(subject, line, name, "4.12/3")
+        if line.ask("delete_program", other).accepted:
+            expect_default(subject, line, name, "4.13/3")
+        if not line.ask("delete_program", name).accepted:
+            raise NotRun("the default program cannot be deleted (A-4.11-1)")
+        for _ in range(2):  # others, which nobody has named, wherever they are put
+            store_program(subject, line)
+        for reply in _told(subject, line):
+            expect(
+                reply.value in (b"", name),
+                "no default program is told as something else than nothing or 0",
+                expected="no data, or 0",
+                observed=f"{reply.frame}",
+            )
+        line = alive(subject, line)  # an opcode that it does not know may have ended the other
+        store_program(subject, line, name)
+        if line.ask("set_default_program", name).accepted:
+            expect_default(subject, line, name, "4.13/3")

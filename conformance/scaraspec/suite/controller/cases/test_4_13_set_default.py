@@ -1,0 +1,125 @@
+"""Clause 4.13: setting the default program (0x0E, L277-287)."""
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.fields import NAME_MAX_BYTES, show
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import IDLE, joints_of, listens, quieten
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
+from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    RUN,
+    find_out_whether_it_listens,
+    finish,
+    start_program,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import Unmet, expect
+from scaraspec.suite.program_files.listed import long_name, program_names, store_program
+
+_SOON_S = 0.3
+
+
+def _set(line: Line, name: bytes) -> None:
+    answer = line.ask("set_default_program", name)
+    expect(
+        answer.accepted,
+        "a program that is stored cannot be made the default one",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.13/2",
+    )
+
+
+@case("4.13/3", "4.13/2", "4.10/11")
+def test_set(subject: Subject, line: Line) -> None:
+    """The program that was named last is the default one, not one that was uploaded since."""
+    with default_kept(subject, line):
+        names = [subject.new_name(), long_name(subject, NAME_MAX_BYTES), subject.new_name("a")]
+        for name in names:
+            store_program(subject, line, name)
+        for name in names:
+            _set(line, name)
+            expect_default(subject, line, name, "4.13/3")
+        store_program(subject, line)
+        expect_default(subject, line, name, "4.13/3")
+        listed = program_names(subject, line)
+        expect(
+            name in listed,
+            "a program that was uploaded is not listed while it is the default one",
+            expected=show(name),
+            observed=", ".join(map(show, listed)),
+            requirement="4.10/11",
+        )
+        line.close()
+        expect_default(subject, subject.open(), name, "4.13/3")
+
+
+@case("4.13/5", "4.13/4")
+def test_missing(subject: Subject, line: Line) -> None:
+    """A program that is not stored does not become the default one, and the former one stays."""
+    with default_kept(subject, line):
+        name = store_program(subject, line)
+        _set(line, name)
+        missing = subject.new_name()
+        answer = line.ask("set_default_program", missing)
+        if answer.accepted:
+            message = "a program that is not stored can be made the default one"
+            subject.tolerate("4.13/4", "A-4.13-1", "accepted", message)
+        else:
+            expect_default(subject, line, name, "4.13/5")
+
+
+@case("4.13/5", "4.13/2", name="malformed")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """A name that is none and was refused leaves the default program as it was."""
+    with default_kept(subject, line):
+        name = store_program(subject, line)
+        _set(line, name)
+        for wrong in examples(malformed("set_default_program", name)):
+            offered = offer(subject, line, "set_default_program", wrong)
+            line = offered.line
+            if offered.accepted:
+                _set(line, name)
+            else:
+                expect_default(subject, line, name, "4.13/5")
+
+
+@case("4.13/6", "4.13/2", "4.13/3", "4.13/5", hazards=(Hazard.STATE, Hazard.MOTION))
+def test_moves_nothing(subject: Subject, line: Line) -> None:
+    """To name a default program starts nothing, and to run another names none.
+
+    While that runs the default program is named as ever, or that is refused.
+    """
+    with default_kept(subject, line):
+        other, name = store_program(subject, line), store_program(subject, line)
+        before = joints_of(line)
+        subject.moved = True
+        _set(line, name)
+        try:
+            statuses = [line.ask("get_status").value]
+            line.wait(_SOON_S)
+            statuses.append(line.ask("get_status").value)
+            if any(status != IDLE for status in statuses):
+                message = "the program that was made the default one was started"
+                raise Unmet(message, expected=IDLE, observed=", ".join(map(str, statuses)))
+            if farthest(joints_of(line), before) > STANDSTILL:
+                message = "the arm moved after set_default_program"
+                subject.tolerate("4.13/6", "A-4.12-3", "moves", message)
+            if RUN not in subject.statement.lacks:
+                find_out_whether_it_listens(subject, line)
+                start_program(subject, line, RUN)
+                if listens(subject, line):
+                    expect_default(subject, line, name, "4.13/3")
+                    named = line.ask("set_default_program", other).accepted
+                    name = other if named else name
+                    expect_default(subject, line, name, "4.13/3" if named else "4.13/5")
+                quieten(subject, line)
+                expect_default(subject, line, name, "4.13/3")
+                start_program(subject, line, RUN, seconds=0)
+                finish(subject, line, RUN)
+                expect_default(subject, line, name, "4.13/3")
+        finally:
+            quieten(subject, line)

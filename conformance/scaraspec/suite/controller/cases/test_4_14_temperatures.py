@@ -1,0 +1,38 @@
+"""Clause 4.14: the temperatures of the motors (0x0F, L289-302)."""
+
+from scaraspec.protocol.commands import BY_NAME, JointValues
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect
+
+_TIMES = 5
+_PAUSE_S = 0.05
+
+
+@case("4.14/2", "4.14/5")
+def test_temperatures(line: Line) -> None:
+    """The temperatures are four numbers between bars, time after time."""
+    for _ in range(_TIMES):
+        answer = line.ask("get_motor_temperatures")
+        expect(
+            isinstance(answer.value, JointValues),
+            "the temperatures are not four numbers between bars",
+            expected="inner arm|outer arm|wrist|rotation",
+            observed=f"{answer}",
+        )
+        line.wait(_PAUSE_S)
+
+
+@case("4.14/3")
+def test_opcode(line: Line) -> None:
+    """The temperatures come with 0x0F, or with 0x0E as printed."""
+    command = BY_NAME["get_motor_temperatures"]
+    line.send("get_motor_temperatures")
+    came = line.answers()
+    answers = [seen for seen in came if seen.frame.opcode in (command.opcode, command.reply_also)]
+    if not answers:
+        observed = "; ".join(f"{seen.frame}" for seen in came)
+        if not observed:
+            raise NoAnswer("the temperatures were not told", expected="a reply", observed="silence")
+        message = "the temperatures bear the opcode of another command"
+        raise Unmet(message, expected="0F, or 0E", observed=observed)

@@ -1,0 +1,258 @@
+"""Clause 4.15: a program is run (0x30, L304-328)."""
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.files import NameRefused
+from scaraspec.suite.controller.harness.asking.motion import BUSY, quieten
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.state.defaults import default_kept
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_missing
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    BRIEFLY_S,
+    RUN,
+    accepted,
+    attentive,
+    done,
+    finish,
+    has,
+    lasting,
+    offered,
+    start_program,
+    stop_nothing,
+    stored,
+    stored_as,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.strategies import names
+from scaraspec.suite.program_files.listed import INHERITED, long_name
+
+_MOTION = (Hazard.STATE, Hazard.MOTION)
+_DEFAULTS = ("get_default_program", "set_default_program")
+_LONG_BYTES = 25
+"""Of a name: near ones are not longer than names may be (L226)."""
+
+
+@case("4.15/2", name="missing", hazards=_MOTION)
+def test_checked_before_the_reply(subject: Subject, line: Line) -> None:
+    """A run that cannot be is refused at once: nothing executes behind the reply."""
+    has(subject, RUN)
+    subject.moved = True
+    first = line.ask(RUN, subject.new_name())
+    status = line.ask("get_status")
+    expect(
+        status.value not in BUSY or (first.accepted and status.value == "01"),
+        "the robot executes something behind the refusal of a missing program",
+        expected="00",
+        observed=f"{first}, then {status}",
+    )
+    if first.accepted:
+        result = finish(subject, line, RUN)
+        expect(
+            not result.done,
+            "a program that is not stored was run",
+            expected="0|20",
+            observed=f"{first}, {result}",
+        )
+        subject.tolerate("4.15/2", "A-4.15-1", "00|20", "the missing program was found later")
+
+
+@case("4.15/2", name="fault", needs=("motor_fault", "clear_faults"), hazards=_MOTION)
+def test_not_run_with_a_fault(subject: Subject, line: Line) -> None:
+    """A robot whose inner arm's motor has failed does not run a program: "0|11"."""
+    program = stored(subject, line, 0)
+    subject.moved = True
+    try:
+        subject.hook("motor_fault", joints="inner_arm")
+        first = line.ask(RUN, program)
+        told = finish(subject, line, RUN) if first.accepted else first
+        expect(
+            not told.done and told.code == "11",
+            "a program is run although a motor has failed",
+            expected="0|11",
+            observed=f"{told}",
+        )
+        if first.accepted:
+            subject.tolerate("4.15/2", "A-4.15-4", "00|11", "the fault was found after the reply")
+    finally:
+        subject.hook("clear_faults")
+        if line.ask("get_status").value != "00" and line.ask("reset").accepted:
+            finish(subject, line, "reset")
+
+
+@case("4.15/3", hazards=_MOTION)
+def test_refusal(subject: Subject, line: Line) -> None:
+    """What cannot be run is refused with "0|" and a code of two characters."""
+    has(subject, RUN)
+    subject.moved = True
+    for _ in range(2):
+        first = line.ask(RUN, subject.new_name())
+        if first.accepted:  # A-4.15-1
+            finish(subject, line, RUN)
+            continue
+        expect(
+            first.accepted is False and len(first.frame.data.rstrip(b"\0")) == 4,
+            "the refusal of a run is not 0|code",
+            expected="0|code",
+            observed=f"{first}",
+        )
+
+
+@case("4.15/4", hazards=_MOTION)
+def test_stored_programs_run(subject: Subject, line: Line) -> None:
+    """A stored program is run, whatever name it has, and again when another was run."""
+    extension = start_program(subject, line, RUN, seconds=0).program.rpartition(b".")[2]
+    done(subject, line, RUN)
+
+    @example(b"AZaz09.rob")
+    @given(names)
+    def tried(name: bytes) -> None:
+        stem, dot, _ = name[-20:].rpartition(b".")
+        try:
+            program = stored_as(subject, line, subject.files.prefix + stem + dot + extension)
+        except NameRefused:
+            return
+        for _ in range(2):
+            answer = accepted(RUN, line.ask(RUN, program))
+            expect(
+                answer.frame.data.rstrip(b"\0") == b"1",
+                "the first reply to a run is more than the flag 1",
+                expected="1",
+                observed=f"{answer}",
+            )
+            done(subject, line, RUN)
+        line.ask("delete_program", data=program)
+
+    tried()
+
+
+@case("4.15/5", hazards=_MOTION, slow=True)
+def test_end_of_a_run(subject: Subject, line: Line) -> None:
+    """A run ends with "11" when its program does, not before: the status is 01 until then.
+
+    Of a stop that came before it nothing is left.
+    """
+    attentive(subject, line)
+    stop_nothing(subject, line)
+    begun = start_program(subject, line, RUN, BRIEFLY_S)
+    line.wait(0.2)
+    if line.ask("get_status").value == "01":
+        early = [seen for seen in line.heard if seen.frame.tagged]
+        expect(
+            not early,
+            "the final result of a run came while the program was running",
+            expected="11 when the program has ended",
+            observed=" ".join(f"{seen.frame}" for seen in early),
+        )
+    result = done(subject, line, RUN)
+    expect(
+        result.time_s >= begun.answer.time_s,
+        "a run ends before it has begun",
+        expected="11 behind 1",
+        observed=f"{result}",
+    )
+
+
+@case("4.15/7", hazards=_MOTION)
+def test_missing_program(subject: Subject, line: Line) -> None:
+    """A program whose name is not in use is not run, however near to it another name is.
+
+    Nor is the default program in its place, as far as there is one.
+    """
+    has(subject, RUN)
+    program = stored(subject, line, 0, long_name(subject, _LONG_BYTES))
+    _expect_near_ones_missing(subject, line, program)
+    if not subject.statement.lacks.isdisjoint(_DEFAULTS):
+        return
+    with default_kept(subject, line):
+        line.ask("set_default_program", program)
+        expect_missing(subject, line, RUN, subject.new_name(), "4.15/7")
+
+
+def _expect_near_ones_missing(subject: Subject, line: Line, program: bytes) -> None:
+    stem, dot, extension = program.rpartition(b".")
+    near = [
+        stem,
+        stem + dot,
+        stem + b"_" + dot + extension,
+        program + b"x",
+        program[:-1],
+        b"x" + program,
+        program + b".rob",
+        subject.new_name(),
+        subject.files.prefix + b"m" + b"i" * 18 + b"s" + dot + extension,
+        INHERITED,
+    ]
+    for name in examples(near):
+        expect_missing(subject, line, RUN, name, "4.15/7")
+
+    @given(st.text("abcxyzABC0123456789_-", min_size=8, max_size=20))
+    def tried(name: str) -> None:
+        expect_missing(subject, line, RUN, subject.files.prefix + f"{name}.rob".encode(), "4.15/7")
+
+    tried()
+
+
+@case("4.15/7", name="deleted", hazards=_MOTION)
+def test_deleted_program(subject: Subject, line: Line) -> None:
+    """A program that was run and then deleted is not run any more."""
+    program = start_program(subject, line, RUN, seconds=0).program
+    done(subject, line, RUN)
+    line.ask("delete_program", program)
+    expect_missing(subject, line, RUN, program, "4.15/7")
+
+
+@case("4.15/7", name="not-whole", hazards=_MOTION)
+def test_unfinished_upload(subject: Subject, line: Line) -> None:
+    """A program of which nothing but the name was sent never runs to a good end."""
+    has(subject, RUN)
+    subject.moved = True
+    name = subject.new_name()
+    other = subject.open() if subject.takes_several else line
+    if not other.ask("upload_name", name).accepted:
+        return
+    first = offered(line, RUN, name)
+    if first is not None and first.accepted:
+        expect(
+            not finish(subject, line, RUN).done,
+            "a program of which nothing was sent ends as done",
+            expected="0|20",
+            observed="1, 11",
+        )
+
+
+@case("4.15/8", "4/6", hazards=_MOTION)
+def test_second_run(subject: Subject, line: Line) -> None:
+    """During a run a second one is not accepted, of the same program or of another."""
+    other = stored(subject, line, 0)
+    if subject.dialect["busy_reply"] == "queue":
+        return
+    with lasting(subject, line, RUN) as task:
+        for program in (task.program, other, task.program):
+            answer = offered(line, RUN, program)
+            expect(
+                answer is None or not answer.accepted,
+                "a second run was accepted during a run",
+                expected="0|01",
+                observed=f"{answer}",
+            )
+        if subject.takes_several:
+            answer = offered(subject.open(), RUN, other)
+            expect(
+                answer is None or not answer.accepted,
+                "a second run was accepted during another client's",
+                expected="0|01",
+                observed=f"{answer}",
+            )
+        shown = line.ask("get_running_program").value
+        expect(
+            shown is None or shown.name == task.program,
+            "a run that was refused has taken the place of the one before",
+            expected=task.program.decode(),
+            observed=f"{shown}",
+        )
+    quieten(subject, line)

@@ -1,0 +1,103 @@
+"""Clause 4.16: a program is simulated (0x31, L330-354)."""
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.files import upload
+from scaraspec.suite.controller.harness.asking.motion import BUSY, joints_of, quieten
+from scaraspec.suite.controller.harness.asking.ports import outputs, outputs_kept, settable
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.refusals import (
+    expect_first_reply,
+    expect_missing,
+    text_of,
+)
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    RUN,
+    SIMULATE,
+    accepted,
+    attentive,
+    done,
+    lasting,
+    start_program,
+    stored,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.program_files.layout import configured, layout_in_use
+from scaraspec.suite.program_files.writing import program_file, set_output, wait
+
+_MOTION = (Hazard.STATE, Hazard.MOTION)
+
+
+@case("4.16/2", hazards=_MOTION)
+def test_first_reply(subject: Subject, line: Line) -> None:
+    """What can be simulated is answered "1", again and again, also between runs."""
+    for name in (SIMULATE, RUN, SIMULATE):
+        answer = start_program(subject, line, name, seconds=0).answer
+        expect_first_reply(name, answer)
+        expect(
+            text_of(answer) == b"1",
+            f"the first reply to {name} is more than the flag 1",
+            expected="1",
+            observed=f"{answer}",
+        )
+        done(subject, line, name)
+
+
+@case("4.16/2", "8/5", name="missing", hazards=_MOTION)
+def test_missing_program(subject: Subject, line: Line) -> None:
+    """A program that is not stored is not simulated; code 20 says so."""
+    program = stored(subject, line, 0)
+    for name in examples((subject.new_name(), program + b"x", program[:-1])):
+        expect_missing(subject, line, SIMULATE, name, "8/5")
+    line.ask("delete_program", program)
+    expect_missing(subject, line, SIMULATE, program, "8/5")
+
+
+@case("4.16/3", hazards=_MOTION)
+def test_end_of_a_simulation(subject: Subject, line: Line) -> None:
+    """A simulation ends with "11", a second one too, and a run afterwards is a run."""
+    for _ in range(2):
+        start_program(subject, line, SIMULATE, seconds=0)
+        done(subject, line, SIMULATE)
+    with lasting(subject, line, RUN):
+        status = line.ask("get_status")
+        expect(
+            status.value != "02",
+            "a run behind a simulation is reported as a simulation",
+            expected="01",
+            observed=f"{status}",
+            requirement="4.8/4",
+        )
+
+
+@case("4.16/5", "4.8/5", hazards=_MOTION)
+def test_simulation_touches_nothing(subject: Subject, line: Line) -> None:
+    """A simulated program that sets an output, and waits, moves no joint and sets none."""
+    attentive(subject, line)  # which finds the layout, too
+    with outputs_kept(line) as before:
+        port = settable(line)[-1]
+        nodes = [set_output(port, on=not before[port - 1]), *wait(1)]
+        name = subject.new_name()
+        layout, base = layout_in_use(subject), configured(subject, line)
+        upload(line, name, program_file(subject.dialect, nodes, layout=layout, base=base))
+        joints = joints_of(line)
+        accepted(SIMULATE, line.ask(SIMULATE, name))
+        status = line.ask("get_status")
+        expect(
+            status.value not in BUSY or status.value == "02",
+            "a simulation is reported as something else",
+            expected="02",
+            observed=f"{status}",
+            requirement="4.8/5",
+        )
+        now, moved = outputs(line), farthest(joints_of(line), joints)
+        quieten(subject, line)
+        if now != before or outputs(line) != before:
+            message = "a simulation has set an output"
+            subject.tolerate("4.16/5", "A-4.16-1", "outputs", message)
+        if max(moved, farthest(joints_of(line), joints)) > STANDSTILL:
+            message = "a simulation has moved the arm"
+            subject.tolerate("4.16/5", "A-4.16-1", "motion", message)

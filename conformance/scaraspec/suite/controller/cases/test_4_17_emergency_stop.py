@@ -1,0 +1,319 @@
+"""Clause 4.17: the emergency stop (0x32, L356-383), which is no safety function (A-4.17-3)."""
+
+from typing import Final
+
+import pytest
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import MoveTarget
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.controller.harness.asking.files import again, incoming, send, upload
+from scaraspec.suite.controller.harness.asking.motion import (
+    BUSY,
+    SLOWEST_PERCENT,
+    await_rest,
+    begin_step_somewhere,
+    joints_of,
+    pose_of,
+    quieten,
+    returning,
+    same_place,
+    status_behind,
+    target,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.carriers import GET_STATUS
+from scaraspec.suite.controller.harness.spoiling.delivery import takes_one_at_a_time
+from scaraspec.suite.controller.harness.subject import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.refusals import text_of
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    JOG,
+    MOVE,
+    RESET,
+    RUN,
+    SIMULATE,
+    STATES,
+    STOP,
+    Task,
+    accepted,
+    done,
+    finish,
+    has,
+    interrupted,
+    lasting,
+    start_program,
+    stored,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, expect
+from scaraspec.suite.engine.wire import Answer
+
+_BARELY_S: Final = 0.02  # a step may take but a fifth of a second
+_MOTION = (Hazard.STATE, Hazard.MOTION)
+_AGAIN = 15
+_FILE_BYTES: Final = 450
+_LOOKS_S: Final = (0.05, 0.05, 0.1, 0.8)
+"""Between two looks at an arm that was stopped: a slow one needs a while to show."""
+
+
+def expect_stopped(subject: Subject, line: Line, answer: Answer) -> Answer:
+    """Fail the subject unless the stop was accepted and has succeeded; its result."""
+    accepted(STOP, answer)
+    expect(
+        text_of(answer) == b"1",
+        "the first reply to the stop is more than the flag 1",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.17/3",
+    )
+    return done(subject, line, STOP)
+
+
+@case("4.17/2", hazards=(Hazard.MOTION,))
+def test_nothing_to_stop(subject: Subject, line: Line) -> None:
+    """An idle robot answers "0", or follows the reading that it always stops; nothing changes.
+
+    What follows it in its segment is served.
+    """
+    has(subject, STOP)
+    subject.moved = True
+    for _ in range(3):
+        answer = line.ask(STOP)
+        if answer.accepted:
+            subject.tolerate("4.17/2", "A-4.17-1", "always 1", "a stop of an idle robot succeeds")
+            finish(subject, line, STOP)
+            quieten(subject, line)
+            continue
+        expect(
+            answer.accepted is False and answer.frame.data[:1] == b"0",
+            "a stop where nothing is to be stopped is neither refused nor accepted",
+            expected="0",
+            observed=f"{answer}",
+        )
+    line.no_result(STOP, for_s=0.1)
+    status = line.ask("get_status") if answer.accepted else _behind_a_stop(subject, line)
+    expect(
+        status.value not in BUSY,
+        "a robot that was told to stop when it was idle executes something",
+        expected="00",
+        observed=f"{status}",
+    )
+
+
+def _behind_a_stop(subject: Subject, line: Line) -> Answer:
+    """The status that is asked for in one segment with a stop, which is not needed."""
+    if takes_one_at_a_time(subject):
+        return line.ask("get_status")
+    line.send_bytes(line.request(STOP).encode() + GET_STATUS)
+    line.reply(STOP)
+    try:
+        return line.reply("get_status")
+    except NoAnswer as error:
+        error.requirement = "2/6"
+        raise
+
+
+@pytest.mark.parametrize("name", STATES)
+@case("4.17/6", "4.17/3", "4.17/4", "4.17/8", "3/18", hazards=_MOTION)
+def test_stop(subject: Subject, line: Line, name: str) -> None:
+    """Each command is stopped while it executes: "1", "11", and its own result once at most."""
+    with lasting(subject, line, name, queries=False) as task:
+        answer = line.ask(STOP)
+        if not answer.accepted and task.over:
+            task.lasts()
+        expect(
+            answer.accepted,
+            f"the stop is refused while {name} executes",
+            expected="1",
+            observed=f"{answer}",
+        )
+        _interrupts(answer, task)
+        expect_stopped(subject, line, answer)
+        _expect_interrupted(line, task)
+
+
+def _interrupts(answer: Answer, task: Task) -> None:
+    """Go on only where a simulation had not ended before the stop, which may succeed all the same.
+
+    Who simulates takes what time he likes (A-4.16-1, A-4.17-1).
+
+    Raises:
+        NotRun: It had.
+    """
+    if task.name == SIMULATE and task.over_before(answer):
+        task.lasts()
+
+
+def _expect_interrupted(line: Line, task: Task) -> None:
+    own = interrupted(line, task.name)
+    expect(
+        own is None or not own.done or task.name == JOG,
+        f"{task.name} ended with 11 although a stop had interrupted it",
+        expected="00|code",
+        observed=f"{own}",
+        requirement="4.17/8",
+    )
+    status = status_behind(line)
+    expect(
+        status.value not in BUSY,
+        f"{task.name} goes on behind the stop",
+        expected="00",
+        observed=f"{status}",
+        requirement="4.17/4",
+    )
+    line.no_result(task.name, for_s=0)
+
+
+@pytest.mark.parametrize("name", [RUN, SIMULATE, MOVE])
+@case("4.17/6", "4.17/3", "4.17/8", name="at-once", hazards=_MOTION)
+def test_stop_behind_the_start(subject: Subject, line: Line, name: str) -> None:
+    """A stop that is sent before the start was answered stops what has been started."""
+    perform(subject, line, name)
+    with returning(subject, line):
+        value = _step_there_and_back(subject, line) if name == MOVE else stored(subject, line)
+        subject.moved = True
+        start, halt = line.request(name, value), line.request(STOP)
+        line.send_bytes(start.encode() + halt.encode())
+        accepted(name, line.reply(name))
+        try:
+            answer = line.reply(STOP)
+        except NoAnswer:
+            message = "a request was lost that was sent before the answer to the one before"
+            subject.tolerate("4.17/6", "pipelining", "one", message)
+            answer = line.ask(STOP)
+        task = Task(name, line)
+        if not answer.accepted and task.over:
+            task.lasts()
+        _interrupts(answer, task)
+        expect_stopped(subject, line, answer)
+        _expect_interrupted(line, task)
+
+
+def _step_there_and_back(subject: Subject, line: Line) -> MoveTarget:
+    """A step that the arm can go, found by going it."""
+    with returning(subject, line):
+        there, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+    return target(there, SLOWEST_PERCENT)
+
+
+@case("4.17/6", "4.17/3", "4.17/4", name="in-transfers", hazards=_MOTION)
+def test_stop_within_a_transfer(subject: Subject, line: Line) -> None:
+    """A program is stopped between two chunks of a file, of one sent and of one fetched."""
+    name, tried = subject.new_name(), False
+    upload(line, name, content_of(_FILE_BYTES))
+    for fetches in examples((False, True)):
+        with lasting(subject, line, RUN) as task:
+            opening = "download_name" if fetches else "upload_name"
+            if line.ask(opening, data=name if fetches else subject.new_name()).accepted:
+                if fetches:
+                    next(incoming(line))
+                else:
+                    send(line, next(chunks_of(content_of(_FILE_BYTES))))
+                answer = line.ask(STOP)
+                if not answer.accepted and task.over:
+                    task.lasts()
+                expect(
+                    answer.accepted,
+                    "the stop of a program is refused between two chunks of a file",
+                    expected="1",
+                    observed=f"{answer}",
+                )
+                expect_stopped(subject, line, answer)
+                _expect_interrupted(line, task)
+                tried = True
+        line = again(subject, line)
+    if not tried:
+        raise NotRun("no file is sent or fetched while a program runs")
+
+
+@case("4.17/4", "3/18", name="twice", hazards=_MOTION)
+def test_stop_twice(subject: Subject, line: Line) -> None:
+    """Two stops at once are two answers, and one result for each that says "1".
+
+    What is run behind them ends once.
+    """
+    with lasting(subject, line, RUN, queries=False):
+        line.send(STOP)
+        line.send(STOP)
+        answers = [line.reply(STOP)]
+        try:
+            answers.append(line.reply(STOP))
+        except NoAnswer:
+            message = "a request was lost that was sent before the answer to the one before"
+            subject.tolerate("4.17/4", "pipelining", "one", message)
+        expect(
+            answers[0].accepted,
+            "the first of two stops is refused while a program runs",
+            expected="1",
+            observed=f"{answers[0]}",
+            requirement="4.17/6",
+        )
+        for answer in answers:
+            if answer.accepted:
+                done(subject, line, STOP)
+        line.no_result(STOP, for_s=0.1)
+    start_program(subject, line, RUN, seconds=0)
+    done(subject, line, RUN)
+    line.no_result(RUN, for_s=0.1, requirement="3/18")  # of the one that was stopped
+
+
+@case("4.17/3", name="again", hazards=_MOTION)
+def test_stop_again_and_again(subject: Subject, line: Line) -> None:
+    """A program is stopped as often as it is run; each time it begins anew."""
+    with lasting(subject, line, RUN, queries=False):  # which finds the layout
+        pass
+    program = stored(subject, line)
+    for _ in range(_AGAIN):
+        accepted(RUN, line.ask(RUN, program))
+        expect_stopped(subject, line, line.ask(STOP))
+        shown = line.ask("get_running_program")
+        expect(
+            shown.value is None,
+            "a program that was stopped is still said to run",
+            expected="0",
+            observed=f"{shown}",
+            requirement="4.9/6",
+        )
+        quieten(subject, line)
+
+
+@pytest.mark.parametrize("name", [MOVE, JOG])
+@case("4.17/7", hazards=_MOTION)
+def test_standstill(subject: Subject, line: Line, name: str) -> None:
+    """Behind the stop's "11" the joints stand still where the stop has met them."""
+    with lasting(subject, line, name, queries=False) as task:
+        line.wait(_BARELY_S)
+        answer = line.ask(STOP)
+        if not answer.accepted:
+            task.lasts()
+        expect_stopped(subject, line, answer)
+        first, there = joints_of(line), pose_of(line)
+        for pause_s in _LOOKS_S:
+            line.wait(pause_s)
+            now, here = joints_of(line), pose_of(line)
+            expect(
+                farthest(first, now) <= STANDSTILL and same_place(there, here),
+                "the arm goes on moving behind the emergency stop",
+                expected=f"{tuple(first)} at {tuple(there)}",
+                observed=f"{tuple(now)} at {tuple(here)}",
+            )
+
+
+@case("4.17/8", name="results", hazards=_MOTION, slow=True)
+def test_interrupted_results(subject: Subject, line: Line) -> None:
+    """What a stop interrupts fails, or has no result; time passes and none comes as success."""
+    for name in examples((RUN, RESET, MOVE)):
+        with lasting(subject, line, name, queries=False) as task:
+            answer = line.ask(STOP)
+            if not answer.accepted:
+                continue
+            done(subject, line, STOP)
+            _expect_interrupted(line, task)
+            await_rest(subject, line)
+            line.no_result(name, for_s=MOMENT_S)

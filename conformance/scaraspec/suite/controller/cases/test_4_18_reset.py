@@ -1,0 +1,143 @@
+"""Clause 4.18: the robot is reset (0x33, L385-419)."""
+
+import pytest
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import (
+    IDLE,
+    quieten,
+    returning,
+    status_at_rest,
+    stop,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.performing import expect_stays
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_busy, text_of
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    RESET,
+    RUN,
+    SIMULATE,
+    accepted,
+    begin,
+    done,
+    finish,
+    has,
+    home_at,
+    lasting,
+    offered,
+    start_program,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import expect
+
+_MOTION = (Hazard.STATE, Hazard.MOTION)
+_REST_S = 0.3
+
+
+@case("4.18/2", hazards=_MOTION)
+def test_refused_during_a_run(subject: Subject, line: Line) -> None:
+    """While a program runs the reset is refused with "0|01", however often, and changes nothing."""
+    has(subject, RESET)
+    if subject.dialect["busy_reply"] == "queue":
+        return
+    with home_at(subject, line), lasting(subject, line, RUN) as task:
+        for _ in range(3):
+            answer = offered(line, RESET)
+            task.lasts()
+            expect(
+                answer is not None and text_of(answer) in (b"0|01", b"0 01"),
+                "the reset was not refused with 01 while a program ran",
+                expected="0|01",
+                observed=f"{answer or 'silence'}",
+            )
+        status = line.ask("get_status")
+        expect(
+            status.value == "01" or task.over,
+            "the program that ran is gone behind a reset that was refused",
+            expected="01",
+            observed=f"{status}",
+        )
+
+
+@case("4.18/2", "4/15", name="simulation", hazards=_MOTION)
+def test_refused_during_a_simulation(subject: Subject, line: Line) -> None:
+    """While a program is simulated the reset is refused, with that state."""
+    has(subject, RESET)
+    if subject.dialect["busy_reply"] != "queue":
+        with home_at(subject, line), lasting(subject, line, SIMULATE) as task:
+            expect_busy(subject, line, task, RESET)
+
+
+@case("4.18/3", hazards=_MOTION)
+def test_idle_robot_is_reset(subject: Subject, line: Line) -> None:
+    """An idle robot accepts the reset with "1", at first and when something was stopped before."""
+    has(subject, RESET)
+    with returning(subject, line):
+        for stopped in examples((False, True, False)):
+            if stopped:
+                start_program(subject, line, RUN)
+                stop(subject, line)
+                quieten(subject, line)
+            with home_at(subject, line):  # behind the program, which may set another (A-6.3-3)
+                answer = begin(subject, line, RESET)
+                expect(
+                    text_of(answer) == b"1",
+                    "the first reply to a reset is more than the flag 1",
+                    expected="1",
+                    observed=f"{answer}",
+                )
+                done(subject, line, RESET)
+
+
+@case("4.18/4", "4/7", hazards=_MOTION)
+def test_end_of_a_reset(subject: Subject, line: Line) -> None:
+    """A reset that has a way to go ends with "11": the way is gone, and the robot can be used."""
+    with lasting(subject, line, RESET):
+        done(subject, line, RESET)
+        expect_stays(line, "the arm goes on behind the end of its reset", for_s=_REST_S)
+        status = status_at_rest(line)
+        expect(
+            status.value == IDLE,
+            f"the status is {status.value} behind a reset that has succeeded",
+            expected=IDLE,
+            observed=f"{status}",
+            requirement="4/7",
+        )
+        start_program(subject, line, RUN, seconds=0)
+        done(subject, line, RUN)
+
+
+@pytest.mark.parametrize("fault", ["position_fault", "angle_fault", "motor_fault"])
+@case(
+    "4.18/4",
+    name="fault",
+    hazards=_MOTION,
+    needs=("position_fault", "angle_fault", "motor_fault", "clear_faults"),
+)
+def test_reset_from_a_fault(subject: Subject, line: Line, fault: str) -> None:
+    """A reset does not succeed while a fault lasts; when its cause is gone the robot is idle."""
+    has(subject, RESET)
+    with returning(subject, line), home_at(subject, line):
+        subject.moved = True
+        try:
+            subject.hook(fault, **({"joints": "wrist,rotation"} if fault == "motor_fault" else {}))
+            first = line.ask(RESET)
+            if first.accepted:
+                result = finish(subject, line, RESET)
+                expect(
+                    not result.done,
+                    "a reset is said to have succeeded although the fault lasts",
+                    expected="00|code",
+                    observed=f"{result}",
+                )
+            else:
+                message = "a robot in error refused the reset"
+                subject.tolerate("4.18/4", "reset_from_error", "idle-only", message)
+        finally:
+            subject.hook("clear_faults")
+        if line.ask("get_status").value != IDLE and line.ask(RESET).accepted:
+            done(subject, line, RESET)
+        accepted(RESET, line.ask(RESET))
+        done(subject, line, RESET)

@@ -1,0 +1,168 @@
+"""Clause 4.20: setting the gripper centre (0x35, L433-443)."""
+
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import Point
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import joints_of
+from scaraspec.suite.controller.harness.asking.poses import expect_numbers, gripper_of, initial_of
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
+from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
+from scaraspec.suite.controller.harness.state.keeping import kept
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.executing import unless_others_run
+from scaraspec.suite.controller.harness.two_stage.tasks import RESET, begin, done, has, home_at
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.program_files.bench import PROGRAMS, running
+from scaraspec.suite.program_files.listed import store_program
+
+_EXAMPLE: Final = Point(200, 300, 456)  # L438
+_PLAIN: Final = Point(1.5, -2, 30.5)
+_OTHER: Final = Point(7.5, -8, 9)
+_LARGE: Final = Point(123.4, -1234.5, 3276.8)  # the last in tenths is more than 15 bits hold
+_SLIGHT: Final = Point(0.5, -0.5, 0.5)
+_MEANT: Final = 4  # of a position: x, y, z and thetaX (L1006)
+_SOON_S: Final = 0.1
+
+_tenths = st.integers(-1000, 1000).map(lambda tenths: tenths / 10)
+_thousandths = st.integers(-100_000, 100_000).map(lambda thousandths: thousandths / 1000)
+
+
+def _set(subject: Subject, line: Line, wanted: Point) -> None:
+    """Set it; who runs a program may refuse (A-4.20-1)."""
+    answer = line.ask("set_gripper_center", wanted)
+    with unless_others_run(subject, line):
+        expect(
+            answer.accepted,
+            "a gripper centre was not answered 1",
+            expected="1",
+            observed=f"{answer}",
+            requirement="4.20/2",
+        )
+
+
+def _expect_shown(line: Line, wanted: Point) -> None:
+    message = "0x34 does not give the gripper centre that was set"
+    expect_numbers(gripper_of(line), wanted, message, "4.20/3")
+
+
+@case("4.20/3", "4.20/2")
+def test_set(subject: Subject, line: Line) -> None:
+    """The gripper centre that was set is read back, sign and first decimal included."""
+
+    @example(Point(0, 0, 0))
+    @example(Point(-0.1, 0.1, -100))
+    @example(Point(99.9, -99.9, 5))
+    @given(st.builds(Point, _tenths, _tenths, _tenths))
+    def each(wanted: Point) -> None:
+        _set(subject, line, wanted)
+        _expect_shown(line, wanted)
+
+    with kept(subject, line, "gripper centre"):
+        each()
+        line.close()
+        fresh = subject.open()
+        _set(subject, fresh, _PLAIN)
+        fresh.close()
+        _expect_shown(subject.open(), _PLAIN)
+
+
+@case("4.20/3", name="decimals")
+def test_decimals(subject: Subject, line: Line) -> None:
+    """Numbers with more digits, and the example of the document, are read back as set."""
+
+    @example(_EXAMPLE)
+    @example(_LARGE)
+    @given(st.builds(Point, _thousandths, _thousandths, _thousandths))
+    def each(wanted: Point) -> None:
+        before = gripper_of(line)
+        answer = line.ask("set_gripper_center", wanted)
+        if answer.accepted:
+            _expect_shown(line, wanted)
+            return
+        message = "a gripper centre was refused and has changed all the same"
+        expect_numbers(gripper_of(line), before, message, "4.20/2")
+
+    with kept(subject, line, "gripper centre"):
+        each()
+
+
+@case("4.20/3", "4.20/2", name="while-running", hazards=PROGRAMS)
+def test_set_while_running(subject: Subject, line: Line) -> None:
+    """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
+    with kept(subject, line, "gripper centre"), running(subject, line):
+        for wanted in examples((_PLAIN, _OTHER)):
+            before = gripper_of(line)
+            answer = line.ask("set_gripper_center", wanted)
+            message = f"a setting while a program ran was answered {answer}, and 0x34 gives another"
+            expect_numbers(
+                gripper_of(line), wanted if answer.accepted else before, message, "4.20/3"
+            )
+
+
+@case("4.20/3", "4.21/3", "4.13/3", name="behind-resets", hazards=PROGRAMS)
+def test_behind_resets(subject: Subject, line: Line) -> None:
+    """Gripper centre, initial position and default program stay behind a reset, and another."""
+    has(subject, RESET)
+    program = store_program(subject, line)
+    with kept(subject, line, "gripper centre"), default_kept(subject, line):
+        _set(subject, line, _SLIGHT)
+        names = "set_default_program" not in subject.statement.lacks
+        named = names and line.ask("set_default_program", program).accepted
+        with home_at(subject, line):
+            home = initial_of(line)
+            for _ in range(2):
+                begin(subject, line, RESET)
+                done(subject, line, RESET)
+                _expect_shown(line, _SLIGHT)
+                message = "a reset has changed the initial tool position"
+                expect_numbers(initial_of(line)[:_MEANT], home[:_MEANT], message, "4.21/3")
+                if named:
+                    expect_default(subject, line, program, "4.13/3")
+
+
+@case("4.20/4", "4.20/3")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """What is not three numbers is not answered 1, and changes nothing."""
+    with kept(subject, line, "gripper centre"):
+        _set(subject, line, _PLAIN)
+        _expect_shown(line, _PLAIN)
+        for wrong in examples(malformed("set_gripper_center", _OTHER, subject.dialect)):
+            offered = offer(subject, line, "set_gripper_center", wrong)
+            line = offered.line
+            expect(
+                not (offered.accepted and wrong.firm),
+                f"{wrong} was accepted as a gripper centre",
+                expected="0",
+                observed=f"{offered}",
+            )
+            if offered.accepted:
+                _set(subject, line, _PLAIN)
+            message = f"a gripper centre with {wrong} was refused and has changed it"
+            expect_numbers(gripper_of(line), _PLAIN, message, "4.20/3")
+
+
+@case("4.20/5", "4.20/2", hazards=(Hazard.STATE, Hazard.MOTION))
+def test_moves_nothing(subject: Subject, line: Line) -> None:
+    """To set the gripper centre moves no joint."""
+    with kept(subject, line, "gripper centre"):
+        for wanted in examples((Point(0, 0, 50), Point(20, -20, 0))):
+            before = joints_of(line)
+            subject.moved = True
+            _set(subject, line, wanted)
+            line.wait(_SOON_S)
+            after = joints_of(line)
+            expect(
+                farthest(before, after) <= STANDSTILL,
+                "the arm moved when the gripper centre was set",
+                expected=f"{tuple(before)}",
+                observed=f"{tuple(after)}",
+                requirement="4.20/5",
+            )

@@ -1,0 +1,152 @@
+"""Clause 4.21: setting the initial tool position (0x36, L445-455).
+
+Where the arm can go is not known: what is set lies close to where it stands.
+"""
+
+from typing import Final
+
+from hypothesis import strategies as st
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import Point, Pose
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import joints_of, pose_of
+from scaraspec.suite.controller.harness.asking.poses import expect_numbers, gripper_of, initial_of
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
+from scaraspec.suite.controller.harness.state.keeping import kept
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import Unmet, expect
+from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.program_files.bench import PROGRAMS, running
+
+_MEANT: Final = 4  # x, y, z and thetaX; the others mean nothing (L1006)
+_ASIDE: Final = 0.5  # mm or degrees
+_SOON_S: Final = 0.2
+_READINGS: Final = 5
+
+
+def _at(pose: Pose, decimals: int) -> Pose:
+    """A pose with so many decimals, and zeros where nothing is meant."""
+    x, y, z, theta_x, *_ = (round(value, decimals) for value in pose)
+    return Pose(x, y, z, theta_x, 0, 0)
+
+
+def _near(line: Line) -> Pose:
+    """Make where the arm stands the initial position, and the gripper's centre that of the tool.
+
+    Then both are the same, whichever of them 0x38 gives (A-4.23-1). At an end of the travel what is
+    read may lie beyond, where it is never still.
+
+    Raises:
+        Unmet: The subject refuses it, although the arm can be there.
+    """
+    line.ask("set_gripper_center", Point(0, 0, 0))
+    read = dict.fromkeys(pose_of(line) for _ in range(_READINGS))
+    for near in (each for pose in read for each in (_at(pose, 1), pose)):
+        answer = line.ask("set_initial_tool_position", near)
+        if answer.accepted:
+            return near
+    message = "where the arm stands is not taken for an initial tool position"
+    raise Unmet(message, expected="1", observed=f"{answer}", requirement="4.21/2")
+
+
+def _set(line: Line, wanted: Pose) -> Answer:
+    answer = line.ask("set_initial_tool_position", wanted)
+    expect(
+        answer.accepted is not None,
+        "the reply to 0x36 is not one flag",
+        expected="1 or 0",
+        observed=f"{answer}",
+        requirement="4.21/2",
+    )
+    return answer
+
+
+def _expect_shown(line: Line, wanted: Pose, message: str, requirement: str = "4.21/3") -> None:
+    expect_numbers(initial_of(line)[:_MEANT], wanted[:_MEANT], message, requirement)
+
+
+@case("4.21/3", "4.21/2")
+def test_set(subject: Subject, line: Line) -> None:
+    """The position that was set is read back, and the gripper centre remains what it was."""
+    reach = round(subject.statement.motion.step_mm * 10)
+    steps = st.integers(-reach, reach).map(lambda tenths: tenths / 10)
+    taken: list[Pose] = []
+
+    @given(st.tuples(*[steps] * _MEANT), st.booleans())
+    def each(step: tuple[float, ...], thetas: bool) -> None:  # noqa: FBT001 - drawn
+        stepped = Pose(*(a + b for a, b in zip(near, (*step, 0, 0), strict=True)))
+        wanted = _at(stepped, 1)._replace(theta_y=34.5 * thetas, theta_z=-1.0 * thetas)
+        before = initial_of(line)
+        if _set(line, wanted).accepted:
+            taken.append(wanted)
+            _expect_shown(line, wanted, "0x37 does not give the position that was set")
+        else:
+            message = "an initial tool position was refused and has changed all the same"
+            _expect_shown(line, before, message, "4.21/2")
+        message = "0x36 has changed the gripper centre"
+        expect_numbers(gripper_of(line), gripper, message, "4.21/3")
+
+    with kept(subject, line, "gripper centre", "initial tool position"):
+        near = _near(line)
+        gripper = Point(1.5, -2, 30.5)
+        if not line.ask("set_gripper_center", gripper).accepted:
+            gripper = gripper_of(line)
+        each()
+        line.close()
+        last = taken[-1] if taken else near
+        _expect_shown(subject.open(), last, "another connection is told another position")
+
+
+@case("4.21/3", "4.21/2", name="while-running", hazards=PROGRAMS)
+def test_set_while_running(subject: Subject, line: Line) -> None:
+    """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
+    with kept(subject, line, "gripper centre", "initial tool position"):
+        near = _near(line)
+        with running(subject, line):
+            for step in examples((_ASIDE, -_ASIDE)):
+                wanted, before = near._replace(z=near.z + step), initial_of(line)
+                answer = _set(line, wanted)
+                message = f"a setting while a program ran was answered {answer}, and 0x37 differs"
+                _expect_shown(line, wanted if answer.accepted else before, message)
+
+
+@case("4.21/4", "4.21/3")
+def test_malformed(subject: Subject, line: Line) -> None:
+    """What is not six numbers is not answered 1, and changes nothing."""
+    with kept(subject, line, "gripper centre", "initial tool position"):
+        near = _near(line)
+        _expect_shown(line, near, "0x37 does not give the initial position that was set")
+        other = _at(Pose(*(value + _ASIDE for value in near)), 3)
+        for wrong in examples(malformed("set_initial_tool_position", other, subject.dialect)):
+            offered = offer(subject, line, "set_initial_tool_position", wrong)
+            line = offered.line
+            expect(
+                not (offered.accepted and wrong.firm),
+                f"{wrong} was accepted as an initial tool position",
+                expected="0",
+                observed=f"{offered}",
+            )
+            if offered.accepted:
+                _set(line, near)
+            message = f"a position with {wrong} was refused and has changed it"
+            _expect_shown(line, near, message)
+
+
+@case("4.21/5", "4.21/2", hazards=(Hazard.STATE, Hazard.MOTION))
+def test_moves_nothing(subject: Subject, line: Line) -> None:
+    """To set the initial tool position moves no joint."""
+    with kept(subject, line, "gripper centre", "initial tool position"):
+        near = _near(line)
+        before = joints_of(line)
+        subject.moved = True
+        step = subject.statement.motion.step_mm
+        if not _set(line, near._replace(z=near.z + step)).accepted:
+            _set(line, near._replace(z=near.z - step))
+        line.wait(_SOON_S)
+        if farthest(joints_of(line), before) > STANDSTILL:
+            message = "the arm moved after set_initial_tool_position"
+            subject.tolerate("4.21/5", "A-4.21-2", "moves", message)

@@ -1,0 +1,16 @@
+"""Clause 4.22: the initial tool position as it is read (0x37, L457-467)."""
+
+from scaraspec.suite.controller.harness.asking.poses import initial_of
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import expect_equal
+
+
+@case("4.22/2")
+def test_initial_position(subject: Subject, line: Line) -> None:
+    """The initial tool position is six numbers between bars, the same for every connection."""
+    first = initial_of(line)
+    line.close()
+    second = initial_of(subject.open())
+    expect_equal(second, first, "the initial tool position changed although nobody set it")

@@ -1,0 +1,88 @@
+"""Clause 4.23: the tool coordinates (0x38, L469-479; 7.1, L1004-1006)."""
+
+import math
+from typing import Final
+
+from scaraspec.judge.places import STANDSTILL, farthest, turned
+from scaraspec.protocol.commands import Point
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import (
+    begin_step_somewhere,
+    pose_of,
+    returning,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.state.keeping import kept
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.performing import expect_stays
+from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NotRun, expect
+
+_TIMES: Final = 8
+_PAUSE_S: Final = 0.05
+_REST_S: Final = 1.0
+_OFFSETS: Final = (Point(0, 0, 30), Point(20, 0, 0))
+
+
+@case("4.23/2", "4.23/5")
+def test_coordinates(subject: Subject, line: Line) -> None:
+    """The coordinates are six numbers between bars, which do not change while the robot is idle."""
+    if line.ask("get_status").value != "00":
+        raise NotRun("the robot is not idle")
+    first = pose_of(line)
+    for _ in range(_TIMES):
+        line.wait(_PAUSE_S)
+        now = pose_of(line)
+        if line.ask("get_status").value != "00":
+            raise NotRun("the robot is not idle")
+        expect(
+            farthest(first, now) <= STANDSTILL,
+            "the coordinates changed although the robot is idle",
+            expected=f"{tuple(first)}",
+            observed=f"{tuple(now)}",
+            requirement="4.23/5",
+        )
+    line.close()
+    expect(
+        farthest(first, pose_of(subject.open())) <= STANDSTILL,
+        "another connection is told other coordinates",
+        requirement="4.23/5",
+    )
+
+
+@case("4.23/5", name="behind-a-move", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
+def test_rest_behind_a_move(subject: Subject, line: Line) -> None:
+    """Where a move has ended the tool stays: a second later it stands there still."""
+    has(subject, MOVE)
+    with returning(subject, line):
+        _, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+        expect_stays(line, "the tool goes on behind the end of its move", for_s=_REST_S)
+
+
+@case("4.23/3", hazards=(Hazard.STATE,))
+def test_screw_end(subject: Subject, line: Line) -> None:
+    """The gripper centre is not part of the coordinates, or the coordinates are those of it."""
+    with kept(subject, line, "gripper centre"):
+        if not line.ask("set_gripper_center", Point(0, 0, 0)).accepted:
+            raise NotRun("the gripper centre cannot be set")
+        screw_end = pose_of(line)
+        for offset in examples(_OFFSETS):
+            if not line.ask("set_gripper_center", offset).accepted:
+                continue
+            shown = pose_of(line)
+            away_mm, offset_mm = math.dist(shown[:3], screw_end[:3]), math.hypot(*offset)
+            if away_mm > STANDSTILL and abs(away_mm - offset_mm) <= STANDSTILL:
+                message = "the coordinates are those of the gripper's centre"
+                subject.tolerate("4.23/3", "pose_point", "gripper", message)
+                away_mm = 0
+            expect(
+                away_mm <= STANDSTILL
+                and abs(turned(shown.theta_x, screw_end.theta_x)) <= STANDSTILL,
+                "the coordinates are neither those of the screw's end nor of the gripper's centre",
+                expected=f"{tuple(screw_end)}, or {offset_mm:g} mm from there",
+                observed=f"{tuple(shown)}",
+            )

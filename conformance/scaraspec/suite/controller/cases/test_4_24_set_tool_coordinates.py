@@ -1,0 +1,250 @@
+"""Clause 4.24: "setting" the tool coordinates moves the arm (0x39, L481-516; A-4.24-1)."""
+
+from typing import Final
+
+import pytest
+from hypothesis import strategies as st
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import Pose
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import (
+    AXES,
+    BUSY,
+    REACHED,
+    SLOWEST_PERCENT,
+    ask_move,
+    begin_step,
+    begin_step_somewhere,
+    joints_of,
+    off_by,
+    part_way,
+    pose_of,
+    quieten,
+    returning,
+    same_place,
+    target,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.malformed import malformed
+from scaraspec.suite.controller.harness.state.keeping import alive
+from scaraspec.suite.controller.harness.subject import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    MOVE,
+    accepted,
+    done,
+    find_out_whether_it_listens,
+    finish,
+    has,
+    offered,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.wire import Answer
+
+_MOTION = (Hazard.MOTION,)
+_BEYOND_MM: Final = 1_000_000.0
+_WRAPPED_MM: Final = 2.0**16
+_UNREACHABLE: Final = ("05", "06")
+
+
+def _far(pose: Pose) -> list[Pose]:
+    """Poses beyond all reach, in every direction (4.24/9); one is near in a number of 16 bits."""
+    beyond = [
+        pose._replace(**{axis: value})
+        for axis in ("x", "y", "z")
+        for value in (_BEYOND_MM, -_BEYOND_MM)
+    ]
+    return [*beyond, pose._replace(x=pose.x + _WRAPPED_MM)]
+
+
+def _told(subject: Subject, line: Line, answer: Answer) -> Answer:
+    """What is said of a move in the end: its refusal, or its result."""
+    return finish(subject, line, MOVE) if answer.accepted else answer
+
+
+@case("4.24/3", "4.24/4", hazards=_MOTION)
+def test_impossible_moves(subject: Subject, line: Line) -> None:
+    """An impossible move is refused with "0|code", four bytes in a frame of that length."""
+    has(subject, MOVE)
+    with returning(subject, line) as pose:
+        for pose_beyond in examples(_far(pose)):
+            answer = ask_move(subject, line, pose_beyond, SLOWEST_PERCENT)
+            expect(
+                not line.noise,
+                "the refusal of a move is no frame of the length that it announces",
+                expected="CC 39 04 30 7C 30 35 AA",
+                observed=" ".join(noise.data.hex(" ") for noise in line.noise),
+                requirement="4.24/4",
+            )
+            if answer.accepted:  # A-4.24-5: it may be found out later
+                result = finish(subject, line, MOVE)
+                message = "an impossible move was accepted, and failed"
+                subject.tolerate("4.24/3", "A-4.24-5", f"{result.code}", message)
+                continue
+            expect_first_reply(MOVE, answer)
+            bare = text_of(answer) == b"0"
+            expect(
+                bare or (answer.code is not None and len(text_of(answer)) == 4),
+                "the refusal of a move is not 0|code",
+                expected="0|05",
+                observed=f"{answer}",
+            )
+            if bare:
+                subject.tolerate("4.24/3", "err_bare0", "0", "the refusal of a move has no code")
+
+
+@case("4.24/9", hazards=_MOTION)
+def test_beyond_all_reach(subject: Subject, line: Line) -> None:
+    """A target a kilometre away is refused or fails, with 05 or 06, and the arm stays."""
+    has(subject, MOVE)
+    with returning(subject, line) as pose:
+        for pose_beyond in examples(_far(pose)):
+            answer = _told(subject, line, ask_move(subject, line, pose_beyond, SLOWEST_PERCENT))
+            bare = answer.accepted is False and text_of(answer) == b"0"  # err_bare0
+            expect(
+                bare or (not answer.done and answer.code in _UNREACHABLE),
+                "a target beyond all reach is not refused with 05 or 06",
+                expected="0|05 or 0|06",
+                observed=f"{answer}",
+            )
+        now = pose_of(line)
+        expect(
+            farthest(now[:3], pose[:3]) < _BEYOND_MM / 2,
+            "the arm says that it is where no arm can be",
+            expected=f"{pose}",
+            observed=f"{now}",
+        )
+
+
+@case("4.24/5", "4.24/6", "4.24/8", hazards=_MOTION)
+def test_every_speed(subject: Subject, line: Line) -> None:
+    """A move to where the arm stands is accepted at every speed from 1 to 100 %, and ends there."""
+    has(subject, MOVE)
+    gripper = line.ask("get_gripper_center").value
+    with returning(subject, line) as pose:
+
+        def go(speed_percent: int) -> None:
+            answer = accepted(MOVE, ask_move(subject, line, pose, speed_percent))
+            expect(
+                text_of(answer) == b"1",
+                "the first reply to a move is more than the flag 1",
+                expected="1",
+                observed=f"{answer}",
+            )
+            done(subject, line, MOVE)
+            _expect_reached(subject, line, pose, gripper)
+
+        for speed_percent in examples((1, 2, 9, 10, 99, 100)):
+            go(speed_percent)
+        given(st.integers(1, 100))(go)()
+
+
+@pytest.mark.parametrize("axis", AXES)
+@case("4.24/8", "4.24/5", "4.24/6", "4.27/6", hazards=_MOTION)
+def test_there_and_back(subject: Subject, line: Line, axis: str) -> None:
+    """A step along one axis ends at the pose that was commanded, and so does the way back."""
+    has(subject, MOVE)
+    find_out_whether_it_listens(subject, line)
+    gripper = line.ask("get_gripper_center").value
+    with returning(subject, line) as pose:
+        before = joints_of(line)
+        there, answer = begin_step(subject, line, axis)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+        _expect_reached(subject, line, there, gripper)
+        after = joints_of(line)
+        expect(
+            farthest(before, after) > 0 or off_by(pose_of(line), pose) <= STANDSTILL,
+            "the tool has moved and no joint has",
+            expected="other joint angles",
+            observed=f"{after}",
+            requirement="4.27/6",
+        )
+        accepted(MOVE, ask_move(subject, line, pose))
+        done(subject, line, MOVE)
+        _expect_reached(subject, line, pose, gripper)
+
+
+def _expect_reached(
+    subject: Subject, line: Line, wanted: Pose, gripper: tuple[float, ...] | None
+) -> None:
+    now = pose_of(line)
+    off = off_by(now, wanted)
+    if off > REACHED and (gripper is None or any(gripper)):
+        message = "the pose that was reached is not the one that was commanded"
+        subject.tolerate("4.24/8", "A-4.23-1", "another point", message)
+        return
+    expect(
+        off <= REACHED,
+        "the pose that was reached is not the one that was commanded",
+        expected=f"{wanted}",
+        observed=f"{now}",
+        requirement="4.24/8",
+    )
+
+
+@case("4.24/8", name="in-between", hazards=_MOTION, slow=True)
+def test_fractions(subject: Subject, line: Line) -> None:
+    """Targets with decimals are reached as they are, one after the other."""
+    has(subject, MOVE)
+    find_out_whether_it_listens(subject, line)
+    gripper = line.ask("get_gripper_center").value
+    with returning(subject, line) as pose:
+        there, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+        for part in examples((0.25, 0.5, 0.875, 1.0)):
+            between = part_way(pose, there, part)
+            accepted(MOVE, ask_move(subject, line, between))
+            done(subject, line, MOVE)
+            _expect_reached(subject, line, between, gripper)
+
+
+@case("4.24/3", name="malformed", hazards=_MOTION)
+def test_malformed_requests(subject: Subject, line: Line) -> None:
+    """A request that is not seven numbers moves nothing; it is refused, or not answered."""
+    has(subject, MOVE)
+    subject.moved = True
+    with returning(subject, line) as pose:
+        here = pose._replace(**{axis: round(getattr(pose, axis), 1) for axis in AXES})
+        wrongs = [
+            w for w in malformed(MOVE, target(here, SLOWEST_PERCENT), subject.dialect) if w.firm
+        ]
+        for wrong in examples(wrongs):
+            line = alive(subject, line)
+            answer = offered(line, MOVE, data=wrong.data)
+            if answer is None:
+                continue
+            if not answer.accepted:
+                expect_first_reply(MOVE, answer)
+                continue
+            finish(subject, line, MOVE)
+            message = f"a request that is {wrong} was accepted"
+            subject.tolerate("4.24/3", "A-3-9", wrong.kind, message)
+            _expect_unmoved(line, pose, here, f"a malformed request ({wrong}) has moved the arm")
+        line = alive(subject, line)
+        line.wait(MOMENT_S)  # a move may begin late, and tell nobody
+        quieten(subject, line)
+        status = line.ask("get_status")
+        expect(
+            status.value not in BUSY,
+            "the robot executes something behind malformed requests",
+            expected="00",
+            observed=f"{status}",
+        )
+        _expect_unmoved(line, pose, here, "malformed requests have moved the arm")
+    perform(subject, alive(subject, line), MOVE)
+
+
+def _expect_unmoved(line: Line, pose: Pose, here: Pose, message: str) -> None:
+    now = pose_of(line)
+    expect(
+        same_place(now, pose) or off_by(now, here) <= STANDSTILL,
+        message,
+        expected=f"{pose}",
+        observed=f"{now}",
+    )

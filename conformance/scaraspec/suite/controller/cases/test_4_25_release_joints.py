@@ -1,0 +1,86 @@
+"""Clause 4.25: the joints are released (0x3A, L518-549); they are locked again at once."""
+
+import pytest
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    LOCK,
+    MOVE,
+    RELEASE,
+    RUN,
+    STATES,
+    finish,
+    has,
+    lasting,
+    locked_again,
+    offered,
+    release,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import expect
+
+_MOTION = (Hazard.STATE, Hazard.MOTION)
+
+
+@case("4.25/2", "4.25/3", hazards=_MOTION)
+def test_first_reply(subject: Subject, line: Line) -> None:
+    """A release is answered "1", and one of released joints with "1" or "0|code"; each "1" ends."""
+    has(subject, RELEASE, LOCK)
+    with locked_again(subject, line):
+        answer, result = release(subject, line)
+        expect(
+            text_of(answer) == b"1",
+            "the first reply to a release is more than the flag 1",
+            expected="1",
+            observed=f"{answer}",
+        )
+        again = offered(line, RELEASE)
+        if again is not None:
+            expect_first_reply(RELEASE, again)
+            if again.accepted is False:
+                message = "released joints were not released again"
+                subject.tolerate("4.25/2", "A-4.25-3", "0|code", message)
+            elif result is not None:  # not only when the joints are locked (A-4.25-2)
+                finish(subject, line, RELEASE)
+
+
+@case("4.25/3", hazards=_MOTION)
+def test_end_of_a_release(subject: Subject, line: Line) -> None:
+    """A release ends with "11": at once, or when the joints are locked again (A-4.25-2)."""
+    has(subject, RELEASE, LOCK)
+    for _ in range(2):
+        performed = perform(subject, line, RELEASE)
+        result = performed.result
+        expect(
+            result is not None and text_of(result) == b"11",
+            "a release does not end with success",
+            expected="11",
+            observed=f"{result}",
+        )
+    perform(subject, line, MOVE)
+
+
+@pytest.mark.parametrize("name", STATES)
+@case("4.25/5", hazards=_MOTION)
+def test_not_during_motion(subject: Subject, line: Line, name: str) -> None:
+    """While a program or a move executes a release is refused, and does not happen later."""
+    has(subject, RELEASE, LOCK)
+    if subject.dialect["busy_reply"] == "queue":
+        return
+    with locked_again(subject, line), lasting(subject, line, name) as task:
+        answer = offered(line, RELEASE)
+        task.lasts()
+        expect(
+            answer is None or not answer.accepted,
+            f"the joints were released while {name} executed",
+            expected=f"0|{task.state}",
+            observed=f"{answer}",
+        )
+        if answer is not None:
+            expect_first_reply(RELEASE, answer)
+    if name == RUN:
+        perform(subject, line, MOVE)

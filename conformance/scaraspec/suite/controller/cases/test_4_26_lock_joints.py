@@ -1,0 +1,79 @@
+"""Clause 4.26: the joints are locked (0x3B, L551-582)."""
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import joints_of
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.performing import perform
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    LOCK,
+    MOVE,
+    RELEASE,
+    begin,
+    done,
+    finish,
+    has,
+    locked_again,
+    release,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import expect
+
+_MOTION = (Hazard.MOTION,)
+
+
+@case("4.26/2", hazards=_MOTION)
+def test_first_reply(subject: Subject, line: Line) -> None:
+    """A lock of released joints is answered "1", one of locked joints with "1" or "0|code"."""
+    has(subject, LOCK, RELEASE)
+    subject.moved = True
+    again = line.ask(LOCK)
+    expect_first_reply(LOCK, again)
+    if again.accepted:
+        finish(subject, line, LOCK)
+    else:
+        subject.tolerate("4.26/2", "A-4.25-3", "0|code", "locked joints were not locked again")
+    with locked_again(subject, line):
+        release(subject, line)
+        answer = begin(subject, line, LOCK)
+        expect(
+            text_of(answer) == b"1",
+            "the first reply to a lock is more than the flag 1",
+            expected="1",
+            observed=f"{answer}",
+        )
+        done(subject, line, LOCK)
+
+
+@case("4.26/3", hazards=_MOTION)
+def test_end_of_a_lock(subject: Subject, line: Line) -> None:
+    """A lock ends with "11", and behind it the arm can be moved again."""
+    has(subject, LOCK, RELEASE)
+    with locked_again(subject, line):
+        for _ in range(2):
+            release(subject, line)
+            begin(subject, line, LOCK)
+            done(subject, line, LOCK)
+            perform(subject, line, MOVE)
+
+
+@case("4.26/5", hazards=_MOTION)
+def test_locked_joints_stay(subject: Subject, line: Line) -> None:
+    """Behind a lock that ended with "11" the joint angles do not change."""
+    has(subject, LOCK, RELEASE)
+    with locked_again(subject, line):
+        release(subject, line)
+        begin(subject, line, LOCK)
+        done(subject, line, LOCK)
+    first = joints_of(line)
+    for pause_s in (0.0, 0.1, 0.3):
+        line.wait(pause_s)
+        now = joints_of(line)
+        expect(
+            farthest(first, now) <= STANDSTILL,
+            "the joint angles change although the joints are locked",
+            expected=f"{first}",
+            observed=f"{now}",
+        )

@@ -1,0 +1,101 @@
+"""Clause 4.27: the angles of the joints (0x3C, L584-594)."""
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import JointValues
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import (
+    begin_step_somewhere,
+    joints_of,
+    pose_of,
+    returning,
+    same_place,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has, lasting
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import expect
+
+
+@case("4.27/2", "4.27/3")
+def test_four_numbers(subject: Subject, line: Line) -> None:
+    """The angles are four numbers between bars in a frame of their length, time after time."""
+    has(subject, "get_joint_angles")
+    for _ in range(10):
+        answer = line.ask("get_joint_angles")
+        expect(
+            isinstance(answer.value, JointValues),
+            "the joint angles are not four numbers",
+            expected="20.4|30.5|38.0|0",
+            observed=f"{answer}",
+        )
+    noise = line.noise
+    expect(
+        not noise,
+        "a reply with the joint angles is no frame of the length that it announces",
+        expected="a length that counts the data",
+        observed=" ".join(each.data.hex(" ") for each in noise),
+        requirement="4.27/3",
+    )
+
+
+@case("4.27/2", "4.27/3", name="while-moving", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
+def test_while_moving(subject: Subject, line: Line) -> None:
+    """They are four numbers while the arm moves too, whatever decimals that brings."""
+    with lasting(subject, line, MOVE) as task:
+        for _ in range(30):
+            joints_of(line)
+            expect(
+                not line.noise,
+                "a reply with the joint angles is no frame of the length that it announces",
+                observed=" ".join(each.data.hex(" ") for each in line.noise),
+                requirement="4.27/3",
+            )
+            if task.over:
+                break
+            line.wait(0.02)
+
+
+@case("4.27/4")
+def test_idle_joints_stay(subject: Subject, line: Line) -> None:
+    """While the robot is idle the joint angles do not change."""
+    has(subject, "get_joint_angles")
+    if line.ask("get_status").value != "00":
+        return
+    first = joints_of(line)
+    for pause_s in (0.0, 0.0, 0.2, 0.4):
+        line.wait(pause_s)
+        now = joints_of(line)
+        if line.ask("get_status").value != "00":
+            return
+        expect(
+            farthest(first, now) <= STANDSTILL,
+            "the joint angles change although the robot is idle",
+            expected=f"{first}",
+            observed=f"{now}",
+        )
+    other = joints_of(subject.open()) if subject.takes_several else first
+    expect(
+        farthest(first, other) <= STANDSTILL,
+        "another connection is told other joint angles",
+        expected=f"{first}",
+        observed=f"{other}",
+    )
+
+
+@case("4.27/6", hazards=(Hazard.MOTION,))
+def test_motion_shows(subject: Subject, line: Line) -> None:
+    """A step that changes the tool coordinates changes the joint angles; 4.24/8 tries all axes."""
+    has(subject, "get_joint_angles", MOVE)
+    with returning(subject, line) as pose:
+        before = joints_of(line)
+        _, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+        after, now = joints_of(line), pose_of(line)
+        expect(
+            same_place(now, pose) or farthest(before, after) > 0,
+            "the tool coordinates have changed and the joint angles have not",
+            expected="other joint angles",
+            observed=f"{after}",
+        )

@@ -1,0 +1,335 @@
+"""Clause 4.28: the arm is moved until it is stopped (0x3D, L596-637); every jog here is short."""
+
+from typing import Final
+
+import pytest
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import JogDirection
+from scaraspec.suite.controller.harness.asking.motion import (
+    BUSY,
+    halt,
+    joints_of,
+    listens,
+    pose_of,
+    quieten,
+    release_latch,
+    returning,
+    status_of,
+    stop,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling.malformed import Malformed
+from scaraspec.suite.controller.harness.state.keeping import alive
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    JOG,
+    STOP,
+    accepted,
+    attentive,
+    begin_jog,
+    finish,
+    has,
+    interrupted,
+    jog_somewhere,
+    offered,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NotRun, expect
+
+_MOTION = (Hazard.MOTION,)
+_ENOUGH_MM: Final = 1.0
+_TO_THE_LIMIT_S: Final = 30.0
+_SLICE_S: Final = 0.05
+
+_AXES: Final = {
+    JogDirection.PLUS_Y: ("y", 1),
+    JogDirection.MINUS_Y: ("y", -1),
+    JogDirection.PLUS_X: ("x", 1),
+    JogDirection.MINUS_X: ("x", -1),
+}
+
+_NO_DIRECTION: Final = tuple(
+    Malformed(kind, data)
+    for kind, data in (
+        ("zero", b"0"),
+        ("binary zero", b"\0"),
+        ("five", b"5"),
+        ("binary five", b"\5"),
+        ("six", b"6"),
+        ("nine", b"9"),
+        ("colon", b":"),
+        ("letter", b"x"),
+        ("letter with the low bits of 1", b"q"),
+        ("digit 1 with the highest bit", b"\xb1"),
+        ("sign", b"-"),
+        ("binary sixteen", b"\x10"),
+        ("highest bit and one", b"\x81"),
+        ("highest byte", b"\xff"),
+        ("two directions", b"13"),
+        ("two binary directions", b"\1\3"),
+        ("no data", b""),
+    )
+)
+
+
+def _jogged(subject: Subject, line: Line) -> None:
+    """Let a jog go on until it shows, or for as long as it may."""
+    left_s = subject.statement.motion.jog_s
+    if not listens(subject, line, jogs=True):
+        line.wait(left_s)
+        return
+    first = now = pose_of(line)
+    while farthest(now[:2], first[:2]) < _ENOUGH_MM and left_s > 0:
+        line.wait(_SLICE_S)
+        left_s -= _SLICE_S
+        now = pose_of(line)
+
+
+@pytest.mark.parametrize("direction", list(JogDirection), ids=str)
+@case("4.28/3", "4.28/4", hazards=_MOTION)
+def test_direction(subject: Subject, line: Line, direction: JogDirection) -> None:
+    """1 is +Y, 2 is -Y, 3 is +X, 4 is -X; a jog of single joints has no direction (A-4.28-2)."""
+    with returning(subject, line) as pose:
+        joints = joints_of(line)
+        answer = begin_jog(subject, line, direction)
+        if not answer.accepted:
+            expect_first_reply(JOG, answer)
+            accepted(JOG, jog_somewhere(subject, line))
+            stop(subject, line)
+            raise NotRun(f"the arm has no room towards {direction}: {answer}")
+        _jogged(subject, line)
+        halt(subject, line)
+        now, after = pose_of(line), joints_of(line)
+        release_latch(subject, line)
+        axis, sign = _AXES[direction]
+        along = (getattr(now, axis) - getattr(pose, axis)) * sign
+        across = max(
+            abs(getattr(now, each) - getattr(pose, each)) for each in "xyz" if each != axis
+        )
+        single = sum(abs(p - q) > STANDSTILL for p, q in zip(joints, after, strict=True)) == 1
+        if max(abs(along), across) <= STANDSTILL:
+            longest_s = subject.statement.motion.jog_s
+            message = f"the arm did not move towards {direction} within {longest_s:g} s"
+            raise NotRun(f"{message}: it has no room there, or needs a longer [motion] jog_s")
+        if single and along < across:
+            subject.tolerate("4.28/3", "A-4.28-2", "joints", "a jog moved a single joint")
+            return
+        expect(
+            along > across,
+            f"a jog towards {direction} moved the arm another way",
+            expected=f"{direction}",
+            observed=f"from {pose[:3]} to {now[:3]}",
+        )
+
+
+@case("4.28/4", hazards=_MOTION)
+def test_first_reply(subject: Subject, line: Line) -> None:
+    """A jog that can be is answered "1", one while it moves "0|04"; another may replace it."""
+    with returning(subject, line):
+        answer = jog_somewhere(subject, line)
+        expect(
+            text_of(answer) == b"1",
+            "the first reply to a jog is more than the flag 1",
+            expected="1",
+            observed=f"{answer}",
+        )
+        if not listens(subject, line, jogs=True):
+            stop(subject, line)
+            return
+        again = offered(line, JOG, JogDirection.PLUS_Y)
+        if again is None:
+            subject.tolerate("4.28/4", "busy_reply", "silence", "a jog was not answered during one")
+        else:
+            expect_first_reply(JOG, again)
+        if again is not None and again.accepted:
+            message = "another jog replaced the one before"
+            subject.tolerate("4.28/4", "A-4.28-5", "replace", message)
+        stop(subject, line)
+
+
+@case("4.28/5", "4.17/6", hazards=_MOTION, slow=True)
+def test_end_of_a_jog(subject: Subject, line: Line) -> None:
+    """A jog goes on until it is stopped, and is then told to have ended, once at most."""
+    with returning(subject, line):
+        for _ in range(2):
+            jog_somewhere(subject, line)
+            _jogged(subject, line)
+            answer = line.ask(STOP)
+            if not answer.accepted:  # it has ended by itself (A-4.28-3)
+                expect(finish(subject, line, JOG).done is not None, "a jog has no end")
+                continue
+            finish(subject, line, STOP)
+            own = interrupted(line, JOG)
+            expect(
+                own is None or own.done is not None,
+                "the final result of a jog is neither success nor failure",
+                expected="11",
+                observed=f"{own}",
+            )
+            if own is None and subject.dialect["estop_interrupted"] != "none":
+                message = "the stopped jog had no final result of its own"
+                subject.tolerate("4.28/5", "estop_interrupted", "none", message)
+            quieten(subject, line)
+            line.no_result(JOG, for_s=0.1)
+
+
+@case("4.28/5", "4.17/6", name="limit", hazards=(Hazard.MOTION, Hazard.DESTRUCTIVE))
+def test_to_the_limit(subject: Subject, line: Line) -> None:
+    """A jog that meets the end of the arm's travel ends there, or is stopped there (A-4.28-3)."""
+    if subject.access.patience_s < _TO_THE_LIMIT_S:
+        raise NotRun(f"it lasts up to {_TO_THE_LIMIT_S:.0f} s: grant them with --patience")
+    with returning(subject, line):
+        answer = begin_jog(subject, line, JogDirection.PLUS_X)
+        if not answer.accepted:
+            expect_first_reply(JOG, answer)
+            return
+        if not listens(subject, line, jogs=True):
+            stop(subject, line)
+            raise NotRun("the robot answers nothing while it executes (A-4-3)")
+        there, standing_s = pose_of(line), 0.0
+        left_s = subject.longest_s
+        while line.ask("get_status").value in BUSY and left_s > 0 and standing_s < 1:
+            line.wait(0.2)
+            left_s -= 0.2
+            now = pose_of(line)
+            standing_s = standing_s + 0.2 if farthest(now, there) == 0 else 0.0
+            there = now
+        if line.ask("get_status").value in BUSY:
+            subject.tolerate("4.28/5", "A-4.28-3", "0x32", "a jog does not end at the limit")
+            stopped = stop(subject, line)
+            accepted(STOP, stopped)
+            return
+        result = finish(subject, line, JOG)
+        expect(
+            result.done or result.code in ("05", "06"),
+            "a jog that met a limit ends neither with 11 nor with 00|05",
+            expected="11",
+            observed=f"{result}",
+        )
+        if not result.done:
+            subject.tolerate("4.28/5", "A-4.28-6", "00|05", "a jog failed at the limit")
+
+
+@case("4.28/5", "4.17/6", name="lost-link", hazards=_MOTION)
+def test_lost_link(subject: Subject, line: Line) -> None:
+    """When its client is gone a jog ends, or the next client can stop it (A-2-8)."""
+    subject.notices_leaving()
+    attentive(subject, line)
+    other = subject.open() if subject.takes_several else None
+    with returning(subject, other or line):
+        jog_somewhere(subject, line)
+        line.close()
+        other = other or subject.open()
+        left_s = subject.statement.motion.jog_s  # the loss has to be noticed, the arm to slow down
+        while (goes_on := status_of(subject, other) in BUSY) and left_s > 0:
+            other.wait(_SLICE_S)
+            left_s -= _SLICE_S
+        if goes_on:
+            stopped = stop(subject, other)
+            if stopped.accepted:
+                message = "a jog goes on without its client"
+                subject.tolerate("4.28/5", "A-2-8", "goes on", message)
+            expect(
+                stopped.accepted or status_of(subject, other) not in BUSY,
+                "a jog whose client is gone cannot be stopped by another",
+                expected="1",
+                observed=f"{stopped}",
+                requirement="4.17/6",
+            )
+        quieten(subject, other)
+        there = pose_of(other)
+        other.wait(0.2)
+        now = pose_of(other)
+        expect(
+            farthest(now[:3], there[:3]) <= STANDSTILL,
+            "the arm goes on moving although the robot says that nothing executes",
+            expected=f"{there}",
+            observed=f"{now}",
+        )
+
+
+@case("4.28/7", hazards=_MOTION)
+def test_no_direction(subject: Subject, line: Line) -> None:
+    """What is not one byte of 1 to 4 is not answered "1", and moves nothing."""
+    has(subject, JOG)
+    subject.moved = True
+    with returning(subject, line):
+        before = joints_of(line)
+        for wrong in examples(_NO_DIRECTION):
+            line = alive(subject, line)
+            answer = offered(line, JOG, data=wrong.data)
+            expect(
+                answer is None or not answer.accepted,
+                f"a jog was accepted whose direction is none: {wrong}",
+                expected="0|05, or silence",
+                observed=f"{answer}",
+            )
+            if answer is not None:
+                expect_first_reply(JOG, answer)
+        line = alive(subject, line)
+        line.wait(0.1)
+        status, after = line.ask("get_status"), joints_of(line)
+        expect(
+            status.value not in BUSY and farthest(before, after) <= STANDSTILL,
+            "the arm moves behind a jog that was not accepted",
+            expected=f"00, {before}",
+            observed=f"{status.value}, {after}",
+        )
+    line.no_result(JOG, for_s=0)
+
+
+@case("4.28/4", name="both-notations", hazards=_MOTION, slow=True)
+def test_notations(subject: Subject, line: Line) -> None:
+    """The direction is understood as an ASCII digit or as a binary byte, or both (A-4.28-1).
+
+    Where both are, each of them means the same.
+    """
+    with returning(subject, line):
+        jog_somewhere(subject, line)
+        heard = listens(subject, line, jogs=True)
+        stop(subject, line)
+        if not heard:
+            raise NotRun("the robot answers nothing while it executes (A-4-3)")
+        request, dialect = BY_NAME[JOG].request, subject.dialect
+        taken, ways = [], dict[JogDirection, tuple[float, float]]()
+        for notation in ("ascii", "binary"):
+            for direction in examples(JogDirection):
+                data = request.encode(direction, dialect.replace(jog_byte=notation))
+                before = pose_of(line)
+                answer = offered(line, JOG, data=data)
+                if answer is not None and answer.accepted:
+                    taken.append(notation)
+                    _jogged(subject, line)
+                    stop(subject, line)
+                quieten(subject, line)
+                now = pose_of(line)
+                if farthest(now[:2], before[:2]) >= _ENOUGH_MM:
+                    way = now.x - before.x, now.y - before.y
+                    _expect_same_way(direction, ways.setdefault(direction, way), way)
+        expect(
+            taken,
+            "a jog is understood in neither notation",
+            expected="1",
+            observed="refusals",
+        )
+        if "ascii" not in taken:
+            message = "the direction is understood as a binary byte alone"
+            subject.tolerate("4.28/4", "jog_byte", "binary", message)
+
+
+def _expect_same_way(
+    direction: JogDirection, first: tuple[float, float], second: tuple[float, float]
+) -> None:
+    """Fail the subject if one notation of a direction moves the arm against the other one."""
+    expect(
+        first[0] * second[0] + first[1] * second[1] > 0,
+        f"a binary byte for {direction} does not move the arm as the digit does",
+        expected=f"along {first}",
+        observed=f"along {second}",
+        requirement="4.28/3",
+    )

@@ -1,0 +1,114 @@
+"""Clause 4.33: the analog inputs (0x44, L665-675)."""
+
+import re
+from typing import Final
+
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.state.keeping import alive
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import offered
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import expect
+
+_FORM: Final = re.compile(rb"1\|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)")
+_ERROR: Final = b"0"
+_ANALOG: Final = range(1, 9)  # those that there are by default (A-4.32-3)
+_NO_PORTS: Final = (b"00", b"41", b"42", b"49", b"50", b"88", b"99")
+_VALUES: Final = (0, 1, 2.5, 5)  # a converter may take no more
+
+
+def _value(line: Line, port: int) -> float | None:
+    """The value of an analog input; None where the subject says that it has none."""
+    answer = line.ask("get_analog_input", port)
+    data = answer.seen.text
+    if data == _ERROR:
+        return None
+    expect(
+        _FORM.fullmatch(data),
+        f"analog input {port} is answered with something else than a number",
+        expected="1| and a number, or 0",
+        observed=f"{answer}",
+    )
+    return float(data[2:])
+
+
+@case("4.33/2")
+def test_form(line: Line) -> None:
+    """Every port from 1 to 40 is answered "1|" and a number, or "0"."""
+    for port in examples(range(1, 41)):
+        _value(line, port)
+
+
+@case("4.33/2", name="driven", needs=("set_analog",))
+def test_driven(subject: Subject, line: Line) -> None:
+    """An analog input that is driven shows it, 0 as "1|0", and the others do not change."""
+    before = [_value(line, port) for port in _ANALOG]
+    shown = False
+    try:
+        for port in _ANALOG:
+            shown |= _shows(subject, line, port)
+            subject.hook("set_analog", port=port, value=before[port - 1] or 0)
+        message = "all analog inputs are answered with an error, whatever drives them"
+        expect(shown, message, expected="1| and a number", observed="0")
+    finally:
+        for port, value in zip(_ANALOG, before, strict=True):
+            subject.hook("set_analog", port=port, value=value or 0)
+
+
+def _shows(subject: Subject, line: Line, port: int) -> bool:
+    """Values in any unit (A-4.33-1): they differ, and all in the same proportion.
+
+    Returns:
+        Whether there is such an input: how many there are is open (A-4.32-3).
+    """
+    other = _ANALOG[port % len(_ANALOG)]
+    unmoved = _value(line, other)
+    said = []
+    for value in examples(_VALUES):
+        subject.hook("set_analog", port=port, value=value)
+        said.append(_value(line, port))
+    if not any(value is not None for value in said):
+        return False
+    expect(
+        None not in said,
+        f"analog input {port} is driven, and answered with an error",
+        expected="1| and a number",
+        observed="0",
+    )
+    zero, one, *others = [value or 0.0 for value in said]
+    scale = one - zero
+    shown = [zero + scale * value for value in _VALUES[2:]]
+    expect(
+        scale and all(abs(a - b) <= abs(scale) for a, b in zip(others, shown, strict=True)),
+        f"analog input {port} does not follow what drives it",
+        expected=f"values in proportion to {_VALUES}",
+        observed=f"{said}",
+    )
+    now = _value(line, other)
+    expect(
+        (now is None) == (unmoved is None) and abs((now or 0) - (unmoved or 0)) <= abs(scale),
+        f"analog input {other} changes when input {port} is driven",
+        expected=f"{unmoved}",
+        observed=f"{now}",
+    )
+    return True
+
+
+@case("4.33/3")
+def test_no_such_port(subject: Subject, line: Line) -> None:
+    """A port 0, or one above 40, is answered "0"; or not, as a wrong argument may be (A-3-9)."""
+    for port in examples(_NO_PORTS):
+        line = alive(subject, line)
+        answer = offered(line, "get_analog_input", data=port)
+        if answer is None:
+            option = "ignore" if line.ending is None else "close"
+            message = f"port {port.decode()}, which cannot be, is not answered"
+            subject.tolerate("4.33/3", "A-3-9", option, message)
+            continue
+        expect(
+            answer.seen.text == _ERROR,
+            f"port {port.decode()}, which cannot be, is read",
+            expected="0",
+            observed=f"{answer}",
+        )

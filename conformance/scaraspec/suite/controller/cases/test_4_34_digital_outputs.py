@@ -1,0 +1,41 @@
+"""Clause 4.34: the states of the digital outputs (0x49, L677-687)."""
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.ports import (
+    expect_form,
+    expect_outputs,
+    outputs_kept,
+    set_output,
+    settable,
+    with_port,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.program_files.bench import PROGRAMS, running
+
+
+@case("4.34/2", "4.34/4")
+def test_form(subject: Subject, line: Line) -> None:
+    """The reply is "1|" and sixteen digits, eighteen bytes in all, however often it is asked."""
+    for _ in range(3):
+        expect_form(subject, line, "get_digital_outputs")
+
+
+@case("4.34/2", "4.34/4", name="while-running", hazards=PROGRAMS)
+def test_form_while_running(subject: Subject, line: Line) -> None:
+    """The reply is the same while a program runs."""
+    with running(subject, line):
+        expect_form(subject, line, "get_digital_outputs")
+
+
+@case("4.34/2", name="order", hazards=(Hazard.MOTION,))
+def test_order(line: Line) -> None:
+    """The highest port stands first: the lowest and the highest output show at the two ends."""
+    ports = settable(line)
+    for port in {ports[0], ports[-1]}:
+        with outputs_kept(line) as before:
+            on = not before[port - 1]
+            set_output(line, port, on=on)
+            due = with_port(before, port, on=on)
+            expect_outputs(line, due, f"output {port} was set", requirement="4.34/3")

@@ -1,0 +1,135 @@
+"""Clause 4.35: the robot is shut down (0x60, L689-706): the last that a run does."""
+
+from typing import Final
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.two_stage.refusals import text_of
+from scaraspec.suite.controller.harness.two_stage.tasks import RUN, has, lasting, offered
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet, expect
+
+_LAST = (Hazard.MOTION, Hazard.DESTRUCTIVE)
+_SHUTDOWN: Final = "shutdown"
+_RETURN_S: Final = 60.0
+_TRY_S: Final = 0.5
+_GOING_S: Final = 1.0
+
+
+@case("4.35/2", "4/15", name="busy", hazards=(*_LAST, Hazard.STATE), last=True)
+def test_not_while_a_program_runs(subject: Subject, line: Line) -> None:
+    """While a program runs the shutdown is refused with "0|01", and the robot stays on."""
+    has(subject, _SHUTDOWN)
+    if subject.dialect["busy_reply"] == "queue":
+        raise NotRun("a robot that queues would be gone when the program has ended")
+    with lasting(subject, line, RUN) as task:
+        answer = offered(line, _SHUTDOWN)
+        task.lasts()
+        expect(
+            answer is not None and answer.accepted is False and answer.code == "01",
+            "the shutdown was not refused with 01 while a program ran",
+            expected="0|01",
+            observed=f"{answer}",
+            requirement="4/15",
+        )
+        status = line.ask("get_status")
+        expect(
+            status.value == "01" or task.over,
+            "the program that ran is gone behind a shutdown that was refused",
+            expected="01",
+            observed=f"{status}",
+        )
+    line.wait(_GOING_S)
+    try:
+        line.ask("get_status")
+    except NoAnswer as gone:
+        message = "behind the program the robot is gone, although it refused to shut down"
+        raise Unmet(message, expected="an answer", observed=gone.observed) from None
+    subject.settle()
+
+
+@case("4.35/2", "4.35/5", hazards=_LAST, last=True)
+def test_shutdown(subject: Subject, line: Line) -> None:
+    """An idle robot answers "1" and nothing more, and is gone; the suite waits for its return."""
+    has(subject, _SHUTDOWN)
+    answer = line.ask(_SHUTDOWN)
+    expect(
+        answer.accepted and text_of(answer) == b"1",
+        "an idle robot does not shut down",
+        expected="1",
+        observed=f"{answer}",
+    )
+    line.wait(SILENCE_S)
+    tagged = [seen for seen in line.heard if seen.frame.tagged]
+    expect(
+        not tagged,
+        "a final result follows the reply to the shutdown",
+        expected="no tagged frame",
+        observed=" ".join(f"{seen.frame}" for seen in tagged),
+        requirement="4.35/5",
+    )
+    expect(
+        _is_gone(subject, line),
+        "the robot goes on serving although it has said that it shuts down",
+        expected="the link ends, or nothing is answered",
+        observed="get_status is answered",
+    )
+    _await_return(subject)
+
+
+def _is_gone(subject: Subject, line: Line) -> bool:
+    """Whether the subject ends the connection, or answers no more, before long."""
+    left_s = subject.longest_s
+    while left_s > 0:
+        if line.ending is not None:
+            return True
+        try:
+            line.ask("get_status")
+        except NoAnswer:
+            return True
+        line.wait(_TRY_S)
+        left_s -= _TRY_S
+    return False
+
+
+def _await_return(subject: Subject) -> None:
+    """Start the subject anew, where a hook can, and wait for it.
+
+    Unaided it is given one look, and not at once: what ends its connections and then itself may
+    take another one in between.
+
+    Raises:
+        Undecided: It was started and does not come back.
+    """
+    subject.close_lines()
+    subject.off = True
+    hook = next((name for name in ("start", "restart") if subject.has_hook(name)), "")
+    if hook:
+        subject.hook(hook)
+    else:
+        subject.access.pause(_GOING_S)
+    left_s = _RETURN_S if hook else _TRY_S
+    while left_s > 0:
+        begun_ns = subject.now_ns
+        try:
+            line = subject.open()
+            status = line.ask("get_status")
+        except Unmet:
+            subject.close_lines()
+            subject.access.pause(_TRY_S)
+            left_s -= (subject.now_ns - begun_ns) / 1e9
+            continue
+        expect(
+            status.value is not None,
+            "the robot does not tell its status when it is on again",
+            observed=f"{status}",
+            requirement="4.8/2",
+        )
+        subject.close_lines()
+        subject.off = False
+        return
+    if hook:
+        raise Undecided(f"the subject did not come back within {_RETURN_S:g} s of the hook {hook}")
+    message = "the subject did not come back by itself: switch it on again"
+    subject.tolerate("4.35/2", "A-4.35-2", "stays off", message)

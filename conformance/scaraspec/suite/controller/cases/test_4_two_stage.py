@@ -1,0 +1,618 @@
+"""Clause 4: what the two-stage commands share (0x30 to 0x33, 0x39 to 0x3B, 0x3D; L304-637)."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import Outcome
+from scaraspec.protocol.transfer import BUFFER_BYTES, chunks_of
+from scaraspec.suite.controller.harness.asking.files import incoming, left_behind, send, upload
+from scaraspec.suite.controller.harness.asking.motion import (
+    BUSY,
+    IDLE,
+    SLOWEST_PERCENT,
+    begin_step_somewhere,
+    go_on_if_it_listens,
+    neighbours,
+    pose_of,
+    quieten,
+    returning,
+    same_place,
+    status_at_rest,
+    stop,
+    target,
+)
+from scaraspec.suite.controller.harness.asking.queries import (
+    QUERIES,
+    Query,
+    known_to,
+    replies_to,
+    some_queries,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.two_stage.performing import expect_stays, perform
+from scaraspec.suite.controller.harness.two_stage.refusals import (
+    expect_busy,
+    expect_failure,
+    expect_first_reply,
+    expect_refusal,
+    text_of,
+)
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    BRIEFLY_S,
+    JOG,
+    LOCK,
+    MOVE,
+    RESET,
+    RUN,
+    SIMULATE,
+    STATES,
+    STOP,
+    TWO_STAGE,
+    accepted,
+    attentive,
+    begin,
+    done,
+    find_out_whether_it_listens,
+    finish,
+    harmless,
+    has,
+    home_at,
+    interrupted,
+    lasting,
+    offered,
+    start_program,
+    stored,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect, expect_equal, expect_in
+from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.program_files.bench import bench
+from scaraspec.suite.program_files.writing import wait
+
+_MOTION = (Hazard.STATE, Hazard.MOTION)
+_SOON_S = 0.5
+_CHUNKS_BYTES = 450
+_LONG_BYTES = 2_000
+_OVER_S = 10.0
+_POLL_S = 0.1
+_POLLS = 10
+_AT_ONCE_S = 0.05
+_BRIEF_S = 0.01  # no way home is shorter
+_TIMES_LATER = 5  # than the reply to a query
+_NS = 1e9
+
+
+# ---------------------------------------------------------------------- first replies and results
+
+
+@pytest.mark.parametrize("name", TWO_STAGE)
+@case("4/1", "4/2", "3/16", "3/18", hazards=_MOTION)
+def test_one_reply_and_one_result(subject: Subject, line: Line, name: str) -> None:
+    """A command that can be done is answered "1", and ends once, with "11" or a failure."""
+    performed = perform(subject, line, name)
+    expect_first_reply(name, performed.first)
+    if performed.result is not None and performed.result.done is not False:
+        expect(
+            text_of(performed.result) == b"11",
+            f"the final result of {name} is neither success nor failure",
+            expected="11",
+            observed=f"{performed.result}",
+            requirement="4/2",
+        )
+    line.heard[:0] = line.fence()
+    line.no_result(name, for_s=0)
+
+
+@case("4/2", "3/18", name="in-transfers", hazards=_MOTION, slow=True)
+def test_result_in_transfers(subject: Subject, line: Line) -> None:
+    """A program ends while a file is sent, and while it is fetched: each time that is told."""
+    content = content_of(_LONG_BYTES)
+    with bench(subject, line) as robot:
+        pause_s = 2 * robot.ours_s(1) / len(content) * BUFFER_BYTES
+
+        def slowly() -> None:
+            if not any(seen.frame.tagged for seen in line.heard):
+                line.wait(pause_s)
+
+        name, tried = subject.new_name(), False
+        upload(line, name, content)
+        for fetches in examples((False, True)):
+            robot.start(wait(1))
+            go_on_if_it_listens(subject, line)
+            opening = "download_name" if fetches else "upload_name"
+            if not line.ask(opening, data=name if fetches else subject.new_name()).accepted:
+                robot.stop()
+                continue
+            if fetches:
+                for _ in incoming(line):
+                    slowly()
+            else:
+                for chunk in chunks_of(content):
+                    slowly()
+                    send(line, chunk)
+            robot.finish()
+            tried = True
+        if not tried:
+            raise NotRun("no file is sent or fetched while a program runs")
+
+
+@case("4/1", "3/17", name="refused", hazards=_MOTION)
+def test_refusals_end_it(subject: Subject, line: Line) -> None:
+    """What is refused is answered "0|code", the stop with "0", and nothing follows."""
+    subject.moved = True
+    refused = []
+    for name in examples((RUN, SIMULATE, STOP)):
+        answer = line.ask(name, None if name == STOP else subject.new_name())
+        expect_first_reply(name, answer)
+        if answer.accepted:  # A-4.15-1, A-4.17-1
+            finish(subject, line, name)
+        else:
+            refused.append(BY_NAME[name].opcode)
+    line.wait(MOMENT_S)
+    tagged = [seen for seen in line.fence() if seen.frame.tagged and seen.frame.opcode in refused]
+    expect(
+        not tagged,
+        "a final result came although the command had been refused",
+        expected="none",
+        observed=" ".join(f"{seen.frame}" for seen in tagged),
+        requirement="3/17",
+    )
+
+
+@case("4/3", "4/5", name="stopped", hazards=_MOTION)
+def test_stopped_commands_fail(subject: Subject, line: Line) -> None:
+    """What an emergency stop has ended fails with "00|code", where it has a result of its own."""
+    for name in examples(name for name in STATES if name not in {JOG, *subject.statement.lacks}):
+        with lasting(subject, line, name, queries=False) as task:
+            task.lasts()
+            stop(subject, line)
+            result = interrupted(line, name)
+            if result is not None and result.done is not True:
+                expect(
+                    isinstance(result.value, Outcome) and len(text_of(result)) == 5,
+                    f"the failure of {name} is not 00|code",
+                    expected="00|code",
+                    observed=f"{result}",
+                    requirement="4/3",
+                )
+                expect_failure(subject, result)
+
+
+@case("4/3", "4/5", name="fault", needs=("motor_fault", "clear_faults"), hazards=_MOTION)
+def test_a_fault_fails_the_run(subject: Subject, line: Line) -> None:
+    """A motor that fails during a run ends it with "00|code", and the code names the motor."""
+    try:
+        with lasting(subject, line, RUN):
+            subject.hook("motor_fault", joints="outer_arm")
+            result = finish(subject, line, RUN)
+            expect(
+                result.done is False and len(text_of(result)) == 5,
+                "a run whose motor has failed does not fail",
+                expected="00|12",
+                observed=f"{result}",
+                requirement="4/3",
+            )
+            expect(
+                result.code == "12",
+                "the code of the failure does not name the outer arm",
+                expected="00|12",
+                observed=f"{result}",
+                requirement="4/5",
+            )
+            _mend(subject, line)
+    finally:
+        subject.hook("clear_faults")
+
+
+def _mend(subject: Subject, line: Line) -> None:
+    """Take the faults away, and what the robot remembers of them."""
+    subject.hook("clear_faults")
+    if line.ask("get_status").value != IDLE and line.ask(RESET).accepted:
+        finish(subject, line, RESET)
+
+
+def _at_once(line: Line, name: str) -> Answer | None:
+    try:
+        return line.result(name, within_s=SILENCE_S)
+    except NoAnswer:
+        return None
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"), [("position_fault", "05"), ("angle_fault", "06"), ("motor_fault", "11")]
+)
+@case(
+    "4/4",
+    hazards=_MOTION,
+    needs=("position_fault", "angle_fault", "motor_fault", "clear_faults"),
+)
+def test_faults_refuse(subject: Subject, line: Line, fault: str, code: str) -> None:
+    """A robot at fault refuses what would move it, with the code of its fault."""
+    values = harmless(subject, line)
+    subject.moved = True
+    try:
+        subject.hook(fault, **({"joints": "inner_arm"} if fault == "motor_fault" else {}))
+        for name in (RUN, MOVE, JOG):
+            first = line.ask(name, values[name])
+            told = _at_once(line, name) if first.accepted else first
+            bare = name == MOVE and text_of(first) == b"0"  # err_bare0
+            expect(
+                bare or (told is not None and not told.done and told.code == code),
+                f"a robot with the fault {code} does not refuse {name} with it",
+                expected=f"0|{code}",
+                observed=f"{first}",
+            )
+            if first.accepted:
+                message = f"{name} was accepted, and failed for a fault that was there before"
+                subject.tolerate("4/4", "A-4-1", f"00|{code}", message)
+    finally:
+        _mend(subject, line)
+
+
+@case("4/4", name="missing", hazards=_MOTION)
+def test_code_of_a_refusal(subject: Subject, line: Line) -> None:
+    """A refusal bears a code of table 8-1 that can refuse."""
+    for name in examples((RUN, SIMULATE)):
+        answer = line.ask(name, subject.new_name())
+        if answer.accepted:
+            finish(subject, line, name)
+        else:
+            expect_refusal(subject, answer)
+
+
+# ---------------------------------------------------------------------- a robot that executes
+
+
+@pytest.mark.parametrize("name", STATES)
+@case("4/6", "4/15", "4/4", hazards=_MOTION)
+def test_busy(subject: Subject, line: Line, name: str) -> None:
+    """While one command executes every other is refused, with the state that 0x09 reports.
+
+    So it is on another connection.
+    """
+    values = harmless(subject, line)
+    beside = subject.open() if subject.takes_several else line
+    with lasting(subject, line, name) as task:
+        for other, value in examples(values.items()):
+            if subject.dialect["busy_reply"] != "queue":
+                expect_busy(subject, line, task, other, value)
+                expect_busy(subject, beside, task, other, value)
+            task.lasts()
+
+
+@case("4/6", "4.24/8", name="afterwards", hazards=_MOTION, slow=True)
+def test_nothing_is_queued(subject: Subject, line: Line) -> None:
+    """What a busy robot did not accept does not begin by itself once the robot is free.
+
+    Nor does it keep the arm from where it was to go.
+    """
+    attentive(subject, line)
+    values = harmless(subject, line)
+    with returning(subject, line):
+        _, begun = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
+        accepted(MOVE, begun)
+        refused = {
+            BY_NAME[name].opcode
+            for name in (RUN, MOVE, LOCK)
+            if (answer := offered(line, name, values.get(name))) is None or not answer.accepted
+        }
+        done(subject, line, MOVE)
+        line.ask("get_tool_coordinates")  # which tells the judge (4.24/8)
+        line.wait(MOMENT_S)
+        late = [seen for seen in line.fence() if seen.frame.opcode in refused]
+    if subject.dialect["busy_reply"] == "queue":
+        return
+    expect(
+        not late,
+        "what was asked of a busy robot began when the robot was free",
+        expected="0|01, or silence for ever",
+        observed=" ".join(f"{seen.frame}" for seen in late),
+    )
+
+
+@case("4/6", name="after-a-run", hazards=_MOTION, slow=True)
+def test_refused_moves_stay_refused(subject: Subject, line: Line) -> None:
+    """A move that was refused while a program ran is not made once the program has ended."""
+    attentive(subject, line)
+    if subject.dialect["busy_reply"] == "queue":
+        raise NotRun("the subject makes it then (busy_reply)")
+    with returning(subject, line) as pose:
+        nearby = [each for axis in ("y", "x") for each in neighbours(subject, pose, axis)]
+        if not nearby:
+            raise NotRun("there is no room for a step")
+        start_program(subject, line, RUN, BRIEFLY_S)
+        answer = offered(line, MOVE, target(nearby[0], subject.statement.motion.speed_percent))
+        done(subject, line, RUN)
+        if answer is not None and answer.accepted:
+            done(subject, line, MOVE)
+            raise NotRun("the move was not refused")  # which other cases are about
+        message = "a move that was refused while a program ran was made when it had ended"
+        expect_stays(line, message, for_s=_SOON_S, pose=pose)
+
+
+@pytest.mark.parametrize("name", TWO_STAGE)
+@case("4/7", hazards=_MOTION, slow=True)
+def test_idle_afterwards(subject: Subject, line: Line, name: str) -> None:
+    """The status behind a final result "11" is no longer that of a robot that executes."""
+    performed = perform(subject, line, name)
+    status = performed.status
+    expect(
+        status.value not in BUSY,
+        f"the status is still {status.value} although {name} has ended",
+        expected="00",
+        observed=f"{status}",
+    )
+
+
+@pytest.mark.parametrize("name", STATES)
+@case("4/8", "3/31", hazards=_MOTION)
+def test_never_idle_meanwhile(subject: Subject, line: Line, name: str) -> None:
+    """From the first reply to the final result no status is 00, and every query is answered."""
+    with lasting(subject, line, name) as task:
+        for _ in range(_POLLS):
+            status = line.ask("get_status")
+            expect(
+                status.value != IDLE or task.over,
+                f"the status is 00 while {name} executes",
+                expected=task.state,
+                observed=f"{status}",
+            )
+            if task.over:
+                break
+            line.wait(0.01)
+        for query in known_to(subject):
+            if offered(line, *query) is None:
+                _answered_late(subject, line, query, name)
+
+
+def _answered_late(subject: Subject, line: Line, query: Query, name: str) -> None:
+    """A reply may be overtaken (3/24); no arm jogs on while it is waited for."""
+    stop(subject, line)
+    try:
+        line.reply(query.name)
+    except NoAnswer as error:
+        message = f"{error} while {name} executed"
+        raise Unmet(message, observed=error.observed, requirement="3/31") from None
+
+
+@case("4/8", "4/7", "3/18", name="to-the-end", hazards=_MOTION, slow=True)
+def test_results_between_replies(subject: Subject, line: Line) -> None:
+    """A final result that comes between the replies to queries is one frame among whole others."""
+    attentive(subject, line)
+    for name, seconds in examples(((RUN, BRIEFLY_S), (SIMULATE, 0))):
+        start_program(subject, line, name, seconds)
+        opcode, answered = BY_NAME[name].opcode, 0
+        results: list[Answer] = []
+        while not results:
+            sent = known_to(subject, [Query("get_status"), Query("get_time")])
+            for query in sent:
+                line.send(query.name)
+            answered += len(replies_to(line, sent))
+            results += [
+                Answer(seen, seen.value)
+                for seen in line.heard
+                if seen.frame.tagged and seen.frame.opcode == opcode
+            ]
+            line.wait(0.05)
+            expect(
+                answered < 4000,
+                f"no final result of {name} came between the replies",
+                expected="11",
+                observed="none",
+                requirement="3/18",
+            )
+        expect(
+            len(results) == 1 and results[0].done,
+            f"{name} does not end with one success among other replies",
+            expected="11",
+            observed=" ".join(map(str, results)),
+            requirement="3/18",
+        )
+        line.heard.clear()
+        status = status_at_rest(line)
+        expect(
+            status.value == IDLE,
+            f"the status is {status.value} although {name} has ended with success",
+            expected=IDLE,
+            observed=f"{status}",
+            requirement="4/7",
+        )
+
+
+@case("4/8", "3/31", "3/32", "4.7/4", "5.2/12", name="queries", hazards=_MOTION)
+def test_queries_meanwhile(subject: Subject, line: Line) -> None:
+    """Queries in any number and order are answered while a program runs, each with its own.
+
+    The version is the same before, meanwhile and afterwards, and so is a file that can be fetched.
+    """
+    file, content = subject.new_name(), content_of(_CHUNKS_BYTES)
+    upload(line, file, content)
+    versions = [line.ask("get_version").value]
+
+    def tried(queries: Sequence[Query]) -> None:
+        for query in known_to(subject, list(queries)):
+            try:
+                line.ask(*query)
+            except NoAnswer as error:
+                message = f"{error} while a program ran"
+                raise Unmet(message, observed=error.observed, requirement="3/31") from None
+        expect(not line.noise, "bytes that are no frame came between replies", requirement="3/32")
+
+    with lasting(subject, line, RUN):
+        tried(QUERIES)
+        given(some_queries)(tried)()
+        fetched = left_behind(line, file)
+        versions.append(line.ask("get_version").value)
+    versions.append(line.ask("get_version").value)
+    message = "the version is another one while a program runs, or afterwards"
+    expect_equal(versions, versions[:1] * len(versions), message, requirement="4.7/4")
+    if fetched is not None:
+        message = "a file is fetched otherwise than it was sent while a program runs"
+        expect(fetched == content, message, requirement="5.2/12")
+
+
+# ---------------------------------------------------------------------- when, and for whom
+
+
+@pytest.mark.parametrize("name", [RUN, SIMULATE, MOVE])
+@case("4/14", hazards=_MOTION)
+def test_reply_before_execution(subject: Subject, line: Line, name: str) -> None:
+    """The first reply comes before the execution: it does not wait for what takes seconds."""
+    perform(subject, line, name)
+    find_out_whether_it_listens(subject, line)
+    program = stored(subject, line, 1)
+    twice = range(2)  # once a packet may have been lost on its way
+    expect(
+        not all(_is_replied_to_at_its_end(subject, line, name, program) for _ in twice),
+        f"the first reply to {name} came late, with its final result",
+        expected="the first reply before the execution",
+        observed="both at its end",
+    )
+
+
+def _is_replied_to_at_its_end(subject: Subject, line: Line, name: str, program: bytes) -> bool:
+    with returning(subject, line):
+        before = line.ask("get_status")
+        if name == MOVE:
+            _, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
+        else:
+            answer = line.ask(name, program)
+        accepted(name, answer)
+        late = answer.time_s - before.time_s >= _SOON_S
+        if late:  # it may be slow by itself
+            late = finish(subject, line, name).time_s - answer.time_s <= _AT_ONCE_S
+        quieten(subject, line)
+    return late
+
+
+@case("4/14", name="reset", hazards=_MOTION, slow=True)
+def test_reply_before_a_reset(subject: Subject, line: Line) -> None:
+    """The first reply to a reset comes before the arm goes its way, not with the final result."""
+    has(subject, MOVE, RESET)
+    with returning(subject, line), home_at(subject, line):
+        together = [_comes_with_its_result(subject, line) for _ in range(2)]
+        expect(
+            not all(together),
+            "the first reply to a reset came with its final result, when the arm was home",
+            expected="the first reply before the execution",
+            observed="both at its end",
+        )
+
+
+def _comes_with_its_result(subject: Subject, line: Line) -> bool:
+    """Whether a reset that moves the arm is answered only when that has been done."""
+    accepted(MOVE, begin_step_somewhere(subject, line)[1])
+    done(subject, line, MOVE)
+    away = pose_of(line)
+    asked_s = subject.now_ns / _NS
+    prompt_s = line.ask("get_status").time_s - asked_s
+    asked_s = subject.now_ns / _NS
+    answer = begin(subject, line, RESET)
+    late_s = answer.time_s - asked_s
+    lasted_s = finish(subject, line, RESET).time_s - answer.time_s
+    late = late_s > max(_BRIEF_S, _TIMES_LATER * prompt_s)
+    return late and lasted_s < _BRIEF_S and not same_place(pose_of(line), away)
+
+
+@case("4/15", "4.15/4", name="free-again", hazards=_MOTION)
+def test_free_again(subject: Subject, line: Line) -> None:
+    """After a refusal, a stop and a good end alike an idle robot takes the next command."""
+    line.ask(RUN, subject.new_name())
+    quieten(subject, line)
+    accepted(RUN, start_program(subject, line, RUN).answer)
+    stop(subject, line)
+    quieten(subject, line)
+    for name in examples((SIMULATE, RUN)):
+        start_program(subject, line, name, seconds=0)
+        done(subject, line, name)
+    perform(subject, line, MOVE)
+
+
+@case("4/15", "4/6", "4.17/6", name="second-client", hazards=_MOTION, slow=True)
+def test_second_client(subject: Subject, line: Line) -> None:
+    """A second client sees the first one's program run, is refused, can stop it, and leaves."""
+    subject.several()
+    other = subject.open()
+    program = stored(subject, other, 0)
+    with lasting(subject, line, RUN) as task:
+        expect_in(other.ask("get_status").value, ("01",), "another client does not see the run")
+        if subject.dialect["busy_reply"] != "queue":
+            expect_busy(subject, other, task, RUN, program)
+            expect_busy(subject, other, task, LOCK)
+        answer = other.ask(STOP)
+        expect(
+            answer.accepted,
+            "the stop of another client is refused while a program runs",
+            expected="1",
+            observed=f"{answer}",
+            requirement="4.17/6",
+        )
+        finish(subject, other, STOP)
+    other.fence()
+    start_program(subject, line, RUN, BRIEFLY_S)
+    other.close()
+    finish(subject, line, RUN)
+
+
+@case("4/15", "4.17/6", "4.15/4", name="lost-link", hazards=_MOTION, slow=True)
+def test_lost_link(subject: Subject, line: Line) -> None:
+    """A program whose client is gone can be stopped by the next, and the robot is free again.
+
+    So it is where the program has come to its end, and there was nobody to be told so.
+    """
+    subject.notices_leaving()
+    attentive(subject, line)
+    for end in examples((line.close, None)):
+        lone = line if end else subject.open()
+        start_program(subject, lone, RUN)
+        (end or lone.reset)()
+        other = subject.open()
+        status = other.ask("get_status")
+        if status.value in BUSY:
+            answer = other.ask(STOP)
+            expect(
+                answer.accepted,
+                "a program whose client is gone cannot be stopped",
+                expected="1",
+                observed=f"{answer}",
+                requirement="4.17/6",
+            )
+            finish(subject, other, STOP)
+        quieten(subject, other)
+        start_program(subject, other, RUN, seconds=0)
+        done(subject, other, RUN)
+        start_program(subject, other, RUN, BRIEFLY_S)
+        other.close()
+        _expect_free(subject.open())
+        subject.close_lines()
+
+
+def _expect_free(line: Line) -> None:
+    """A program that waits for a second is over before long, whoever hears of it."""
+    left_s = _OVER_S
+    while (status := line.ask("get_status")).value in BUSY:
+        expect(
+            left_s > 0,
+            "a program whose client is gone does not come to its end",
+            expected=IDLE,
+            observed=f"{status}",
+        )
+        line.wait(_POLL_S)
+        left_s -= _POLL_S
+
+
+@case("4/15", "3/18", "4.15/5", name="many", hazards=_MOTION)
+def test_many_runs(subject: Subject, line: Line) -> None:
+    """Fifty runs, one behind the other, are accepted and end with success, each once."""
+    program = stored(subject, line, 0)
+    subject.moved = True
+    for _ in range(50):
+        accepted(RUN, line.ask(RUN, program))
+        done(subject, line, RUN)
+    line.no_result(RUN, for_s=0)

@@ -1,0 +1,304 @@
+"""Clause 5.1: the structure fileData, as the controller sends and takes it (L710-739)."""
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, FILE_DATA_BYTES, HEAD_BYTES, Chunk
+from scaraspec.suite.controller.harness.asking.files import (
+    again,
+    begin,
+    course_of,
+    delete,
+    download,
+    expect_stored,
+    nothing_more,
+    offer,
+    send,
+    upload,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import SILENCE_S, Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.chunks import (
+    chunk_of,
+    expect_content,
+    expect_length,
+    expect_position,
+    expect_within,
+)
+from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import Unmet, expect, expect_equal
+
+_SIZES = (1, 200, 201, 400, 450)
+_WHOLE = content_of(450)
+
+
+def _chunks(subject: Subject, line: Line, content: bytes = _WHOLE) -> list[Chunk]:
+    """What the subject sends of a file, right or wrong."""
+    name = subject.new_name()
+    upload(line, name, content)
+    return [chunk_of(frame) for frame in course_of(line, name)]
+
+
+# As a sender
+
+
+@case("5.1/1")
+def test_structure(subject: Subject, line: Line) -> None:
+    """Every chunk of a download is one fileData."""
+    for size in examples(_SIZES):
+        _chunks(subject, line, content_of(size))
+
+
+@case("5.1/1", name="torn", slow=True)
+def test_torn_structure(subject: Subject, line: Line) -> None:
+    """A chunk that says 200 bytes and holds 50, or not even its numbers, is not taken."""
+    whole = FILE_DATA.encode(Chunk(200, 0, BUFFER_BYTES, content_of(200)), subject.dialect)
+    for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
+        begin(line, subject.new_name())
+        patience_s = SILENCE_S if size <= HEAD_BYTES else None  # it may be the signal of L787
+        taken = offer(line, data=whole[:size], within_s=patience_s)
+        expect(not taken, f"{size} bytes were taken as a fileData", expected="0", observed="1")
+        line = again(subject, line)
+
+
+@case("5.1/2")
+def test_size_of_the_structure(subject: Subject, line: Line) -> None:
+    """A chunk of a download has 212 data bytes; the last may be cut off behind its content."""
+    for size in examples(_SIZES):
+        name = subject.new_name()
+        upload(line, name, content_of(size))
+        for frame in course_of(line, name):
+            chunk, bytes_sent = frame.value, len(frame.frame.data)
+            if bytes_sent == FILE_DATA_BYTES:
+                continue
+            cut = isinstance(chunk, Chunk) and bytes_sent == HEAD_BYTES + chunk.length
+            expect(
+                cut,
+                "a chunk has another size than fileData",
+                expected=f"{FILE_DATA_BYTES} bytes",
+                observed=f"{bytes_sent} bytes",
+            )
+            subject.tolerate(
+                "5.1/2", "chunk_trunc", "truncated", "chunks are cut off behind their content"
+            )
+
+
+@case("5.1/3")
+def test_file_size(subject: Subject, line: Line) -> None:
+    """Every chunk of a download tells the size of the whole file."""
+    for size in examples(_SIZES):
+        for chunk in _chunks(subject, line, content_of(size)):
+            expect_equal(chunk.file_size, size, "fileSize is not the size of the file")
+
+
+@case("5.1/4")
+def test_position(subject: Subject, line: Line) -> None:
+    """Every chunk of a download stands at the byte offset that it tells."""
+    for chunk in _chunks(subject, line):
+        expect_position(chunk, _WHOLE)
+
+
+@case("5.1/5")
+def test_length(subject: Subject, line: Line) -> None:
+    """Every chunk of a download tells how many bytes of its buffer are the file's: 1 to 200."""
+    for size in examples(_SIZES):
+        for chunk in _chunks(subject, line, content_of(size)):
+            expect_length(chunk)
+            expect_content(chunk, content_of(size))
+
+
+@case("5.1/6")
+def test_within_the_file(subject: Subject, line: Line) -> None:
+    """No chunk of a download reaches beyond its fileSize."""
+    for size in examples(_SIZES):
+        for chunk in _chunks(subject, line, content_of(size)):
+            expect_within(chunk, size)
+
+
+@case("5.1/7", name="download")
+def test_end_of_a_download(subject: Subject, line: Line) -> None:
+    """With the answer to its last chunk a download is over: nothing follows, another may begin."""
+    for size in examples(_SIZES):
+        name = subject.new_name()
+        upload(line, name, content_of(size))
+        for _ in range(2):
+            last = chunk_of(course_of(line, name)[-1])
+            message = "a download does not end where position + length is fileSize"
+            expect_equal(last.position + last.length, size, message)
+            nothing_more(line, "something followed on the last chunk of a download", "5.1/7")
+            answer = line.ask("download_name", data=name)
+            message = "behind the last chunk of a download no other can begin"
+            expect(answer.accepted, message, expected="1", observed=f"{answer}")
+            line = again(subject, line)
+
+
+@case("5.1/7", name="upload")
+def test_end_of_an_upload(subject: Subject, line: Line) -> None:
+    """With the answer to its last chunk an upload is over: another transfer may begin at once."""
+    for size in examples(_SIZES):
+        first, second = subject.new_name(), subject.new_name()
+        upload(line, first, content_of(size))
+        answer = line.ask("upload_name", data=second)
+        message = "behind the last chunk of an upload no other can begin"
+        expect(answer.accepted, message, expected="1", observed=f"{answer}")
+        send(line, Chunk(1, 0, 1, b"!"))
+        delete(line, first)
+        delete(line, second)
+
+
+@case("5.1/8")
+@given(size=st.integers(1, 1000))
+@example(size=1000)
+def test_ascending(subject: Subject, line: Line, size: int) -> None:
+    """A download of any size comes in ascending order, without gap or overlap."""
+    due = 0
+    for chunk in _chunks(subject, line, content_of(size)):
+        expect_equal(chunk.position, due, "a chunk does not follow on the one before")
+        due += chunk.length
+    expect_equal(due, size, "a download does not reach the end of its file")
+    subject.clear(line)
+
+
+@case("5.1/9")
+def test_one_byte_order(subject: Subject, line: Line) -> None:
+    """Chunks of all downloads of a session are in one byte order."""
+    orders = set()
+    for size in examples((1, 450, 70)):
+        name = subject.new_name()
+        upload(line, name, content_of(size))
+        for frame in course_of(line, name):
+            parsed = frame.seen.parsed
+            orders |= {v for k, v in parsed.decoded.readings if k == "endian"} if parsed else set()
+    expect(len(orders) <= 1, "the byte order changes", expected="one", observed="both")
+    if "big" in orders:
+        subject.tolerate("5.1/9", "endian", "big", "file data is big-endian")
+
+
+# As a receiver
+
+
+@case("5.1/10")
+def test_existing_file(subject: Subject, line: Line) -> None:
+    """An upload to a name that is taken fails, and what is sent nevertheless is not taken."""
+    name = subject.new_name()
+    upload(line, name, _WHOLE)
+    answer = line.ask("upload_name", data=name)
+    expect(not answer.accepted, "a name that is taken was accepted", expected="0", observed="1")
+    taken = offer(line, Chunk(3, 0, 3, b"new"))
+    expect(not taken, "content for a name that is taken was accepted", expected="0", observed="1")
+    expect_stored(line, name, _WHOLE, "5.1/10")
+
+
+@case("5.1/11")
+def test_content_without_a_name(subject: Subject, line: Line) -> None:
+    """Content before any name is not taken, and the subject itself sends none unasked."""
+    taken = offer(line, Chunk(3, 0, 3, b"abc"))
+    expect(not taken, "content came before any name and was taken", expected="0", observed="1")
+    nothing_more(line, "content was sent that nobody had asked for", "5.1/11")
+    upload(line, subject.new_name(), _WHOLE)
+    nothing_more(line, "content was sent that nobody had asked for", "5.1/11")
+
+
+@case("5.1/12")
+@given(lengths=st.lists(st.integers(1, BUFFER_BYTES), min_size=1, max_size=6), filler=st.binary())
+@example(lengths=[50], filler=b"\xaa")
+@example(lengths=[200, 1], filler=b"\xcc")
+@example(lengths=[1, 199, 1], filler=b"!")
+def test_rest_of_the_buffer(
+    subject: Subject, line: Line, lengths: list[int], filler: bytes
+) -> None:
+    """Of chunks of any length the valid bytes are stored, whatever stands behind them."""
+    content = content_of(sum(lengths))
+    name = subject.new_name()
+    begin(line, name)
+    position = 0
+    for length in lengths:
+        buffer = content[position : position + length] + filler * BUFFER_BYTES
+        send(line, Chunk(len(content), position, length, buffer[:BUFFER_BYTES]), "5.1/12")
+        position += length
+    expect_stored(line, name, content, "5.1/12")
+    subject.clear(line)
+
+
+def _pieces(content: bytes, *positions: int) -> list[Chunk]:
+    return [
+        Chunk(len(content), at, len(piece), piece)
+        for at in positions
+        for piece in [content[at : at + BUFFER_BYTES]]
+    ]
+
+
+def _not_complete(subject: Subject, line: Line, sent: list[int], missing: list[int]) -> None:
+    """Send chunks out of order; what is taken so must not be a file before the rest has come.
+
+    A subject may refuse them (A-5-8). One that takes them has to wait for what is missing; whether
+    it does is seen by sending that.
+    """
+    content, name = content_of(600), subject.new_name()
+    begin(line, name)
+    if not all(offer(line, chunk) for chunk in _pieces(content, *sent)):
+        return
+    if all(offer(line, chunk) for chunk in _pieces(content, *missing)):
+        expect_stored(line, name, content, "5.1/13")
+        subject.tolerate("5.1/13", "chunk_order", "any", "chunks are taken in any order")
+        return
+    got = download(again(subject, line), name)
+    if got is None:
+        return
+    message = f"a file of 600 bytes was taken for complete before the chunks at {missing} came"
+    claimed = "chunk_order" in subject.statement.claimed
+    if claimed and subject.dialect["chunk_order"] == "any" and 400 in sent:
+        subject.tolerate("5.1/13", "chunk_order", "any", message)
+        return
+    raise Unmet(
+        message,
+        expected="0 to a chunk that leaves a gap, or a wait for what is missing",
+        observed=f"1 to each chunk, and a file of {len(got)} bytes",
+    )
+
+
+@case("5.1/13", name="last-first")
+def test_last_chunk_first(subject: Subject, line: Line) -> None:
+    """A file whose last chunk came first is not complete with it."""
+    _not_complete(subject, line, [400], [0, 200])
+
+
+@case("5.1/13", name="gap")
+def test_gap(subject: Subject, line: Line) -> None:
+    """A file with a gap is not complete with its last chunk."""
+    _not_complete(subject, line, [0, 400], [200])
+
+
+@case("5.1/13", name="repeated")
+def test_repeated_chunk(subject: Subject, line: Line) -> None:
+    """A file is not complete because a chunk came twice."""
+    _not_complete(subject, line, [0, 200, 200], [400])
+
+
+@case("5.1/13", name="overlap")
+def test_overlap(subject: Subject, line: Line) -> None:
+    """A file is not complete because chunks overlap."""
+    _not_complete(subject, line, [0, 100, 200], [400])
+
+
+@case("5.1/13", name="other-size")
+def test_file_size_changed(subject: Subject, line: Line) -> None:
+    """A file whose later chunk tells a smaller size is refused, or has that size and no hole."""
+    content, name = content_of(600), subject.new_name()
+    begin(line, name)
+    send(line, Chunk(600, 0, 200, content[:200]))
+    if not offer(line, Chunk(250, 200, 50, content[200:250])):
+        return
+    got = download(again(subject, line), name)
+    if got is None:
+        return
+    expect(
+        got == content[:250],
+        "a file whose size changed on the way was taken for complete with bytes missing",
+        expected="0 to the chunk with another size, or a file of the 250 bytes sent",
+        observed=f"a file of {len(got)} bytes",
+    )
+    message = "the file size of the last chunk is the one that counts"
+    subject.tolerate("5.1/13", "A-5-7", "last", message)

@@ -1,0 +1,587 @@
+"""Clause 5.2: a file to the controller (0x50, 0x52; L741-763)."""
+
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
+from scaraspec.suite.controller.harness.asking.files import (
+    CHUNK_S,
+    NameRefused,
+    again,
+    begin,
+    delete,
+    download,
+    expect_round_trip,
+    expect_stored,
+    left_behind,
+    next_chunk,
+    nothing_more,
+    offer,
+    send,
+    transfer_frames,
+    upload,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.spoiling import malformed
+from scaraspec.suite.controller.harness.spoiling.delivery import SEGMENT_S, pieces, send_in
+from scaraspec.suite.controller.harness.spoiling.malformed import Malformed
+from scaraspec.suite.controller.harness.subject import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import offered
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import NoAnswer, expect
+from scaraspec.suite.engine.strategies import NAME_CHARACTERS
+
+_MOST = 2**32 - 1
+_LARGEST = 70_000
+_NEIGHBOUR = content_of(250)
+_DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
+_EDGES: Final = (
+    *(1, 2, 127, 128, 199, 200, 201, 211, 212, 213, 243, 255, 256, 257),
+    *(399, 400, 401, 512, 600, 1000),
+)
+_BEGINNING_OTHERWISE: Final = ((3, 12, 100), (16, 99), (215,))
+"""Sizes of segments that cut a chunk of AA CC AA CC ... so that later ones begin with AA, with CC,
+and with the end byte alone."""
+
+
+def _refused(line: Line, name: bytes, message: str) -> None:
+    answer = line.ask("upload_name", data=name)
+    expect(not answer.accepted, message, expected="0", observed=f"{answer}")
+
+
+# The name
+
+
+@case("5.2/2")
+@given(stem=st.text(f"{NAME_CHARACTERS}.", max_size=18).filter(lambda stem: ".." not in f"{stem}."))
+@example(stem="-._")
+@example(stem=".x.y")
+@example(stem="AZaz09")
+def test_new_name(subject: Subject, line: Line, stem: str) -> None:
+    """A name of letters, digits, dots, dashes and underscores that is not taken is answered 1.
+
+    One that has more than letters and digits may be refused (A-5-20).
+    """
+    name = subject.new_name(stem)
+    try:
+        upload(line, name, b"!")
+    except NameRefused as refusal:
+        subject.tolerate("5.2/2", "A-5-20", "letters and digits", f"{refusal}")
+        return
+    delete(line, name)
+
+
+@case("5.2/2", name="long")
+def test_long_names(subject: Subject, line: Line) -> None:
+    """A name of 30 bytes is taken; a longer one is refused, or kept whole."""
+    for size in examples((29, 30, 31, 60, 120, 200)):
+        short = subject.new_name()
+        name = short[:-4] + b"n" * (size - len(short)) + short[-4:]
+        answer = line.ask("upload_name", data=name)
+        if size <= 30:
+            message = f"a name of {size} bytes was refused"
+            expect(answer.accepted, message, expected="1", observed=f"{answer}")
+        if not answer.accepted:
+            message = f"a name of {size} bytes is refused"
+            subject.tolerate("5.2/2", "name_max", "30", message)
+            continue
+        send(line, Chunk(1, 0, 1, b"!"))
+        expect_stored(line, name, b"!", "5.2/2")
+        cut = line.ask("download_name", data=name[:30]).accepted if size > 30 else False
+        message = f"a name of {size} bytes was cut to 30"
+        expect(not cut, message, expected="0 to its first 30 bytes", observed="1")
+
+
+@case("5.2/2", name="none")
+def test_no_name(line: Line) -> None:
+    """An upload without a name is not accepted."""
+    line.send("upload_name", data=b"")
+    came = transfer_frames(line)
+    accepted = [seen for seen in came if seen.name == "upload_name" and seen.value is True]
+    expect(not accepted, "an upload without a name was accepted", expected="0", observed="1")
+
+
+@case("5.2/2", name="many")
+def test_many_names(subject: Subject, line: Line) -> None:
+    """Forty new names one after the other are answered 1, each once."""
+    for _ in range(40):
+        name = subject.new_name()
+        upload(line, name, b"!")
+        delete(line, name)
+    nothing_more(line, "a name was answered twice", "5.2/2")
+
+
+@case("5.2/3")
+def test_existing_name(subject: Subject, line: Line) -> None:
+    """A name that is taken is answered 0 again and again, and its file is left as it is."""
+    name, content = subject.new_name(), content_of(450)
+    upload(line, name, content)
+    for _ in range(3):
+        _refused(line, name, "a name that is taken was accepted")
+        expect_stored(line, name, content, "5.2/3")
+    expect_round_trip(subject, line, content, "5.2/3")
+
+
+@case("5.2/3", name="elsewhere")
+def test_name_that_another_connection_took(subject: Subject, line: Line) -> None:
+    """A name that was taken on an earlier connection is answered 0 too, and its file stays."""
+    name, content = subject.new_name(), content_of(450)
+    upload(line, name, content)
+    line = again(subject, line)
+    _refused(line, name, "a name that was taken on another connection was accepted")
+    line = again(subject, line)
+    expect_stored(line, name, content, "5.2/3")
+
+
+@case("5.2/15", name="upload", hazards=_DESTRUCTIVE)
+def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
+    """A new name with a slash or dots that lead elsewhere is not accepted."""
+    plain = subject.new_name()
+    for path in examples((b"../%s", b"../../%s", b"a/../%s", b"./%s", b"/%s", b"/tmp/%s", b"a/%s")):
+        name = path % plain
+        offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        line = offered.line
+        message = f"the name {name.decode()} was accepted"
+        expect(not offered.accepted, message, expected="0", observed="1")
+
+
+@case("5.2/15", name="backslash", hazards=_DESTRUCTIVE)
+def test_backslash_in_a_new_name(subject: Subject, line: Line) -> None:
+    """A new name with a backslash is not accepted, or nothing is stored where it would lead."""
+    for path in examples((b".\\%s", b"a\\..\\%s", b"..\\%s")):
+        plain = subject.new_name()
+        name = path % plain
+        offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        line = offered.line
+        if offered.accepted:
+            offer(line, Chunk(1, 0, 1, b"!"))
+            line = again(subject, line)
+            message = f"the name {name.decode()} has stored {plain.decode()}"
+            expect(left_behind(line, plain) is None, message, expected="0", observed="1")
+
+
+@case("5.2/15", name="same-file", hazards=_DESTRUCTIVE)
+def test_path_to_a_file(subject: Subject, line: Line) -> None:
+    """A path that would lead to a stored file does not fetch it."""
+    plain = subject.new_name()
+    upload(line, plain, b"!")
+    for path in examples(
+        (b"./%s", b"a/../%s", b"/%s", b".\\%s", b"a\\..\\%s", b"../programs/../%s")
+    ):
+        name = path % plain
+        offered = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        line = offered.line
+        message = f"{name.decode()} fetched {plain.decode()}"
+        expect(not offered.accepted, message, expected="0", observed="1")
+
+
+@case("5.2/15", name="system")
+def test_path_to_the_system(subject: Subject, line: Line) -> None:
+    """A path that would lead out of the store fetches nothing."""
+    up = (b"../" * 8, b"/", b"..\\" * 8, b"C:\\", b"/proc/self/cwd/../../../../")
+    for name in examples(
+        [way + file for way in up for file in (b"etc/passwd", b"windows\\win.ini")]
+    ):
+        offered = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        line = offered.line
+        message = f"{name.decode()} was fetched"
+        expect(not offered.accepted, message, expected="0", observed="1")
+
+
+# The chunks
+
+
+@case("5.2/6")
+def test_every_chunk_is_answered(subject: Subject, line: Line) -> None:
+    """Every chunk of an upload is answered 1, once."""
+    for size in examples((1, 200, 1000)):
+        begin(line, subject.new_name())
+        for chunk in chunks_of(content_of(size)):
+            send(line, chunk)
+        nothing_more(line, "a chunk was answered twice", "5.2/6")
+
+
+@case("5.2/6", name="refused")
+def test_refused_chunks_are_answered(subject: Subject, line: Line) -> None:
+    """A chunk that cannot be taken is answered 0, or ends the link (A-5-6, A-5-26)."""
+    for chunk in examples((Chunk(600, 0, 201, bytes(200)), Chunk(100, 0, 101, bytes(200)))):
+        begin(line, subject.new_name())
+        try:
+            answer = line.ask("upload_chunk", chunk)
+        except NoAnswer:
+            if line.ending is None:
+                raise
+            subject.tolerate("5.2/6", "A-5-26", "closed", "a chunk out of bounds ends the link")
+        else:
+            message = f"a chunk of length {chunk.length} of {chunk.file_size} was not refused"
+            refused = answer.accepted is False
+            expect(refused, message, expected="0", observed=f"{answer}")
+            nothing_more(line, "a chunk was answered twice", "5.2/6")
+        line = again(subject, line)
+
+
+def _other_order_is_illegal(length: int) -> bool:
+    """Whether a length is out of bounds in either byte order, so that none can be meant."""
+    return int.from_bytes(length.to_bytes(4, "little")) > BUFFER_BYTES
+
+
+_too_long = st.integers(BUFFER_BYTES + 1, _MOST).filter(_other_order_is_illegal)
+
+
+def _out_of_bounds(subject: Subject, line: Line, head: Chunk, taken_before: int = 0) -> None:
+    """Send a chunk that must not be taken, behind others that are in order."""
+    subject.clear(line)
+    begin(line, subject.new_name())
+    for chunk in list(chunks_of(content_of(head.file_size)))[:taken_before]:
+        send(line, chunk)
+    taken = offer(line, head)
+    message = f"length {head.length} at {head.position} of {head.file_size} bytes was taken"
+    expect(not taken, message, expected="0", observed="1", requirement="5.2/10")
+    line.close()
+
+
+@case("5.2/10", name="length")
+@given(length=_too_long, before=st.integers(0, 2))
+@example(length=201, before=0)
+@example(length=201, before=2)
+@example(length=212, before=1)
+@example(length=255, before=0)
+@example(length=256, before=1)
+@example(length=0xFFFFFF38, before=1)
+@example(length=_MOST, before=0)
+def test_length_over_the_buffer(subject: Subject, length: int, before: int) -> None:
+    """A chunk with a length over 200 is not taken, be it the first or a later one."""
+    head = Chunk(1000, 200 * before, length, bytes(BUFFER_BYTES))
+    _out_of_bounds(subject, subject.open(), head, before)
+
+
+@case("5.2/10", name="long-frame")
+def test_more_than_the_buffer(subject: Subject) -> None:
+    """A chunk that really brings more than 200 bytes is not taken."""
+    for length in examples((201, 220, 243)):
+        line = subject.open()
+        begin(line, subject.new_name())
+        head = FILE_DATA.encode(Chunk(1000, 0, length, b""), subject.dialect)[:HEAD_BYTES]
+        taken = offer(line, data=head + content_of(length))
+        message = f"a chunk of {length} bytes was taken"
+        expect(not taken, message, expected="0", observed="1")
+        line.close()
+
+
+@case("5.2/10", name="beyond")
+@given(size=st.integers(1, 600), over=st.integers(1, 199))
+@example(size=1, over=1)
+@example(size=200, over=1)
+@example(size=201, over=1)
+@example(size=399, over=1)
+def test_beyond_the_file(subject: Subject, size: int, over: int) -> None:
+    """A last chunk that reaches beyond fileSize is not taken."""
+    before, rest = divmod(size, BUFFER_BYTES)
+    length = min(rest + over, BUFFER_BYTES)
+    if rest + length <= BUFFER_BYTES or length > rest:
+        head = Chunk(size, 200 * before, length, bytes(BUFFER_BYTES))
+        _out_of_bounds(subject, subject.open(), head, before)
+
+
+@case("5.2/10", name="position")
+def test_position_beyond_the_file(subject: Subject) -> None:
+    """A position at or beyond the end is not taken, also where adding the length overflows.
+
+    Nor is one whose lower 16 bits are those of the position that is due.
+    """
+    for position in (600, 601, 65_536, 65_736, 100_000, 2**31 - 1, 2**32 - 200, 2**32 - 100, _MOST):
+        head = Chunk(600, position, BUFFER_BYTES, bytes(BUFFER_BYTES))
+        for before in examples((0, 1)):
+            _out_of_bounds(subject, subject.open(), head, before)
+
+
+@case("5.2/11")
+def test_chunk_without_a_name(subject: Subject, line: Line) -> None:
+    """A chunk before any name is not taken; nor is one after an upload was over."""
+    for content in examples((b"abc", content_of(200))):
+        taken = offer(line, Chunk(len(content), 0, len(content), content))
+        expect(not taken, "a chunk was taken without a name", expected="0", observed="1")
+        upload(line, subject.new_name(), content)
+
+
+@case("5.2/11", name="after-the-end")
+def test_chunk_after_the_end(subject: Subject, line: Line) -> None:
+    """A chunk behind the last one is not taken, and does not change the file."""
+    name, content = subject.new_name(), content_of(250)
+    upload(line, name, content)
+    last = Chunk(250, 200, 50, content[200:])
+    for more in examples((last, Chunk(450, 250, 200, bytes(200)), Chunk(3, 0, 3, b"new"))):
+        expect(not offer(line, more), "a chunk behind the last was taken", expected="0")
+        expect_stored(line, name, content, "5.2/11")
+
+
+@case("5.2/11", name="after-refusal")
+def test_chunk_after_a_refused_name(subject: Subject, line: Line) -> None:
+    """A chunk behind a refused name is not taken."""
+    name, content = subject.new_name(), content_of(250)
+    upload(line, name, content)
+    _refused(line, name, "a name that is taken was accepted")
+    taken = offer(line, Chunk(3, 0, 3, b"new"))
+    expect(not taken, "a chunk behind a refused name was taken", expected="0", observed="1")
+    expect_stored(line, name, content, "5.2/11")
+
+
+@case("5.2/11", name="during-a-download")
+def test_chunk_during_a_download(subject: Subject, line: Line) -> None:
+    """A chunk while a file is being fetched is not taken."""
+    name = subject.new_name()
+    upload(line, name, content_of(450))
+    line.ask("download_name", data=name)
+    next_chunk(line)
+    taken = offer(line, Chunk(3, 0, 3, b"new"))
+    expect(not taken, "a chunk was taken during a download", expected="0", observed="1")
+
+
+@case("5.2/11", name="elsewhere")
+def test_chunk_on_another_connection(subject: Subject, line: Line) -> None:
+    """A chunk on a connection that named no file is not taken into the upload of another one."""
+    subject.several()
+    name, content = subject.new_name(), content_of(450)
+    begin(line, name)
+    other = subject.open()
+    answer = offered(other, "upload_chunk", Chunk(450, 0, 200, bytes(200)))
+    expect(answer is None or not answer.accepted, "a chunk was taken without a name")
+    for chunk in chunks_of(content):
+        send(line, chunk)
+    expect_stored(other, name, content, "5.2/11")
+
+
+@case("5.2/11", name="reconnected")
+def test_chunk_after_the_connection_was_lost(subject: Subject, line: Line) -> None:
+    """A chunk on a new connection is not taken: the upload ended with the old one."""
+    subject.notices_leaving()
+    for end in examples((Line.close, Line.reset)):
+        begin(line, subject.new_name())
+        send(line, Chunk(450, 0, 200, bytes(200)))
+        end(line)
+        line = subject.open()
+        taken = offer(line, Chunk(450, 200, 200, bytes(200)))
+        message = "a chunk on a new connection was taken without a name"
+        expect(not taken, message, expected="0", observed="1")
+
+
+@case("5.2/13")
+def test_nothing_after_the_last_answer(subject: Subject, line: Line) -> None:
+    """Behind the answer to the last chunk nothing more is sent, up or down."""
+    for size in examples((1, 200, 450)):
+        name = subject.new_name()
+        upload(line, name, content_of(size))
+        nothing_more(line, "something followed on the last answer of an upload", "5.2/13")
+        download(line, name)
+        nothing_more(line, "something followed on the last answer of a download", "5.2/13")
+    line.wait(SILENCE_S)
+    nothing_more(line, "something followed on the last answer of a transfer", "5.2/13")
+
+
+# What is stored
+
+
+@case("5.2/12", name="again")
+def test_read_again_and_again(subject: Subject, line: Line) -> None:
+    """An uploaded file is fetched three times, and on another connection, and is the same."""
+    name, content = subject.new_name(), content_of(450)
+    upload(line, name, content)
+    expect_stored(line, name, content)
+    expect_stored(line, name, content)
+    line.ask("get_status")
+    expect_stored(line, name, content)
+    expect_stored(again(subject, line), name, content)
+
+
+@case("5.2/12", name="anew")
+def test_uploaded_anew(subject: Subject, line: Line) -> None:
+    """A name that was deleted brings what was uploaded last: longer, shorter, of the same size."""
+    name = subject.new_name()
+    for number, size in enumerate((450, 600, 250, 250, 1)):
+        content = content_of(size, number)
+        upload(line, name, content)
+        expect_stored(line, name, content)
+        delete(line, name)
+
+
+@case("5.2/12", name="two-files")
+def test_two_files(subject: Subject, line: Line) -> None:
+    """Two files of names that begin alike keep their contents apart."""
+    first = subject.new_name()
+    second = first[:-4] + b"b" + first[-4:]
+    contents = {first: content_of(450), second: content_of(450, 1)}
+    for name, content in contents.items():
+        upload(line, name, content)
+    for name, content in contents.items():
+        expect_stored(line, name, content)
+
+
+@case("5.2/12", name="two-connections")
+def test_two_uploads_at_once(subject: Subject, line: Line) -> None:
+    """Two connections upload and then fetch in turns, and each file is what was sent."""
+    subject.several()
+    lines = (line, subject.open())
+    names = [subject.new_name() for _ in lines]
+    contents = [content_of(650, number) for number in (0, 1)]
+    begin(lines[0], names[0])
+    if not lines[1].ask("upload_name", names[1]).accepted:
+        message = "one upload at a time, on whatever connection"
+        subject.tolerate("5.2/12", "A-5-17", "one", message)
+        return
+    for both in zip(*(list(chunks_of(content)) for content in contents), strict=True):
+        for each, chunk in zip(lines, both, strict=True):
+            send(each, chunk)
+    for each, name, content in zip(lines, names[::-1], contents[::-1], strict=True):
+        expect_stored(each, name, content)
+
+
+@case("5.2/12", name="one-name-twice")
+def test_one_name_on_two_connections(subject: Subject, line: Line) -> None:
+    """Where two connections upload under one name, one of them is refused, or one file is whole."""
+    subject.several()
+    lines = (line, subject.open())
+    name = subject.new_name()
+    contents = [content_of(450, number) for number in (0, 1)]
+    begin(lines[0], name)
+    lines[1].ask("upload_name", name)
+    taken = [True, True]
+    for both in zip(*(list(chunks_of(content)) for content in contents), strict=True):
+        for number in (0, 1):
+            taken[number] = bool(offer(lines[number], both[number])) and taken[number]
+    if not any(taken):
+        return
+    got = download(lines[0], name)
+    whole = [content for content, all_taken in zip(contents, taken, strict=True) if all_taken]
+    expect(
+        got in whole,
+        "two uploads under one name were mixed",
+        expected="one of the files whose every chunk was taken",
+        observed="another one" if got is not None else "no file",
+    )
+
+
+@case("5.2/14", "2/5", name="bytes")
+def test_delimiters_in_the_content(subject: Subject, line: Line) -> None:
+    """Files full of AA, CC, 00, 7C and of other bytes that software likes to change are kept."""
+    frame = b"\xaa\x09\x00\xcc"
+    contents = (
+        *(bytes([value]) * size for value in b"\xaa\xcc\x00\x7c\x90\xff" for size in (199, 401)),
+        bytes(range(256)) * 2,
+        frame * 100,
+        (bytes(198) + b"\xaa\xcc") * 2,
+        (bytes(198) + b"\xcc\xaa") * 2,
+        b"\xcc\x52\x01\x31\xaa" * 60,
+        b"abc" + bytes(300),
+        bytes(300) + b"abc",
+        b"\r\n" * 150,
+        b"a\nb\rc\x1ad\x04e\x0f" * 30,
+        b"\xef\xbb\xbf" + "程序".encode("gb18030") * 60,
+        b"1|2|3" * 50,
+        b"0",  # which is nothing in some languages
+        b"\\\"'%s%n&amp;" * 20,
+    )
+    for content in examples(contents):
+        expect_round_trip(subject, line, content, "5.2/14")
+    for sizes in _BEGINNING_OTHERWISE:
+        _in_segments(subject, line, b"\xaa\xcc" * 100, sizes)
+
+
+def _in_segments(subject: Subject, line: Line, content: bytes, sizes: tuple[int, ...]) -> None:
+    """Send a file of one chunk in segments of these sizes, and the rest of it in a last one."""
+    name = subject.new_name()
+    begin(line, name)
+    chunk = line.request("upload_chunk", Chunk(len(content), 0, len(content), content)).encode()
+    send_in(line, pieces(chunk, sizes), subject, SEGMENT_S)
+    try:
+        answer = line.reply("upload_chunk", within_s=CHUNK_S)
+    except NoAnswer as error:
+        error.requirement = "2/5"
+        raise
+    message = "a chunk was refused that came in several segments"
+    expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement="2/5")
+    expect_stored(line, name, content, "2/5")
+
+
+@case("5.2/14", name="drawn")
+@given(content=st.binary(min_size=1, max_size=700))
+def test_any_content(subject: Subject, line: Line, content: bytes) -> None:
+    """Whatever bytes a file has, they are kept."""
+    expect_round_trip(subject, line, content, "5.2/14")
+
+
+@case("5.2/16", name="edges")
+def test_sizes_at_the_edges(subject: Subject, line: Line) -> None:
+    """Files around multiples of 200 and of powers of two arrive intact."""
+    for size in examples(_EDGES):
+        expect_round_trip(subject, line, content_of(size), "5.2/16")
+
+
+@case("5.2/16", name="drawn")
+@given(size=st.integers(1, 1200))
+def test_any_size(subject: Subject, line: Line, size: int) -> None:
+    """Files of any size arrive intact."""
+    expect_round_trip(subject, line, content_of(size), "5.2/16")
+
+
+def _large(subject: Subject, line: Line, size: int) -> None:
+    """Send a large file and fetch it; if there is no room for it, the first chunk says so.
+
+    It is put between two others, which stay as they are.
+    """
+    neighbours, between = [subject.new_name(), subject.new_name()], subject.new_name()
+    for each in (neighbours[0], between, neighbours[1]):
+        upload(line, each, _NEIGHBOUR)
+    delete(line, between)
+    name, content = subject.new_name(), content_of(size)
+    begin(line, name)
+    first, *others = chunks_of(content)
+    if not line.ask("upload_chunk", first, within_s=CHUNK_S).accepted:
+        line.in_time()
+        _expect_too_large(subject, again(subject, line), size)
+        return
+    for chunk in others:
+        send(line, chunk, "5.2/16")
+    expect_stored(line, name, content, "5.2/16")
+    nothing_more(line, "something followed on a large file", "5.2/16")
+    for each in neighbours:
+        expect_stored(line, each, _NEIGHBOUR)
+
+
+def _expect_too_large(subject: Subject, line: Line, size: int) -> None:
+    """Where there is no room for a file, there is none for a larger one (A-5-25)."""
+    for larger in (size + 1, _LARGEST + 1, 2 * size + 1):
+        begin(line, subject.new_name())
+        taken = offer(line, Chunk(larger, 0, BUFFER_BYTES, bytes(BUFFER_BYTES)))
+        message = f"a file of {size} bytes is refused, and one of {larger} bytes is not"
+        expect(not taken, message, expected="1", observed="0", requirement="5.2/16")
+        line = again(subject, line)
+    subject.tolerate("5.2/16", "A-5-25", "no room", f"there is no room for {size} bytes")
+
+
+@case("5.2/16", "5.2/12", name="51200")
+def test_size_51200(subject: Subject, line: Line) -> None:
+    """A file of 256 full chunks arrives intact."""
+    _large(subject, line, 51_200)
+
+
+@case("5.2/16", "5.2/12", name="65535")
+def test_size_65535(subject: Subject, line: Line) -> None:
+    """The largest file whose size fits 16 bits arrives intact."""
+    _large(subject, line, 65_535)
+
+
+@case("5.2/16", "5.2/12", name="65536")
+def test_size_65536(subject: Subject, line: Line) -> None:
+    """The smallest file whose size does not fit 16 bits arrives intact."""
+    _large(subject, line, 65_536)
+
+
+@case("5.2/16", "5.2/12", name="70000")
+def test_size_70000(subject: Subject, line: Line) -> None:
+    """A file whose positions do not fit 16 bits arrives intact."""
+    _large(subject, line, _LARGEST)

@@ -1,0 +1,130 @@
+"""Clause 6.4: user variables, and the value with which each begins (L859-872)."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from scaraspec.protocol.programs import Opt
+from scaraspec.suite.controller.harness.asking.ports import outputs, set_output
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expect import NotRun, expect, expect_equal
+from scaraspec.suite.program_files.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.program_files.model import (
+    Assign,
+    Calculate,
+    Flip,
+    If,
+    State,
+    Statement,
+    Wait,
+    nodes_of,
+    variables_of,
+)
+from scaraspec.suite.program_files.writing import OUTPUTS, number, variable
+
+_GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_WAIT_S: Final = 5
+_SOON_S: Final = 1.0
+_VALUES: Final = {5: 1, 0: -1, -7: 0, 2_000_000_000: 40_000, 9: 2_147_483_647, 1: -2_147_483_648}
+"""Values by key: small and large, of either sign, under keys in no order."""
+
+
+def _are(values: dict[int, int]) -> list[Statement]:
+    """Flip an output for each variable that has another value."""
+    return [
+        If(variable(key), Opt.EQUAL, number(value), [], [Flip(_BAD)])
+        for key, value in values.items()
+    ]
+
+
+@case("6.4/5", hazards=PROGRAMS)
+def test_initial_values(subject: Subject, line: Line) -> None:
+    """Each variable begins with the value of the file, whatever its key and its place."""
+    with bench(subject, line) as robot:
+        robot.performs([*_are(_VALUES), Flip(_GOOD)], _VALUES)
+
+
+@case("6.4/5", name="many", hazards=PROGRAMS)
+def test_many_variables(subject: Subject, line: Line) -> None:
+    """The last of many variables begins with its value as the first does."""
+    values = {key: 3 * key - 7 for key in range(40)}
+    few = {key: values[key] for key in (0, 19, 39)}
+    with bench(subject, line) as robot:
+        robot.performs([*_are(few), Flip(_GOOD)], values, large=True)
+
+
+@case("6.4/5", "6.5/26", name="again", hazards=PROGRAMS)
+def test_initial_values_again(subject: Subject, line: Line) -> None:
+    """A second run begins with the values of the file again, not with those the first one left.
+
+    So it begins with the first node, also where the first run was stopped.
+    """
+    values = {3: 10, 4: 20}
+    block: list[Statement] = [
+        If(variable(3), Opt.EQUAL, number(10), [Flip(OUTPUTS[0])], [Flip(OUTPUTS[1])]),
+        Calculate(3, variable(3), Opt.ADD, number(1)),
+        Assign(4, number(0)),
+    ]
+    with bench(subject, line) as robot:
+        initial = outputs(line)
+        name = robot.start(nodes_of(block, initial), variables_of(values))
+        robot.finish()
+        robot.restart(name)
+        robot.finish()
+        state = State(initial, (), dict(values))
+        state.execute(block)
+        message = "the second run of a program differs from the first"
+        robot.has_left(state.outputs, state.written, message)
+        _expect_anew(line, robot, block, values)
+
+
+def _expect_anew(
+    line: Line, robot: Bench, block: Sequence[Statement], values: dict[int, int]
+) -> None:
+    """A program that was stopped in its midst does the same when it is run again."""
+    initial = outputs(line)
+    whole = [*block, Flip(OUTPUTS[2]), Wait(robot.theirs_s(_WAIT_S))]
+    state = State(initial, (), dict(values))
+    state.execute(whole)
+    used = OUTPUTS[:3]
+    on = not initial[used[-1] - 1]
+    name = robot.start(nodes_of(whole, initial), variables_of(values))
+    if robot.listens and robot.until(used[-1], on=on, within_s=_SOON_S):
+        robot.stop()
+        for port in used:
+            set_output(line, port, on=initial[port - 1])
+        robot.restart(name)
+        message = "a program that was stopped does not begin with its first node again"
+        expect(robot.until(used[-1], on=on, within_s=_WAIT_S), message, requirement="6.5/26")
+        message = "a run behind one that was stopped differs from the first"
+        # The stop may have switched off other outputs.
+        shown, wanted = ([b[port - 1] for port in used] for b in (outputs(line), state.outputs))
+        expect_equal(shown, wanted, message)
+    robot.stop()
+
+
+@case("6.4/5", name="simulated", hazards=PROGRAMS)
+def test_initial_values_behind_a_simulation(subject: Subject, line: Line) -> None:
+    """A run begins with the values of the file, not with those that its simulation left."""
+    block = [*_are({3: 10}), Flip(_GOOD), Assign(3, number(11))]
+    with bench(subject, line) as robot:
+        initial = outputs(line)
+        name = robot.store(robot.file(nodes_of(block, initial), variables_of({3: 10})))
+        if not robot.ask(name, "simulate_program").accepted:
+            raise NotRun("the subject simulates no such program")
+        robot.ended("simulate_program", within_s=subject.longest_s)
+        robot.restart(name)
+        robot.finish()
+        state = State(initial, (), {3: 10})
+        state.execute(block)
+        message = "a run differs behind a simulation of its program"
+        robot.has_left(state.outputs, state.written, message)
+
+
+@case("6.4/5", name="of-another", hazards=PROGRAMS)
+def test_values_of_another_program(subject: Subject, line: Line) -> None:
+    """A program begins with its own values, not with what another left under the same keys."""
+    with bench(subject, line) as robot:
+        robot.performs([Assign(1, number(77)), Flip(_GOOD)], {1: 70})
+        robot.performs([*_are({1: 5, 2: 6}), Flip(_GOOD)], {1: 5, 2: 6})

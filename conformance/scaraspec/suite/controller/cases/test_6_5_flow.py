@@ -1,0 +1,259 @@
+"""Clause 6.5: which nodes are executed, and in which order: all, one branch, a loop again."""
+
+from typing import Final
+
+from hypothesis import Phase, assume, settings
+
+from scaraspec.protocol.programs import Opt
+from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.controller.harness.asking.files import send
+from scaraspec.suite.controller.harness.asking.ports import (
+    expect_outputs,
+    outputs,
+    set_output,
+    with_port,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import BRIEFLY_S
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import Undecided, expect, expect_equal
+from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, bench
+from scaraspec.suite.program_files.model import (
+    Block,
+    Calculate,
+    Flip,
+    If,
+    Put,
+    Statement,
+    Wait,
+    is_told,
+    nodes_of,
+    variables_of,
+)
+from scaraspec.suite.program_files.strategies import blocks, variables
+from scaraspec.suite.program_files.writing import OUTPUTS, branch, compare, loop, number, variable
+from scaraspec.suite.program_files.writing import set_output as output_node
+
+_GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_X: Final = 3
+_MANY: Final = 500
+"""Nodes: more than a byte counts."""
+_LATE_S: Final = 5.0
+"""By how much a loop of a few nodes may be late, in the subject's seconds: nothing bounds it."""
+
+
+@case("6.5/19", hazards=PROGRAMS)
+def test_output_nodes(subject: Subject, line: Line) -> None:
+    """An output node sets its port to 1 and to 0, whatever it was, and no other port.
+
+    So does a second one for the same port, in the same program.
+    """
+    with bench(subject, line) as robot:
+        for _ in range(2):
+            robot.performs([Flip(port) for port in OUTPUTS])
+        now = outputs(line)
+        ways = [(port, on) for port in OUTPUTS for on in (not now[port - 1], now[port - 1])]
+        robot.run(output_node(port, on=on) for port, on in ways)
+        robot.has_left(now, OUTPUTS, "a program has set each of these outputs, and back")
+
+
+@case("6.5/19", "4.32/6", name="one-by-one", hazards=PROGRAMS)
+def test_output_node_alone(subject: Subject, line: Line) -> None:
+    """A program of one output node sets that port alone; 0x43 sets it as it was before."""
+    with bench(subject, line) as robot:
+        for port in examples((OUTPUTS[0], OUTPUTS[-1])):
+            before = outputs(line)
+            on = before[port - 1]
+            set_output(line, port, on=on)
+            robot.performs([Flip(port)])
+            if set_output(line, port, on=on).accepted:
+                message = f"output {port} was set once more to what a program had changed"
+                expect_outputs(line, before, message, requirement="4.32/6")
+
+
+@case("6.5/19", "6.5/26", name="in-time", hazards=PROGRAMS, slow=True)
+def test_output_node_in_time(subject: Subject, line: Line) -> None:
+    """An output changes when the program gets to its node, not before and not at the end.
+
+    Another program that is sent meanwhile is without effect on it.
+    """
+    first, second = OUTPUTS[:2]
+    with bench(subject, line) as robot:
+        pause_s = robot.theirs_s(BRIEFLY_S)
+        robot.start(nodes_of([Flip(first), Wait(pause_s), Flip(second)], robot.before))
+        on = not robot.before[first - 1]
+        expect(
+            robot.until(first, on=on, within_s=pause_s / 2),
+            f"output {first} is not set although the program has come to its node",
+            expected=f"{on:d}",
+            observed=f"{not on:d}",
+        )
+        now = outputs(line)
+        if robot.since_s() >= robot.ours_s(pause_s):
+            raise Undecided("the outputs were not told before the program could go on")
+        due = with_port(robot.before, first, on=on)
+        message = "outputs are set before the program comes to their nodes"
+        robot.has_left(due, (first,), message, shown=now)
+        if line.ask("upload_name", data=subject.new_name()).accepted:
+            for chunk in chunks_of(robot.file(nodes_of([Flip(first)], robot.before))):
+                send(line, chunk)
+        robot.finish(lasts_s=pause_s)
+        due = with_port(due, second, on=not robot.before[second - 1])
+        robot.has_left(due, (first, second), "the outputs are not as the program left them")
+
+
+@case("6.5/23", "6.5/20", hazards=PROGRAMS)
+def test_loop(subject: Subject, line: Line) -> None:
+    """The nodes of a loop are executed again, from the first to the last but one; no other is.
+
+    Another loop stands ahead of it, in a branch that is not executed.
+    """
+    first, last = OUTPUTS[:2]
+    ahead = Calculate(3, variable(3), Opt.ADD, number(1))
+    body: list[Statement] = [
+        If(variable(3), Opt.EQUAL, number(2), [Flip(_BAD)]),
+        If(number(1), Opt.EQUAL, number(1), [Flip(OUTPUTS[2])], [Flip(_BAD)]),
+    ]
+    for key, port in ((1, first), (2, last)):
+        body.append(Calculate(key, variable(key), Opt.ADD, number(1)))
+        body.append(If(variable(key), Opt.EQUAL, number(2), [Flip(port)]))
+    with bench(subject, line) as robot:
+        nodes = loop(subject.dialect, nodes_of([*body, Wait(1)], robot.before))
+        skipped = loop(subject.dialect, nodes_of([Flip(_BAD)], robot.before))
+        holds = compare(number(2), Opt.LESS, number(1))
+        nodes = [*nodes_of([ahead], robot.before), *branch(holds, skipped), *nodes]
+        robot.start(nodes, variables_of({1: 0, 2: 0, 3: 0}))
+        for port in (first, last):
+            expect(
+                robot.until(port, on=not robot.before[port - 1], within_s=1 + _LATE_S),
+                "a node of a loop is not executed the second time",
+                expected=f"output {port} changes then",
+                observed="it does not",
+            )
+        expect(
+            robot.since_s() >= robot.ours_s(1) - EARLY_S,
+            "a loop begins anew before the seconds are over that it waits for",
+            expected="1 s",
+            observed=f"{robot.since_s():.2f} s",
+            requirement="6.5/20",
+        )
+        expect_equal(
+            outputs(line)[_BAD - 1],
+            robot.before[_BAD - 1],
+            "what stands before a loop is executed with it again, or the branch of what fails",
+        )
+
+
+_BRANCHES: Final[tuple[Block, ...]] = (
+    [If(number(1), Opt.LESS, number(2), [Flip(OUTPUTS[0])], [Flip(_BAD)])],
+    [If(number(2), Opt.LESS, number(1), [Flip(_BAD)], [Flip(OUTPUTS[1])])],
+    [If(number(1), Opt.LESS, number(2), [Flip(OUTPUTS[2])])],
+    [If(number(2), Opt.LESS, number(1), [Flip(_BAD)])],
+    [
+        If(
+            number(1),
+            Opt.EQUAL,
+            number(1),
+            [If(number(1), Opt.EQUAL, number(2), [Flip(_BAD)], [Flip(OUTPUTS[3])])],
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)], [Flip(_BAD)]), Flip(_BAD)],
+        )
+    ],
+    [
+        If(
+            number(1),
+            Opt.GREATER,
+            number(1),
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)]), Flip(_BAD)],
+            [
+                Put(OUTPUTS[4], number(0)),
+                If(number(1), Opt.EQUAL, number(1), [Flip(OUTPUTS[4])], [Flip(_BAD)]),
+            ],
+        )
+    ],
+    [
+        If(
+            number(1),
+            Opt.GREATER,
+            number(1),
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)], [Flip(_BAD)]), Flip(_BAD)],
+            [Flip(OUTPUTS[5])],
+        )
+    ],
+    [
+        If(
+            number(1),
+            Opt.GREATER,
+            number(1),
+            [If(number(1), Opt.EQUAL, number(1), [Flip(_BAD)]), Flip(_BAD)],
+        )
+    ],
+)
+"""Of what holds and what does not, with ELSE and without, and one inside the other."""
+
+
+@case("6.5/24", hazards=PROGRAMS)
+def test_branches(subject: Subject, line: Line) -> None:
+    """The branch of what holds is executed and the other is not, and what follows it is."""
+    with bench(subject, line) as robot:
+        robot.performs([statement for block in _BRANCHES for statement in block])
+
+
+@case("6.5/24", name="apart", hazards=PROGRAMS)
+def test_branches_apart(subject: Subject, line: Line) -> None:
+    """The same for each in a program of its own, which the ENDIF ends.
+
+    What is not executed may be a loop.
+    """
+    with bench(subject, line) as robot:
+        for block in _BRANCHES[:4]:
+            robot.performs(block)
+        now = outputs(line)
+        skipped = loop(subject.dialect, nodes_of([Flip(_BAD)], now))
+        holds = compare(number(2), Opt.LESS, number(1))
+        robot.run(branch(holds, skipped, nodes_of([Flip(_GOOD)], now)))
+        due = with_port(now, _GOOD, on=not now[_GOOD - 1])
+        message = "an IF whose first branch holds a loop went another way"
+        robot.has_left(due, (_GOOD,), message)
+
+
+@case("6.5/26", hazards=PROGRAMS)
+def test_every_node(subject: Subject, line: Line) -> None:
+    """The last node of a program is executed as the first is, be they one, two or seven."""
+    with bench(subject, line) as robot:
+        for count in examples((1, 2, len(OUTPUTS))):
+            robot.performs([Flip(port) for port in OUTPUTS[:count]])
+
+
+@case("6.5/26", name="many", hazards=PROGRAMS)
+def test_many_nodes(subject: Subject, line: Line) -> None:
+    """So it is with each node of a program that has many more than a byte counts."""
+    with bench(subject, line) as robot:
+        filling = [Calculate(_X, variable(_X), Opt.ADD, number(1))] * _MANY
+        all_were = If(variable(_X), Opt.EQUAL, number(_MANY), [Flip(_GOOD)], [Flip(_BAD)])
+        robot.performs([Wait(0), *filling, all_were], {_X: 0}, large=True)
+
+
+@case(
+    "6.5/26",
+    "6.4/5",
+    "6.5/19",
+    "6.5/24",
+    "6.6a/11",
+    "6.6a/12",
+    "6.6a/13",
+    name="drawn",
+    hazards=PROGRAMS,
+)
+def test_drawn_programs(subject: Subject, line: Line) -> None:
+    """Programs drawn at random leave the outputs that the document makes of them."""
+    with bench(subject, line) as robot:
+        # Programs are short as they are drawn; to shorten one takes hundreds of runs.
+        @settings(max_examples=max(1, settings().max_examples // 2), phases=(Phase.generate,))
+        @given(blocks, variables)
+        def performs(block: Block, values: dict[int, int]) -> None:
+            assume(is_told(block, values))
+            robot.performs(block, values)
+
+        performs()

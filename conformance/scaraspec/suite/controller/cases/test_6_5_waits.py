@@ -1,0 +1,393 @@
+"""Clause 6.5: nodes that hold a program: for a time, until an instant, until an input is so."""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from typing import Final
+
+from scaraspec.protocol.programs import Condition, Node, Opt
+from scaraspec.suite.controller.harness.asking.ports import (
+    Bits,
+    expect_outputs,
+    inputs_driven,
+    inputs_steady,
+    outputs,
+    still_inputs,
+    with_port,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import find_out_whether_it_listens
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NotRun, Undecided, Unmet, expect
+from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, Bench, bench
+from scaraspec.suite.program_files.layout import TRIAL_S, Trial, trial_of, twin_of
+from scaraspec.suite.program_files.writing import (
+    ANALOG,
+    INPUTS,
+    OUTPUTS,
+    branch,
+    compare,
+    input_port,
+    number,
+    set_output,
+    wait,
+    wait_input,
+    wait_until,
+)
+
+_SLACK_S: Final = 0.5
+_SLACK: Final = 0.1  # of the seconds, whichever is more (6.5/20)
+_LINK_S: Final = 0.25  # of ours, where the subject's seconds are shorter
+_LONG_S: Final = 200  # below zero for a robot that takes the byte for signed
+_GLANCE_S: Final = 0.2  # for how long a program that should wait is watched
+_STILL_S: Final = 0.6  # the same where it is watched but once
+_SOON_S: Final = 3.0  # for how long a robot may overlook an input, which is nowhere bounded
+_AHEAD_S: Final = 1.75  # how far ahead an instant is, and it is no whole second
+_INEXACT_S: Final = 0.3  # how exactly it is known when a clock goes to its next second
+_UTC_S: Final = 2.0
+_POLL_S: Final = 0.06
+_LONG: Final = 2**31  # seconds, or as many before 1970, which a timer of 4 bytes does not hold
+_TICKS: Final = 30  # more than a second of looking at a clock
+_US: Final = 1_000_000
+_NS: Final = 1e9
+
+
+# ---------------------------------------------------------------------- seconds
+
+
+@case("6.5/20", hazards=PROGRAMS)
+def test_wait(subject: Subject, line: Line) -> None:
+    """A wait node holds the program for its seconds, neither less nor much more.
+
+    The program by which the layout was found shows it. If it did not, another one has to.
+    """
+    with bench(subject, line) as robot:
+        with suppress(Unmet):
+            _expect_lasted(subject, trial_of(subject), [TRIAL_S])
+            return
+        robot.start(wait(TRIAL_S))
+        _lasted(subject, robot, [TRIAL_S])
+
+
+@case("6.5/20", name="several", hazards=PROGRAMS, slow=True)
+def test_waits(subject: Subject, line: Line) -> None:
+    """Waits add up, those of no time too, and one that only an IF comes to.
+
+    Of a long one that was stopped before nothing is left.
+    """
+    find_out_whether_it_listens(subject, line)
+    with bench(subject, line) as robot:
+        robot.start(wait(_LONG_S))
+        robot.stop()
+        each = [0, 1, 0, 2]
+        *nodes, last = (wait(seconds) for seconds in each)
+        within = branch(compare(number(1), Opt.LESS, number(2)), last)
+        robot.start([*itertools.chain.from_iterable(nodes), *within])
+        _lasted(subject, robot, each)
+
+
+@case("6.5/20", name="none", hazards=PROGRAMS)
+def test_wait_of_no_time(subject: Subject, line: Line) -> None:
+    """A wait of 0 seconds takes no time."""
+    with bench(subject, line) as robot:
+        robot.start(wait(0))
+        _lasted(subject, robot, [0])
+
+
+@case("6.5/20", name="long", hazards=PROGRAMS)
+def test_long_wait(subject: Subject, line: Line) -> None:
+    """A wait of 200 seconds is not over at once, and once stopped nothing of it is left."""
+    find_out_whether_it_listens(subject, line)
+    with bench(subject, line) as robot:
+        robot.start(wait(_LONG_S))
+        line.wait(robot.ours_s(_STILL_S))
+        result = robot.ended()
+        expect(
+            result is None,
+            f"a wait of {_LONG_S} s is over at once",
+            expected="none",
+            observed=f"{result}",
+        )
+        robot.stop()
+        robot.start(wait(0))
+        _lasted(subject, robot, [0])
+
+
+def _lasted(subject: Subject, robot: Bench, waits: Sequence[int]) -> None:
+    """Check how long a program takes that waits for so many seconds and does nothing else."""
+    ended_s = robot.finish(lasts_s=sum(waits)).time_s
+    _expect_lasted(subject, Trial(robot.started_s, robot.replied_s, ended_s), waits)
+
+
+def _expect_lasted(subject: Subject, trial: Trial, waits: Sequence[int]) -> None:
+    """Check how long it took; each of its waits may be late."""
+    seconds, scale = sum(waits), subject.statement.time_scale
+    link_s = _LINK_S if scale > 1 else 0.0
+    late_s = sum(max(_SLACK_S, _SLACK * each) for each in waits)
+    longest_s = (seconds + late_s) / scale + link_s
+    took_s = f"{trial.ended_s - trial.asked_s:.2f} s"
+    expect(
+        trial.ended_s - trial.asked_s >= seconds / scale - EARLY_S,
+        f"a wait of {seconds} s is too short",
+        expected=f"at least {seconds / scale:g} s",
+        observed=took_s,
+    )
+    expect(
+        trial.ended_s - trial.replied_s <= longest_s,
+        f"a wait of {seconds} s is too long",
+        expected=f"at most {longest_s:g} s",
+        observed=took_s,
+    )
+
+
+# ---------------------------------------------------------------------- instants
+
+
+@case("6.5/22", hazards=PROGRAMS)
+def test_timer(subject: Subject, line: Line) -> None:
+    """A timer node holds the program until its instant, which is no whole second, and no longer.
+
+    Where the clock of 0x07 does not show UTC, what the instant is remains open (A-6.5-13).
+    """
+    with bench(subject, line) as robot:
+        clock_s, at_s = _tick(subject, line)
+        problem = _timer(subject, robot, clock_s, at_s)
+        is_utc = abs(clock_s - at_s) <= _UTC_S
+        twin = twin_of(robot.layout)
+        if problem and twin:  # the same but for the size of a long, which a timer alone shows
+            robot.stop()
+            robot.layout = twin
+            problem = _timer(subject, robot, *_tick(subject, line)) and problem
+    if problem and not is_utc:
+        subject.tolerate(
+            "6.5/22", "A-6.5-13", "another clock", f"{problem}; but the clock does not show UTC"
+        )
+    else:
+        expect(not problem, problem, expected="11 at its instant", observed=problem)
+
+
+def _timer(subject: Subject, robot: Bench, clock_s: float, at_s: float) -> str:
+    """What is wrong with a timer that ends so long after the clock has shown a time."""
+    robot.start([wait_until(round((clock_s + _AHEAD_S) * _US))])
+    due_s = at_s + robot.ours_s(_AHEAD_S)
+    left_s = max(due_s - subject.now_ns / _NS, 0.0)  # it may have come before the program was there
+    result = robot.ended(within_s=left_s + robot.ours_s(_SLACK_S) + _LINK_S)
+    if result is None:
+        return "a timer is not over when its instant has come"
+    if not result.done:
+        return f"a program with a timer fails: {result}"
+    if result.time_s < due_s - _INEXACT_S:
+        return f"a timer is over {due_s - result.time_s:.2f} s before its instant"
+    return ""
+
+
+def _tick(subject: Subject, line: Line) -> tuple[float, float]:
+    """What the subject's clock shows, in seconds since 1970, when it goes to the next second.
+
+    Returns:
+        That, and when it was.
+
+    Raises:
+        Undecided: The clock stands still, is not told, or is out of a timer's reach.
+    """
+    first = line.ask("get_time").value
+    for _ in range(_TICKS):
+        line.wait(_POLL_S)
+        at_s = subject.now_ns / _NS
+        clock = line.ask("get_time").value
+        if isinstance(first, datetime) and isinstance(clock, datetime) and clock > first:
+            seconds = clock.replace(tzinfo=UTC).timestamp()
+            if not -_LONG <= seconds < _LONG - _AHEAD_S:
+                raise Undecided("the subject's clock shows a time that a timer cannot hold")
+            return seconds, at_s
+    raise Undecided("the subject's clock, by which a timer would go, stands still")
+
+
+# ---------------------------------------------------------------------- inputs
+
+_VALUES: Final = {
+    Condition.GREATER: 0,
+    Condition.LESS: 1,
+    Condition.EQUAL: 0,
+    Condition.NOT_GREATER: 0,
+    Condition.NOT_LESS: 1,
+}
+"""For each condition a value by which it tells 0 from 1, whether digital inputs count 100 or 1 when
+they are on (A-6.5-10).
+"""
+
+
+def _holds(condition: Condition, *, on: bool) -> bool:
+    """Whether a digital input of this state meets a condition with its value above."""
+    return on == (condition in (Condition.GREATER, Condition.NOT_LESS))
+
+
+def _waits() -> Iterator[tuple[Condition, int, bool, bool]]:
+    """Conditions, their values, the state of an input, and whether it meets them."""
+    for condition, value in _VALUES.items():
+        for on in (False, True):
+            yield condition, value, on, _holds(condition, on=on)
+    for condition in (Condition.LESS, Condition.NOT_LESS):
+        yield condition, 0, False, condition is Condition.NOT_LESS
+    yield Condition.EQUAL, 1, False, False
+
+
+def _stands_still(
+    line: Line, robot: Bench, due: Bits, where: str, *, for_s: float = _STILL_S
+) -> None:
+    """Check that a program goes no further for a while."""
+    line.wait(robot.ours_s(for_s))
+    result = robot.ended()
+    expect(
+        result is None,
+        f"the program ends although {where}",
+        expected="no final result",
+        observed=f"{result}",
+    )
+    if robot.listens:
+        expect_outputs(line, due, f"the program goes on although {where}")
+
+
+@case("6.5/9", "6.5/21", hazards=PROGRAMS)
+def test_conditions(subject: Subject, line: Line) -> None:
+    """By the inputs as they are: a program passes what holds, and stands still at what does not."""
+    with bench(subject, line) as robot:
+        _pass_and_stand(line, robot)
+
+
+@case("6.5/9", "6.5/21", name="driven", needs=("set_input",), hazards=PROGRAMS)
+def test_driven_conditions(subject: Subject, line: Line) -> None:
+    """The same with inputs that are driven, one on and the next one off."""
+    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+        for port in INPUTS:
+            drive(port, on=bool(port % 2))
+        _pass_and_stand(line, robot)
+
+
+def _pass_and_stand(line: Line, robot: Bench) -> None:
+    passed: list[Node] = []
+    still = still_inputs(line, INPUTS)
+    if not still:
+        raise Undecided("no input is still, by which a program could wait")
+    with inputs_steady(line, still) as states:
+        ports = {states[port - 1]: port for port in still}
+        for condition, value, on, holds in _waits():
+            if on not in ports:
+                continue
+            waiting = wait_input(ports[on], condition, value)
+            if holds:
+                passed.append(waiting)
+                continue
+            before = outputs(line)  # a stop may have switched them off
+            robot.start([waiting, set_output(OUTPUTS[0], on=not before[OUTPUTS[0] - 1])])
+            told = f"input {ports[on]} is {on:d} and the condition is {condition} with {value}"
+            _stands_still(line, robot, before, told, for_s=_GLANCE_S)
+            robot.stop()
+        robot.run(passed)
+
+
+@case("6.5/21", "6.5/9", name="goes-on", needs=("set_input",), hazards=PROGRAMS)
+def test_goes_on(subject: Subject, line: Line) -> None:
+    """A program stands still until the input meets the condition, each of the five, and goes on."""
+    steps = list(zip(_VALUES.items(), INPUTS, OUTPUTS, strict=False))
+    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+        nodes: list[Node] = []
+        for (condition, value), port, output in steps:
+            drive(port, on=not _holds(condition, on=True))
+            nodes += [
+                wait_input(port, condition, value),
+                set_output(output, on=not robot.before[output - 1]),
+            ]
+        robot.start(nodes)
+        due = robot.before
+        for (condition, value), port, output in examples(steps):
+            told = f"input {port} does not meet condition {condition} with {value}"
+            _stands_still(line, robot, due, told)
+            drive(port, on=not drive.now[port - 1])
+            on = not robot.before[output - 1]
+            expect(
+                robot.until(output, on=on, within_s=_SOON_S),
+                f"the program stands still although input {port} meets condition {condition}",
+                expected=f"output {output} is set to {on:d}",
+                observed="it is not",
+            )
+            due = with_port(due, output, on=on)
+        robot.finish()
+
+
+@case("6.5/21", name="each-port", needs=("set_input",), hazards=PROGRAMS)
+def test_waits_for_its_port(subject: Subject, line: Line) -> None:
+    """A program waits for the port that its node names, and no other input lets it go on.
+
+    An IF behind the wait reads an input as it is then, not as it was when the program began.
+    """
+    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+        for port in INPUTS:
+            drive(port, on=False)
+        wanted, output = INPUTS[2], OUTPUTS[0]
+        on = not robot.before[output - 1]
+        came_on = compare(input_port(INPUTS[0]), Opt.GREATER, number(0))
+        waiting = wait_input(wanted, Condition.GREATER, 0)
+        robot.start([waiting, *branch(came_on, [set_output(output, on=on)])])
+        for port in (*INPUTS[:2], *INPUTS[3:]):
+            drive(port, on=True)
+        _stands_still(line, robot, robot.before, f"only inputs other than {wanted} are on")
+        drive(wanted, on=True)
+        robot.finish()
+        due = with_port(robot.before, output, on=on)
+        message = "a program does not see an input that came on while it ran"
+        expect_outputs(line, due, message, requirement="6.6a/14")
+
+
+@case("6.5/9", name="hundredths", needs=("set_input",), hazards=PROGRAMS)
+def test_hundredths(subject: Subject, line: Line) -> None:
+    """A digital input that is on equals 100, or 1 where analog ones alone are scaled (A-6.5-10)."""
+    port = INPUTS[0]
+    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+        drive(port, on=True)
+        for value, reading in examples(((100, "all"), (1, "analog"))):
+            robot.start([wait_input(port, Condition.EQUAL, value)])
+            result = robot.ended(within_s=robot.ours_s(_SOON_S))
+            if result is not None:
+                expect(result.done, "a valid program fails", expected="11", observed=f"{result}")
+                subject.follows("wait_scale", reading)
+                break
+            robot.stop()
+        else:
+            raise Unmet(
+                "a digital input that is on equals neither 100 nor 1",
+                expected="the program goes on",
+                observed="it stands still",
+            )
+    if reading == "analog":
+        subject.tolerate("6.5/9", "wait_scale", reading, "a digital input that is on equals 1")
+
+
+@case("6.5/9", "6.5/21", name="analog", needs=("set_analog",), hazards=PROGRAMS)
+def test_analog_conditions(subject: Subject, line: Line) -> None:
+    """An analog input is compared with hundredths, each condition beside and on its edge."""
+    steps = (
+        (Condition.GREATER, 250, 2.75),
+        (Condition.LESS, 275, 2.5),
+        (Condition.EQUAL, 275, 2.75),
+        (Condition.EQUAL, 225, 2.25),
+        (Condition.NOT_LESS, 250, 2.5),
+        (Condition.NOT_GREATER, 225, 2.25),
+    )
+    before = line.ask("get_analog_input", ANALOG).value
+    with bench(subject, line) as robot:
+        try:
+            subject.hook("set_analog", port=ANALOG, value=2.5)
+            if line.ask("get_analog_input", ANALOG).value not in (2.5, 250):
+                raise NotRun("in which unit the hook drives analog inputs is not known")
+            robot.start([wait_input(ANALOG, condition, value) for condition, value, _ in steps])
+            for condition, value, drives in examples(steps):
+                told = f"the analog input does not meet condition {condition} with {value}"
+                _stands_still(line, robot, robot.before, told)
+                subject.hook("set_analog", port=ANALOG, value=drives)
+            robot.finish()
+        finally:
+            subject.hook("set_analog", port=ANALOG, value=before or 0)

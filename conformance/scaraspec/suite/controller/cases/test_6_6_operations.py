@@ -1,0 +1,252 @@
+"""Clause 6.6: what operations reckon, compare, store and set (L944-986).
+
+Each program tells by its outputs what came of it; what it should be the suite's own model says.
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+from scaraspec.protocol.programs import Node, Opt
+from scaraspec.suite.controller.harness.asking.ports import (
+    Bits,
+    digits,
+    inputs_driven,
+    inputs_steady,
+    outputs,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.program_files import writing as programs
+from scaraspec.suite.program_files.bench import PROGRAMS, Bench, bench
+from scaraspec.suite.program_files.model import (
+    COMPARISONS,
+    Assign,
+    Calculate,
+    Flip,
+    If,
+    Put,
+    Statement,
+    calculated,
+    compared,
+    nodes_of,
+)
+from scaraspec.suite.program_files.writing import INPUTS, OUTPUTS, input_port, number, variable
+
+_GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
+_X, _Y, _Z, _W = 7, 1000, -2, 0x10007
+"""Keys of variables; none is the number of its place, and two agree in their lowest two bytes."""
+
+_EACH: Final = (
+    (Opt.ADD, 19, 23),
+    (Opt.SUBTRACT, 19, 23),
+    (Opt.MULTIPLY, -4097, 4099),  # more than a float holds
+    (Opt.DIVIDE, 19, 4),
+    (Opt.DIVIDE, -210_000, 70_000),  # nothing is reckoned from it that hides a lost sign
+    (Opt.SUBTRACT, -5, -3),
+    (Opt.DIVIDE, 16_777_217, 1),  # more than a float holds
+)
+
+_CHAIN: Final = (
+    (7, Opt.ADD, 3),
+    (10, Opt.SUBTRACT, 14),
+    (-4, Opt.MULTIPLY, -6),
+    (24, Opt.DIVIDE, 5),  # 4: in integers
+    (4, Opt.SUBTRACT, -30),
+    (34, Opt.MULTIPLY, 1000),
+    (34000, Opt.ADD, 40000),
+    (74000, Opt.DIVIDE, 20000),  # 3: rounded down
+    (3, Opt.MULTIPLY, -70000),
+    (-210000, Opt.DIVIDE, 70000),
+    (-3, Opt.ADD, 3),
+    (0, Opt.SUBTRACT, -1_000_000_001),  # more digits than a float of four bytes holds
+)
+"""Calculations, each with the result of the one before."""
+
+_ITSELF: Final = -17
+"""What is added to itself, and its double multiplied with itself."""
+
+_PAIRS: Final = (
+    *((1, 2), (2, 2), (3, 2), (-1, 1), (-2, -3), (70000, 4464), (0, 0), (-3, -3)),
+    (2_000_000_000, -2_000_000_000),  # their difference is beyond an int
+    (16_777_217, 16_777_216),  # which are one float
+)
+"""Operands to compare: less, equal and greater, below zero, beyond 16 bits, and beyond a float."""
+
+
+@case("6.6a/11", hazards=PROGRAMS)
+def test_calculations(subject: Subject, line: Line) -> None:
+    """Sums, differences, products and quotients of integers, each made of the one before."""
+    block: list[Statement] = [Calculate(_X, variable(_X), opt, number(b)) for _, opt, b in _CHAIN]
+    a, opt, b = _CHAIN[-1]
+    due = number(calculated(opt, a, b))
+    block.append(If(variable(_X), Opt.EQUAL, due, [Flip(_GOOD)], [Flip(_BAD)]))
+    block.append(Assign(_X, number(_ITSELF)))
+    block += [Calculate(_X, variable(_X), opt, variable(_X)) for opt in (Opt.ADD, Opt.MULTIPLY)]
+    due = number((2 * _ITSELF) ** 2)
+    block.append(If(variable(_X), Opt.EQUAL, due, [], [Flip(_BAD)]))
+    with bench(subject, line) as robot:
+        robot.performs(block, {_X: _CHAIN[0][0]})
+
+
+@case("6.6a/11", name="each", hazards=PROGRAMS)
+def test_each_calculation(subject: Subject, line: Line) -> None:
+    """Each of the four calculations tells by an output of its own whether it is right."""
+    block: list[Statement] = []
+    for port, (opt, a, b) in zip(OUTPUTS, _EACH, strict=False):
+        block.append(Calculate(_Y, number(a), opt, number(b)))
+        due = number(calculated(opt, a, b))
+        block.append(If(variable(_Y), Opt.EQUAL, due, [Flip(port)]))
+    with bench(subject, line) as robot:
+        robot.performs(block, {_Y: 1})
+
+
+@case("6.6a/12", hazards=PROGRAMS)
+def test_comparisons(subject: Subject, line: Line) -> None:
+    """Each of the five comparisons holds where it should and nowhere else."""
+    with bench(subject, line) as robot:
+        robot.performs([*_comparisons(), Flip(_GOOD)])
+
+
+def _comparisons() -> Iterator[Statement]:
+    """What flips an output where a comparison is wrong."""
+    for a, b in _PAIRS:
+        for opt in COMPARISONS:
+            if compared(opt, a, b):
+                yield If(number(a), opt, number(b), [], [Flip(_BAD)])
+            else:
+                yield If(number(a), opt, number(b), [Flip(_BAD)])
+
+
+@case("6.6a/13", hazards=PROGRAMS)
+def test_results(subject: Subject, line: Line) -> None:
+    """A result goes into the variable with its key and no other, or to the port of its number."""
+    block: list[Statement] = [
+        Put(OUTPUTS[4], number(0)),
+        Put(OUTPUTS[4], variable(_X)),
+        Assign(_X, number(-70_021)),
+        Calculate(_Y, variable(_Y), Opt.ADD, number(2)),
+        Put(OUTPUTS[1], number(0)),
+        Put(OUTPUTS[2], number(1)),
+        Put(OUTPUTS[3], number(1)),
+        Put(OUTPUTS[3], number(0)),
+        Assign(_Z, variable(_X)),
+        Calculate(_W, number(5), Opt.ADD, number(6)),
+    ]
+    for key, due in {_X: -70_021, _Y: 102, _Z: -70_021, _W: 11}.items():
+        block.append(If(variable(key), Opt.EQUAL, number(due), [], [Flip(_BAD)]))
+    with bench(subject, line) as robot:
+        robot.performs([*block, Flip(_GOOD)], {_X: 1, _Y: 100, _Z: 300, _W: 400})
+
+
+@case("6.6a/13", name="ports", hazards=PROGRAMS)
+def test_port_settings(subject: Subject, line: Line) -> None:
+    """Every output is set by an operation to 1 and to 0, whatever it was.
+
+    The second program has the bytes of the first one, in another order.
+    """
+    with bench(subject, line) as robot:
+        for values in examples(((0, 1), (1, 0))):
+            robot.performs([Put(port, number(value)) for value in values for port in OUTPUTS])
+
+
+@case("6.6a/14", hazards=PROGRAMS)
+def test_operands(subject: Subject, line: Line) -> None:
+    """A number stands for itself and not for the variable with that key, a key for the variable."""
+    block: list[Statement] = [
+        Calculate(_Z, number(_X), Opt.SUBTRACT, variable(_X)),  # 7 - 50
+        If(variable(_Z), Opt.EQUAL, number(_X - 50), [], [Flip(_BAD)]),
+        Calculate(_Z, variable(_Y), Opt.SUBTRACT, number(_Y)),  # 60 - 1000
+        If(variable(_Z), Opt.EQUAL, number(60 - _Y), [], [Flip(_BAD)]),
+        Calculate(_Z, variable(_Y), Opt.SUBTRACT, variable(_Z)),  # into its own operand
+        If(variable(_Z), Opt.EQUAL, number(_Y), [], [Flip(_BAD)]),
+        Calculate(_Z, variable(_Y), Opt.ADD, variable(_Y)),  # of one variable twice
+        If(variable(_Z), Opt.EQUAL, number(120), [], [Flip(_BAD)]),
+        If(variable(_X), Opt.LESS, variable(_Y), [], [Flip(_BAD)]),
+        If(number(_X), Opt.LESS, number(_Y), [], [Flip(_BAD)]),
+        If(variable(_X), Opt.EQUAL, number(_X), [Flip(_BAD)]),
+        If(number(60), Opt.EQUAL, variable(_Y), [], [Flip(_BAD)]),
+        Flip(_GOOD),
+    ]
+    with bench(subject, line) as robot:
+        robot.performs(block, {_X: 50, _Y: 60, _Z: 0})
+
+
+@case("6.6a/14", name="inputs", hazards=PROGRAMS)
+def test_input_operands(subject: Subject, line: Line) -> None:
+    """An input port stands for the state that 0x42 shows, as 0 or as something greater."""
+    with bench(subject, line) as robot:
+        _reads_inputs(robot, line)
+
+
+@case("6.6a/14", name="driven-inputs", needs=("set_input",), hazards=PROGRAMS)
+def test_driven_input_operands(subject: Subject, line: Line) -> None:
+    """The same for inputs that are driven, one after the other."""
+    with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
+        for pattern in examples((0b101001, 0b010110)):
+            for index, port in enumerate(INPUTS):
+                drive(port, on=bool(pattern >> index & 1))
+            _reads_inputs(robot, line)
+
+
+def _reads_inputs(robot: Bench, line: Line) -> None:
+    block: list[Statement] = []
+    for port, output in zip(INPUTS, OUTPUTS, strict=False):
+        block.append(If(input_port(port), Opt.GREATER, number(0), [Flip(output)]))
+        block.append(Assign(_X, input_port(port)))
+        block.append(If(variable(_X), Opt.EQUAL, input_port(port), [], [Flip(output)]))
+    with inputs_steady(line) as states:
+        robot.performs([*block, Flip(_BAD)], {_X: -1}, inputs=states)
+
+
+@case("6.6a/2", hazards=PROGRAMS)
+def test_result_of_a_comparison(subject: Subject, line: Line) -> None:
+    """A result of 0 in the file means true; any other is without effect, or inverts (A-6.6a-1)."""
+    right, inverted = (True, False), (False, True)
+    with bench(subject, line) as robot:
+        robot.run(_two_branches(robot.before, 0))
+        expect(
+            _taken(robot.before, outputs(line)) == right,
+            "with a result of 0 an IF does not go by its comparison",
+            expected="the branch of what holds, and not that of what does not",
+            observed=digits(outputs(line)),
+        )
+        seen = set()
+        for result in examples((1, -1, 256)):
+            before = outputs(line)
+            if not robot.accepts(robot.file(_two_branches(before, result))):
+                subject.tolerate(
+                    "6.6a/2", "A-6.6a-1", "refused", f"a comparison with result {result} is refused"
+                )
+                return
+            robot.finish()
+            seen.add(_taken(before, outputs(line)))
+    expect(
+        seen in ({right}, {inverted}),
+        "results other than 0 mean now this and now that",
+        expected="all without effect, or all inverting",
+        observed=f"branches taken, of what holds and of what does not: {sorted(seen)}",
+    )
+    if seen == {right}:
+        subject.follows("cmp_result", "output")
+        return
+    subject.follows("cmp_result", "polarity")
+    meaning = "a result other than 0 in the file inverts a comparison"
+    subject.tolerate("6.6a/2", "cmp_result", "polarity", meaning)
+
+
+def _two_branches(before: Bits, result: int) -> list[Node]:
+    """One branch of what holds and one of what does not, each of which flips an output."""
+    nodes: list[Node] = []
+    for port, (a, b) in zip(OUTPUTS, ((2, 1), (1, 2)), strict=False):
+        comparison = programs.compare(number(a), Opt.GREATER, number(b), result=result)
+        nodes += programs.branch(comparison, nodes_of([Flip(port)], before))
+    return nodes
+
+
+def _taken(before: Bits, after: Bits) -> tuple[bool, bool]:
+    """Which of the two branches was taken."""
+    first, second = (before[port - 1] != after[port - 1] for port in OUTPUTS[:2])
+    return first, second

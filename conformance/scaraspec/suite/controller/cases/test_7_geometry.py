@@ -1,0 +1,132 @@
+"""Clause 7: the tool, the gripper's centre and the six values of a pose (L1002-1010)."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import Point
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import (
+    REACHED,
+    ask_move,
+    begin_step_somewhere,
+    joints_of,
+    off_by,
+    pose_of,
+    returning,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import NotRun, Undecided, Unmet, expect
+
+_STATE = (Hazard.STATE,)
+_MOTION = (Hazard.MOTION,)
+_OFFSET = Point(12.0, 5.0, -20.0)
+
+
+@contextmanager
+def _gripper(line: Line, centre: Point) -> Iterator[None]:
+    """Another gripper centre for a while.
+
+    Raises:
+        NotRun: The subject does not take it.
+    """
+    before = line.ask("get_gripper_center").value
+    if before is None or not line.ask("set_gripper_center", centre).accepted:
+        raise NotRun("the subject takes no other gripper centre")
+    try:
+        yield
+    finally:
+        with suppress(Unmet, Undecided):
+            line.ask("set_gripper_center", before)
+
+
+@case("7/1", hazards=_STATE)
+def test_tool_point(subject: Subject, line: Line) -> None:
+    """The tool coordinates stay where they are when the gripper's centre changes (7.1, 7.2)."""
+    has(subject, "get_tool_coordinates", "set_gripper_center")
+    with _gripper(line, Point(0.0, 0.0, 0.0)):
+        bare = pose_of(line)
+        line.ask("set_gripper_center", _OFFSET)
+        held = pose_of(line)
+    off = farthest(bare[:3], held[:3])
+    if off <= STANDSTILL:
+        return
+    length = sum(each**2 for each in _OFFSET) ** 0.5
+    shift = sum((p - q) ** 2 for p, q in zip(bare[:3], held[:3], strict=True)) ** 0.5
+    expect(
+        abs(shift - length) <= REACHED,
+        "another gripper centre changes the tool coordinates, and not by its own length",
+        expected=f"{bare}, or {length:.1f} mm away",
+        observed=f"{held}",
+    )
+    subject.tolerate("7/1", "pose_point", "gripper", "the tool coordinates are the gripper's")
+
+
+@case("7/1", name="steady")
+def test_tool_point_is_one(subject: Subject, line: Line) -> None:
+    """The same point is told again and again, to every connection, with x, y, z and thetaX."""
+    has(subject, "get_tool_coordinates")
+    first = pose_of(line)
+    others = [line, subject.open()] if subject.takes_several else [line]
+    for each in others:
+        now = pose_of(each)
+        expect(
+            off_by(now, first) <= STANDSTILL,
+            "the tool coordinates of an idle robot are not the same twice",
+            expected=f"{first}",
+            observed=f"{now}",
+        )
+
+
+@case("7/2", hazards=_MOTION)
+def test_meaningless_angles(subject: Subject, line: Line) -> None:
+    """Whatever thetaY and thetaZ a move names, x, y, z and thetaX are where it goes."""
+    has(subject, MOVE)
+    with returning(subject, line) as pose:
+        for theta_y, theta_z in examples(((7.0, 0.0), (0.0, 7.0), (-3.5, 3.5))):
+            named = pose._replace(theta_y=theta_y, theta_z=theta_z)
+            answer = ask_move(subject, line, named)
+            if not answer.accepted:
+                message = "a move with thetaY or thetaZ is refused"
+                subject.tolerate("7/2", "theta_yz", "reject", message)
+                continue
+            done(subject, line, MOVE)
+            now = pose_of(line)
+            expect(
+                off_by(now, pose) <= REACHED,
+                "thetaY or thetaZ, which mean nothing, changed where the arm went",
+                expected=f"{pose}",
+                observed=f"{now}",
+            )
+        now = pose_of(line)
+        if now.theta_y or now.theta_z:
+            subject.tolerate("7/2", "A-4.21-3", "not 0", "thetaY and thetaZ are reported")
+
+
+@case("7/5", "4.27/6", hazards=_MOTION)
+def test_one_geometry(subject: Subject, line: Line) -> None:
+    """The same pose has the same joint angles when the arm comes back, another pose has others."""
+    has(subject, MOVE)
+    with returning(subject, line) as pose:
+        joints = joints_of(line)
+        there, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+        away, now = joints_of(line), pose_of(line)
+        expect(
+            farthest(joints, away) > 0 or off_by(now, pose) <= STANDSTILL,
+            "two poses have the same joint angles",
+            expected=f"other joint angles at {there}",
+            observed=f"{away}",
+            requirement="4.27/6",
+        )
+        accepted(MOVE, ask_move(subject, line, pose))
+        done(subject, line, MOVE)
+        back = joints_of(line)
+        if farthest(joints, back) > REACHED:
+            message = "the same pose has other joint angles than before"
+            subject.tolerate("7/5", "A-4.24-5", "another elbow", message)

@@ -1,0 +1,165 @@
+"""Clause 8: codes are texts of table 8-1 (L1014-1044)."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import combinations
+from typing import Final
+
+from scaraspec.protocol import errors
+from scaraspec.protocol.errors import Joint
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    LOCK,
+    MOVE,
+    RUN,
+    SIMULATE,
+    finish,
+    has,
+    lasting,
+    offered,
+    start_program,
+)
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples
+from scaraspec.suite.engine.expect import expect, expect_equal
+from scaraspec.suite.engine.wire import Answer
+
+_MOTION: Final = (Hazard.MOTION, Hazard.STATE)
+_FAULTS: Final = ("motor_fault", "clear_faults")
+_MISSING: Final = "20"  # L1044
+_FAR: Final = b"1|900000|900000|900000|0|0|0"
+_POLL_S: Final = 0.05
+
+
+def _expect_code(subject: Subject, data: bytes) -> None:
+    """A code is a text, of the table, and no reserved one."""
+    text = data.rstrip(b"\0").decode("latin-1")
+    expect(
+        text and text.isascii() and text.isprintable(),
+        "a code is no text",
+        expected="two characters",
+        observed=data.hex(" "),
+        requirement="8/1",
+    )
+    code = errors.lookup(text)
+    expect(
+        code is not None,
+        "a code is not in table 8-1",
+        expected="a code of the table",
+        observed=show(data),
+        requirement="8/2",
+    )
+    if code in errors.RESERVED:
+        subject.tolerate("8/3", "A-8-3", text, f"the reserved code {text} was sent")
+
+
+def _code_of(answer: Answer) -> bytes:
+    """What stands behind the separator of a refusal or of a failure; empty where nothing does."""
+    return answer.frame.data[3 if answer.frame.tagged else 2 :]
+
+
+@case("8/1", "8/2", "8/3")
+def test_status(subject: Subject, line: Line) -> None:
+    """The code of the status is a text of the table."""
+    _expect_code(subject, line.ask("get_status").frame.data)
+
+
+@case("8/2", "8/1", "8/3", name="refusals", hazards=_MOTION)
+def test_refusals(subject: Subject, line: Line) -> None:
+    """What cannot be done is refused with codes of the table."""
+    subject.moved = True
+    missing = subject.new_name()
+    for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, _FAR))):
+        if name not in subject.statement.lacks:
+            answer = line.ask(name, data=data)
+            if answer.accepted:  # what is wrong may be found out late (A-4.15-1, A-4.24-5)
+                finish(subject, line, name)
+            elif answer.accepted is False and _code_of(answer):
+                _expect_code(subject, _code_of(answer))
+
+
+@case("8/2", "8/1", "8/3", name="busy", hazards=_MOTION)
+def test_refusals_of_a_busy_robot(subject: Subject, line: Line) -> None:
+    """While a program runs, status and refusals bear codes of the table."""
+    with lasting(subject, line, RUN):
+        _expect_code(subject, line.ask("get_status").frame.data)
+        answer = offered(line, LOCK)
+        if answer is not None and answer.accepted is False and _code_of(answer):
+            _expect_code(subject, _code_of(answer))
+
+
+@case("8/5", hazards=_MOTION)
+def test_missing_program(subject: Subject, line: Line) -> None:
+    """Programs that are not there are run and simulated; the code says 20, at either stage."""
+    subject.moved = True
+    for name in examples((RUN, SIMULATE)):
+        has(subject, name)
+        answer = line.ask(name, subject.new_name())
+        if answer.accepted:
+            answer = finish(subject, line, name)
+        expect_equal(answer.code, _MISSING, f"{name} of a missing program is not refused as such")
+
+
+@case("8/5", name="deleted", hazards=(Hazard.MOTION, Hazard.STATE))
+def test_deleted_program(subject: Subject, line: Line) -> None:
+    """A program runs, is deleted, and is run again; the code says 20."""
+    program = start_program(subject, line, RUN, 0).program
+    finish(subject, line, RUN)
+    line.ask("delete_program", program)
+    answer = line.ask(RUN, program)
+    if answer.accepted:
+        answer = finish(subject, line, RUN)
+    expect_equal(answer.code, _MISSING, "the run of a deleted program is not refused as such")
+
+
+# ---------------------------------------------------------------------- motors at fault
+
+
+@contextmanager
+def _broken(subject: Subject, joints: tuple[Joint, ...]) -> Iterator[None]:
+    names = ",".join(joint.name.lower() for joint in joints)
+    subject.hook("motor_fault", joints=names)
+    try:
+        subject.pause(_POLL_S)
+        yield
+    finally:
+        subject.hook("clear_faults")
+        subject.pause(_POLL_S)
+
+
+@case("8/2", "8/1", "8/3", name="faults", needs=_FAULTS, hazards=_MOTION)
+def test_codes_of_faults(subject: Subject, line: Line) -> None:
+    """Every combination of motors fails; status and refusals bear codes of the table.
+
+    Where the status is a code of motors it is that of those which fail (8/4).
+    """
+    subject.moved = True
+    for count in range(1, len(Joint) + 1):
+        for joints in examples(combinations(Joint, count)):
+            with _broken(subject, joints):
+                status = line.ask("get_status")
+                _expect_code(subject, status.frame.data)
+                told = errors.lookup(status.value) if isinstance(status.value, str) else None
+                expect(
+                    told is None or not told.joints or {*told.joints} == {*joints},
+                    "the status tells of other motors than those that fail",
+                    expected=errors.code_for_joints(joints).text,
+                    observed=f"{status}",
+                    requirement="8/4",
+                )
+                answer = line.ask(MOVE, data=_FAR)
+                if answer.accepted is False and _code_of(answer):
+                    _expect_code(subject, _code_of(answer))
+
+
+@case("8/2", "8/1", "8/3", name="failure", needs=_FAULTS, hazards=_MOTION)
+def test_code_of_a_failure(subject: Subject, line: Line) -> None:
+    """A motor fails while a program runs; the final result bears a code of the table."""
+    start_program(subject, line, RUN)
+    with _broken(subject, (Joint.ROTATION,)):
+        result = finish(subject, line, RUN)
+        if result.done is False:
+            _expect_code(subject, _code_of(result))

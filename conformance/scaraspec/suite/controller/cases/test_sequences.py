@@ -1,0 +1,133 @@
+"""Requests in any order: what one of them leaves behind shows in another, soon or late.
+
+Each command is judged with its own clause; here it is what lies between them: state that leaks,
+that is kept too long or forgotten, and faults that need many requests to show.
+"""
+
+import itertools
+from functools import partial
+from typing import Final
+
+from hypothesis import Phase, settings
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.model import Step
+from scaraspec.suite.controller.harness.sequences import (
+    acts_within,
+    attempt,
+    endless,
+    model_of,
+    sequences,
+    state_kept,
+)
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.executing import unless_others_run
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import given
+from scaraspec.suite.engine.shortening import shortened
+
+_ASKING: Final = (Hazard.READ_ONLY,)
+_STATE: Final = (Hazard.STATE,)
+_MOTION: Final = (Hazard.STATE, Hazard.MOTION)
+_DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
+_FILES: Final = (
+    *("upload", "upload", "upload", "download", "delete", "list_programs"),
+    *("set_default", "set_default", "get_default", "set_clock", "query", "reconnect"),
+)
+_PASSWORDS: Final = (
+    *("set_password", "mistake_password", "log_in", "log_in_wrongly", "reconnect"),
+    *("set_password", "look", "upload", "download", "query"),
+)
+_PROGRAMS: Final = (
+    *("upload", "delete", "run", "simulate", "stop", "look", "set_output", "get_outputs"),
+    *("upload", "interrupt", "interrupt", "set_output"),
+    *("list_programs", "set_default", "get_default", "move", "query", "get_clock", "reconnect"),
+)
+_LONG: Final = 25  # steps for each example
+_SHORTENED_NS: Final = 60 * 10**9
+"""For how long it is tried to find out which steps of a sequence matter."""
+
+
+@case("3/31", "4.8/3", "4.9/6", name="sequences", hazards=_ASKING)
+def test_queries(subject: Subject, line: Line) -> None:
+    """Queries and new connections in any order change nothing."""
+    _in_any_order(subject, line, _ASKING, share=4)
+
+
+@case(
+    *("5.2/12", "5.2/2", "5.2/3", "5.3/3", "4.10/11", "4.11/2", "4.11/3", "4.11/4"),
+    *("4.13/2", "4.13/3", "3/31"),
+    name="sequences",
+    hazards=_STATE,
+)
+def test_files(subject: Subject, line: Line) -> None:
+    """Files are sent, fetched, listed, deleted and made the default program, in any order."""
+    _in_any_order(subject, line, _STATE, _FILES, share=1)
+
+
+@case("4.20/3", "4.21/3", "4.5/4", "4.1/2", "4.1/3", "3/31", name="sequences", hazards=_STATE)
+def test_settings(subject: Subject, line: Line) -> None:
+    """Poses, the clock and logins in any order, among files, are as was asked."""
+    _in_any_order(subject, line, _STATE)
+
+
+@case(
+    "4.2/4", "4.2/2", "4.2/3", "4.2/5", "4.1/2", name="sequences", hazards=_DESTRUCTIVE, slow=True
+)
+def test_passwords(subject: Subject, line: Line) -> None:
+    """Passwords are changed, by right and by wrong old ones, among all that is set."""
+    _in_any_order(subject, line, _DESTRUCTIVE, _PASSWORDS)
+
+
+@case(
+    *("4/15", "4/6", "4.8/3", "4.8/4", "4.8/5", "4.9/2", "4.9/4", "4.9/6", "4.15/4", "4.15/7"),
+    *("4.17/3", "4.32/4", "4.32/6", "4.24/8"),
+    name="sequences",
+    hazards=_MOTION,
+)
+def test_programs(subject: Subject, line: Line) -> None:
+    """Programs run, are simulated, refused and stopped, outputs are set, among all that is set."""
+    _in_any_order(subject, line, _MOTION, _PROGRAMS, share=1)
+
+
+def _in_any_order(
+    subject: Subject,
+    line: Line,
+    hazards: tuple[Hazard, ...],
+    only: tuple[str, ...] = (),
+    *,
+    share: int = 2,
+) -> None:
+    acts = acts_within(subject, frozenset(hazards), only)
+    examples = settings().max_examples
+    failed: dict[tuple[Step, ...], Exception] = {}
+    with state_kept(subject, line, frozenset(hazards)) as names:
+
+        @settings(max_examples=-(-examples // share), phases=(Phase.generate,))
+        @given(sequences(acts, 2 + examples // 2))
+        def each(steps: list[Step]) -> None:
+            if not failed and (failure := attempt(subject, acts, names, steps)):
+                again = partial(attempt, subject, acts, names, like=failure)
+                until_ns = subject.now_ns + _SHORTENED_NS
+                shortest = shortened(steps, failure, again, lambda: subject.now_ns < until_ns)
+                failed[tuple(steps)] = shortest.error
+            if error := failed.get(tuple(steps)):  # hypothesis asks twice
+                raise error
+
+        with unless_others_run(subject):
+            each()
+
+
+@case("3/31", "5.2/12", "4.10/11", name="long-use", hazards=_STATE)
+def test_long_use(subject: Subject, line: Line) -> None:
+    """Hundreds of requests of every kind on the same connections, the last ones as the first."""
+    acts = [act for act in acts_within(subject, frozenset(_STATE)) if act != "reconnect"]
+    count = settings().max_examples * _LONG
+    with (
+        unless_others_run(subject),
+        state_kept(subject, line, frozenset(_STATE)) as names,
+        model_of(subject, acts, names) as model,
+    ):
+        for step in itertools.islice(endless(acts), count):
+            model.take(step)

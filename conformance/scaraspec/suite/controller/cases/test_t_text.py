@@ -1,0 +1,276 @@
+"""Clauses 3 and 4: how text, numbers and codes are written (L98-L706; A-0-1, A-0-3, A-T-1 to 7)."""
+
+import re
+from typing import Final
+
+from hypothesis import example
+from hypothesis import strategies as st
+
+from scaraspec.protocol import errors
+from scaraspec.protocol.commands import Point
+from scaraspec.protocol.fields import Wrong, show
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.controller.harness.asking.files import expect_stored, send, upload
+from scaraspec.suite.controller.harness.asking.queries import ask_all
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, RUN, SIMULATE, finish, has
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.examples import examples, given
+from scaraspec.suite.engine.expect import Unmet, expect, expect_equal
+from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.program_files.layout import short_program
+
+_STATE: Final = (Hazard.STATE,)
+_MOTION: Final = (Hazard.MOTION, Hazard.STATE)
+_FREE: Final = ("get_version", "list_programs", "get_running_program")  # hold any characters
+_DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
+
+
+def _without(answers: list[Answer], *wrongs: Wrong) -> None:
+    """Fail the subject if a payload is wrong in one of these ways.
+
+    Raises:
+        Unmet: It is.
+    """
+    for answer in answers:
+        complaints = answer.seen.parsed.decoded.complaints if answer.seen.parsed else ()
+        for complaint in complaints:
+            if complaint.wrong in wrongs:
+                message = f"{answer.seen.name}: {complaint.text}"
+                raise Unmet(message, observed=show(answer.frame.data))
+
+
+# ---------------------------------------------------------------------- separators
+
+
+@case("T/1")
+def test_bars(subject: Subject, line: Line) -> None:
+    """In the reply to every query one bar stands between two fields."""
+    answers = ask_all(subject, line)
+    _without(answers, Wrong.SPACE_FOR_BAR, Wrong.BLANKS)
+    # Where single bars stand, the number of fields is not their matter.
+    odd = [a for a in answers if b"||" in a.frame.data or b"|" not in a.frame.data]
+    _without(odd, Wrong.FIELD_COUNT)
+
+
+@case("T/1", name="refusal", hazards=_MOTION)
+def test_bar_before_a_code(subject: Subject, line: Line) -> None:
+    """The run of a missing program is refused, with one bar before the code (A-0-2)."""
+    for name in examples((RUN, SIMULATE)):
+        has(subject, name)
+        answer = line.ask(name, subject.new_name())
+        said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
+        _without(said, Wrong.SPACE_FOR_BAR, Wrong.FIELD_COUNT)
+
+
+@case("T/1", name="list", hazards=_STATE)
+def test_bars_in_a_list(subject: Subject, line: Line) -> None:
+    """The list of several programs has one bar between two names."""
+    uploaded = [subject.new_name() for _ in range(3)]
+    for name in uploaded:
+        upload(line, name, short_program(subject))
+    answer = line.ask("list_programs")
+    _without([answer], Wrong.SPACE_FOR_BAR, Wrong.BLANKS, Wrong.EMPTY_NAME)
+    names: tuple[bytes, ...] = answer.value.names if answer.value else ()
+    for name in names:
+        bare = name.strip(b" ,;\t")
+        expect(
+            name == bare or bare not in uploaded,
+            "names are separated by more than one bar",
+            expected=show(bare),
+            observed=show(name),
+        )
+
+
+# ---------------------------------------------------------------------- characters
+
+
+@case("T/2")
+def test_no_quotation_marks(subject: Subject, line: Line) -> None:
+    """No reply has the quotation marks of the examples."""
+    answers = ask_all(subject, line)
+    _without(answers, Wrong.QUOTES)
+    for answer in answers:
+        marks = [mark for mark in ('"', "“", "”") if mark.encode() in answer.frame.data]
+        if answer.seen.name not in _FREE:
+            expect(not marks, "a reply has a quotation mark", observed=f"{answer}")
+
+
+@case("T/3")
+def test_digits_are_characters(subject: Subject, line: Line) -> None:
+    """Flags and digits in replies are ASCII, none of them a binary value."""
+    answers = [*ask_all(subject, line), line.ask("download_name", subject.new_name())]
+    if subject.access.needs_login:
+        answers.append(line.ask("login", subject.password))
+    _without(answers, Wrong.BINARY)
+    for answer in answers:
+        if answer.seen.name in ("get_time", "get_status", "get_digital_outputs"):
+            text = answer.frame.data.rstrip(b"\0")
+            expect(
+                text.isascii() and text.decode("latin-1").isprintable(),
+                "digits are no ASCII characters",
+                observed=f"{answer}",
+            )
+
+
+@case("T/3", name="settings", hazards=_STATE)
+def test_flags_of_settings(subject: Subject, line: Line) -> None:
+    """The flag of what is set and of what is sent is a character."""
+    has(subject, "set_gripper_center")
+    centre = line.ask("get_gripper_center").value
+    name = subject.new_name()
+    answers = [line.ask("set_gripper_center", centre), line.ask("upload_name", name)]
+    _without(answers, Wrong.BINARY)
+
+
+@case("T/4")
+def test_ends_of_texts(subject: Subject, line: Line) -> None:
+    """No reply goes on behind its last character; a NUL and a bar are only warned of."""
+    for answer in ask_all(subject, line):
+        data = answer.frame.data
+        text = data.rstrip(b"\0")
+        expect(
+            b"\0" not in text or answer.seen.name == "get_running_program",
+            "a text goes on behind a NUL",
+            expected="nothing behind the last character",
+            observed=show(data),
+        )
+        expect(
+            answer.seen.name in _FREE or text == text.rstrip(b" \r\n\t"),
+            "a text ends with a blank or a line end",
+            expected="nothing behind the last character",
+            observed=show(data),
+        )
+        if text and text != data:
+            subject.tolerate("T/4", "trailing_nul", "yes", "a NUL ends a text")
+        elif text.endswith(b"|") and len(text) > 3:
+            subject.tolerate("T/4", "A-T-4", "trailing bar", "a bar ends a text")
+
+
+# ---------------------------------------------------------------------- numbers
+
+
+@case("T/5")
+def test_numbers(subject: Subject, line: Line) -> None:
+    """The numbers in the replies of queries are plain decimal text."""
+    _without(ask_all(subject, line), Wrong.NUMBER)
+
+
+_numbers = (
+    st.integers(-9999, 9999).map(lambda tenths: f"{tenths / 10:.1f}")
+    | st.sampled_from(("0", "-0.5", "0.05", "0.001", "100000", "12345.6", "-12345.6"))
+    | st.integers(-500, 500).map(str)
+)
+
+
+@case("T/5", name="set", hazards=_STATE)
+@given(texts=st.tuples(_numbers, _numbers, _numbers))
+@example(texts=("100000", "0.001", "-0.5"))
+@example(texts=("0.00001", "-0.0000001", "1000000"))
+def test_numbers_that_were_set(subject: Subject, texts: tuple[str, str, str]) -> None:
+    """Numbers of many sizes are set, and come back as plain decimal text."""
+    has(subject, "set_gripper_center", "get_gripper_center")
+    line = subject.open()
+    before = line.ask("get_gripper_center").value
+    try:
+        if line.ask("set_gripper_center", data="|".join(texts).encode()).accepted:
+            data = line.ask("get_gripper_center").frame.data.rstrip(b"\0|")
+            for text, wanted in zip(data.split(b"|"), texts, strict=False):
+                expect(
+                    _DECIMAL.fullmatch(text),
+                    "a number is no plain decimal text",
+                    expected=wanted,
+                    observed=show(text),
+                )
+    finally:
+        if isinstance(before, Point):
+            line.ask("set_gripper_center", before)
+        line.close()
+
+
+@case("T/5", name="decimals", hazards=_STATE)
+def test_decimals_are_taken(subject: Subject, line: Line) -> None:
+    """A number may have no decimals, or more than are needed."""
+    has(subject, "set_gripper_center", "get_gripper_center")
+    before = line.ask("get_gripper_center").value
+    try:
+        for data in examples((b"20|30|40", b"20.0|30.0|40.0", b"20.000|30.00|40", b"-20|-30.5|0")):
+            said = line.ask("set_gripper_center", data=data)
+            if not said.accepted and subject.dialect["num_format"] == "one-decimal":
+                subject.tolerate("T/5", "num_format", "one-decimal", f"{show(data)} was refused")
+                continue
+            expect(said.accepted, f"{show(data)} was refused", expected="1", observed=f"{said}")
+            now = line.ask("get_gripper_center").value
+            wanted = Point(*map(float, data.split(b"|")))
+            expect_equal(now, wanted, "numbers have changed", requirement="4.20/3")
+    finally:
+        if before is not None:
+            line.ask("set_gripper_center", before)
+
+
+# ---------------------------------------------------------------------- codes
+
+
+@case("T/7")
+def test_status_code(line: Line) -> None:
+    """The status is one of the two-character texts of table 8-1."""
+    data = line.ask("get_status").frame.data.rstrip(b"\0")
+    expect(
+        errors.lookup(data.decode("latin-1")),
+        "the status is no code of table 8-1",
+        expected="two characters of the table",
+        observed=show(data),
+    )
+
+
+@case("T/7", name="refusals", hazards=_MOTION)
+def test_codes_of_refusals(subject: Subject, line: Line) -> None:
+    """What is refused is refused with a code of two characters, or with none where that passes."""
+    subject.moved = True
+    missing = subject.new_name()
+    far = b"1|900000|900000|900000|0|0|0"
+    for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, far))):
+        if name in subject.statement.lacks:
+            continue
+        answer = line.ask(name, data=data)
+        said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
+        _without(said, Wrong.CODE)
+
+
+# ---------------------------------------------------------------------- beyond ASCII
+
+_NAMES: Final = ("程序".encode(), "程序".encode("gb18030"), "é".encode(), b"\xaa\xcc")
+
+
+@case("T/8")
+def test_names_beyond_ascii(subject: Subject, line: Line) -> None:
+    """Files have names in UTF-8 and in GBK; where they are taken, they are kept byte by byte."""
+    content = short_program(subject)
+    taken: dict[bytes, bool] = {}
+    for stem in examples(_NAMES):
+        name = subject.new_name().replace(b".", stem + b".")
+        taken[name] = line.ask("upload_name", data=name).accepted is True
+        if not taken[name]:
+            continue
+        for chunk in chunks_of(content):
+            send(line, chunk)
+        expect_stored(line, name, content)
+        line.fence()
+    refused = ", ".join(show(name) for name, is_taken in taken.items() if not is_taken)
+    if not refused:
+        return
+    for encoding in ("ascii", "utf-8", "gb18030"):
+        if all(is_taken is _is_text(name, encoding) for name, is_taken in taken.items()):
+            subject.tolerate("T/8", "text_encoding", encoding, f"names refused: {refused}")
+            return
+    subject.tolerate("T/8", "A-5-20", "some", f"names refused: {refused}")
+
+
+def _is_text(data: bytes, encoding: str) -> bool:
+    try:
+        data.decode(encoding)
+    except UnicodeDecodeError:
+        return False
+    return True

@@ -1,0 +1,163 @@
+"""Guard: every frame that the suite sends to a controller passes here before it is sent.
+
+What the frame may change is written into the journal first. A frame that would touch a file of the
+user, or start a motion that the emergency stop might not end, is not sent.
+"""
+
+from collections import defaultdict, deque
+from typing import Final
+
+from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import Acceptance, NameListPart
+from scaraspec.suite.controller.harness.emergency_stop import StopMonitor
+from scaraspec.suite.controller.harness.other_clients import OtherClients
+from scaraspec.suite.controller.harness.own_files import OwnFiles
+from scaraspec.suite.controller.harness.suite_passwords import usable
+from scaraspec.suite.engine.journal import Journal
+from scaraspec.traffic.happenings import FrameSeen
+
+SETTINGS: Final = {
+    "set_time": "clock",
+    "set_default_program": "default program",
+    "set_gripper_center": "gripper centre",
+    "set_initial_tool_position": "initial tool position",
+    "set_digital_output": "outputs",
+    "set_network": "network",
+}
+"""What each command sets, by the names of `state.restore.ITEMS`."""
+
+EVERYTHING: Final = "*"
+"""In the journal: any setting may have changed."""
+
+_NAMES_A_FILE: Final = ("upload_name", "delete_program", "run_program", "simulate_program")
+_SUITES: Final = usable(factory_reset=True)
+_ANSWERED: Final = ("upload_name", "delete_program", "set_password", *SETTINGS)
+_BAR: Final = b"|"
+_NS: Final = 1e9
+
+
+class Guard:
+    """Checks and notes what passes on all connections of a run.
+
+    Args:
+        journal: What the run may have changed.
+        files: Which files are the suite's own.
+        password: The user's password, which is never written down.
+        reply_s: How long a reply is waited for.
+        others: Follows what is set and read.
+
+    Attributes:
+        stop: Watches whether the emergency stop works.
+    """
+
+    def __init__(
+        self,
+        journal: Journal,
+        files: OwnFiles,
+        password: bytes,
+        reply_s: float,
+        others: OtherClients,
+    ) -> None:
+        self._journal, self._files, self._others = journal, files, others
+        self._password, self._reply_ns = password, reply_s * _NS
+        self._pending: defaultdict[tuple[str, int], deque[FrameSeen]] = defaultdict(deque)
+        self.stop = StopMonitor()
+
+    # ------------------------------------------------------------------ requests
+
+    def before(self, frame: Frame) -> None:
+        """A frame is about to be sent.
+
+        Raises:
+            NotRun: It names a file of the user.
+            StopFailed: The emergency stop might not end what it starts.
+            JournalError: What it changes cannot be written down.
+        """
+        command = BY_OPCODE.get(frame.opcode)
+        if frame.direction is not A2C:
+            return
+        self.stop.before(frame)
+        if command is None:
+            self._before_motion()
+            self.may_change(EVERYTHING)
+            return
+        if command.name in _NAMES_A_FILE:
+            self._files.check(frame.data)
+        if command.name == "upload_name":
+            self._files.offered(frame.data)
+        elif command.name == "set_password":
+            self._before_password(frame.data)
+        elif command.name in SETTINGS:
+            self.may_change(SETTINGS[command.name])
+        elif command.hazard is Hazard.MOTION and command.name != "emergency_stop":
+            self._before_motion()
+
+    def may_change(self, setting: str) -> None:
+        """A setting may be about to change.
+
+        Raises:
+            JournalError: That cannot be written down.
+        """
+        if setting not in self._journal.changes.changed:
+            self._journal.write("changing", setting=setting)
+
+    def _before_motion(self) -> None:
+        if not self._journal.changes.motion:
+            self._journal.write("motion")
+        self.may_change("outputs")  # a program or a reset may switch them
+
+    def _before_password(self, data: bytes) -> None:
+        _, _, new = data.partition(_BAR)
+        self._journal.write("password", value=self._named(new))
+
+    def _named(self, password: bytes) -> str | None:
+        """A password as the journal names it: None where it is, or contains, the user's."""
+        contains = bool(self._password) and self._password in password
+        if password == self._password or (contains and password not in _SUITES):
+            return None
+        return password.decode("latin-1")
+
+    # ------------------------------------------------------------------ replies
+
+    def sent(self, connection: str, seen: FrameSeen) -> None:
+        """A frame was sent, to which a reply is due."""
+        self.stop.sent(connection, seen)
+        self._others.sent(seen)
+        command = BY_OPCODE.get(seen.frame.opcode)
+        if command is None or command.name not in _ANSWERED:
+            return
+        pending = self._pending[connection, seen.frame.opcode]
+        while pending and seen.place.time_ns - pending[0].place.time_ns > self._reply_ns:
+            pending.popleft()  # it was never answered
+        pending.append(seen)
+
+    def received(self, connection: str, seen: FrameSeen) -> None:
+        """A frame of the controller came."""
+        self.stop.received(connection, seen)
+        command = BY_OPCODE.get(seen.frame.opcode)
+        if command is None or seen.frame.tagged:
+            return
+        if isinstance(seen.value, NameListPart):
+            self._files.listed(seen.value.names)
+        self._others.received(connection, seen)
+        pending = self._pending.get((connection, seen.frame.opcode))
+        if not pending:
+            return
+        request, accepted = pending.popleft(), _accepts(seen)
+        data = request.frame.data
+        self._others.answered(request, accepted=accepted)
+        if command.name == "upload_name":
+            self._files.answered(data, accepted=accepted)
+        elif command.name == "delete_program" and accepted:
+            self._files.deleted(data)
+        elif command.name == "set_password" and not accepted:
+            self._journal.confirm("password-refused", value=self._named(data.partition(_BAR)[2]))
+
+
+def _accepts(seen: FrameSeen) -> bool:
+    """Whether a first reply says yes."""
+    value = seen.value
+    return value.accepted if isinstance(value, Acceptance) else value is True

@@ -1,0 +1,185 @@
+"""Other clients: whether another program has changed a setting, the clock or a file during a run.
+
+Every request and reply of the run is followed. A faulty controller gives values that deviate from
+what was set, too, so a deviation alone decides nothing. After a failure two things show that
+another client is the cause: the setting changes while the suite sends nothing but queries
+(`state.watch`), or the deviation is suspicious (`followed_setting`) and the case passes when it is
+repeated.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final
+
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.payloads import NameListPart
+from scaraspec.suite.controller.harness.followed_setting import FollowedSetting
+from scaraspec.suite.controller.harness.setting_values import (
+    DEPENDS_ON,
+    OUTPUTS,
+    PROGRAMS,
+    QUERIES,
+    READ_BY,
+    SET_BY,
+    asked,
+    reported,
+    shown,
+)
+from scaraspec.suite.engine.party import Interference
+from scaraspec.traffic.happenings import FrameSeen
+
+if TYPE_CHECKING:
+    from scaraspec.suite.controller.harness.subject import Subject
+
+REASON: Final = "another client is using this robot"
+
+_NAMES_A_FILE: Final = ("upload_name", "delete_program", "set_default_program")
+_NS: Final = 1e9
+
+
+@dataclass
+class _Case:
+    """What a case depended on, what deviated in it, and why a failure of it does not count.
+
+    Attributes:
+        touched: The settings on which its replies depended.
+        deviations: A sentence for each that deviated.
+        suspicious: Whether one deviated suspiciously.
+        reason: Why a failure does not count; empty if it does.
+    """
+
+    touched: set[str] = field(default_factory=set)
+    deviations: dict[str, str] = field(default_factory=dict)
+    suspicious: bool = False
+    reason: str = ""
+
+
+class OtherClients(Interference):
+    """Follows the settings of one controller.
+
+    Attributes:
+        settings: The settings, by name.
+        deviating: What deviated in the running attempt at a case, and whether suspiciously.
+    """
+
+    def __init__(self, subject: "Subject") -> None:
+        self._subject = subject
+        self.settings = {name: FollowedSetting(subject.statement.time_scale) for name in QUERIES}
+        self.deviating: dict[str, bool] = {}
+        self._cases: dict[str, _Case] = {}
+        self._proofs: dict[str, str] = {}
+        self._parts: dict[str, list[bytes]] = {}
+        self._uploads: list[bytes] = []
+
+    # ------------------------------------------------------------------ what passes
+
+    def begin(self) -> None:
+        """A case begins, or is repeated."""
+        self.deviating = {}
+
+    def sent(self, seen: FrameSeen) -> None:
+        """A request was sent."""
+        if name := DEPENDS_ON.get(seen.name):
+            self._case.touched.add(name)
+        if seen.name == "upload_name":
+            self._uploads.append(seen.frame.data)
+
+    def answered(self, request: FrameSeen, *, accepted: bool) -> None:
+        """A request that sets something, or names a file, was answered."""
+        if request.name in _NAMES_A_FILE and not accepted:
+            self._case.touched.add(PROGRAMS)
+        if name := SET_BY.get(request.name):
+            value = asked(request, self.settings[OUTPUTS].expected)
+            at_s = request.place.time_ns / _NS
+            self.settings[name].asked(value, request.frame.data, at_s, accepted=accepted)
+
+    def received(self, connection: str, seen: FrameSeen) -> None:
+        """A reply came."""
+        name = READ_BY.get(seen.name)
+        value = self._reported(connection, seen) if name else None
+        if name is None or value is None:
+            return
+        expected = self.settings[name].expected
+        suspicious = self.settings[name].told(value, seen.place.time_ns / _NS)
+        if suspicious is None:
+            return
+        self.deviating[name] = suspicious or self.deviating.get(name, False)
+        self._case.suspicious |= suspicious
+        sentence = f"the {name} was {shown(value)} in place of {shown(expected)}"
+        self._case.deviations.setdefault(name, sentence)
+
+    def _reported(self, connection: str, seen: FrameSeen) -> Any:
+        """The value that a reply gives; None if it gives none, or not all of it yet."""
+        part = seen.value
+        if not isinstance(part, NameListPart):
+            return reported(seen)
+        names = self._parts.setdefault(connection, [])
+        names += part.names
+        return None if part.more else self._other_programs(self._parts.pop(connection))
+
+    def _other_programs(self, names: Iterable[bytes]) -> frozenset[str] | None:
+        """How a program list differs from that of the start; the suite's own files do not count."""
+        listed = self._subject.journal.changes.settings.get("programs")
+        if listed is None:
+            return None
+        before, now = {name.encode("latin-1") for name in listed}, set(names)
+        more = {f"with {show(name)}" for name in now - before if not self._may_be_own(name)}
+        return frozenset(more | {f"without {show(name)}" for name in before - now})
+
+    def _may_be_own(self, name: bytes) -> bool:
+        """Whether a name is one that the suite has sent, or part of one."""
+        if self._subject.files.prefix.lower() in name.lower():
+            return True
+        return any(name in own or (own and own in name) for own in self._uploads)
+
+    # ------------------------------------------------------------------ conclusions
+
+    @property
+    def _case(self) -> _Case:
+        """The running case; one for all that is between the cases."""
+        return self._cases.setdefault(self._subject.observer.case, _Case())
+
+    @property
+    def touched(self) -> set[str]:
+        """What the running case has depended on so far."""
+        return self._case.touched
+
+    @property
+    def proved(self) -> bool:
+        """Whether another client is known to have changed something."""
+        return bool(self._proofs)
+
+    @property
+    def suspected(self) -> bool:
+        """Whether something deviated suspiciously in the running attempt."""
+        return any(self.deviating.values())
+
+    def prove(self, name: str, was: Any, now: Any) -> None:
+        """A setting has changed while the suite sent only queries."""
+        change = f"from {shown(was)} to {shown(now)}"
+        self._proofs[name] = f"the {name} changed {change} while the suite sent only queries"
+        self._notify(self._proofs[name])
+
+    def passed_again(self) -> None:
+        """The running case has failed and was suspicious, and has passed when it was repeated."""
+        sentence = "; ".join(self._case.deviations.values())
+        self._case.reason = f"{REASON}, it seems: {sentence}; the case passed when it was repeated"
+        self._notify(sentence)
+
+    def _notify(self, sentence: str) -> None:
+        if not any(REASON in notice for notice in self._subject.notices):
+            consequence = "Findings that depend on it are inconclusive"
+            self._subject.notify(f"{REASON}: {sentence}. {consequence}")
+
+    def reason(self, case: str) -> str:
+        """Why a failure of this case does not count; empty if it does."""
+        record = self._cases.get(case, _Case())
+        if not case and record.suspicious:  # it cannot be repeated
+            return f"{REASON}, it seems: {'; '.join(record.deviations.values())}"
+        if record.reason or not self._proofs:
+            return record.reason
+        foreign = {name for name, setting in self.settings.items() if setting.foreign}
+        if not record.touched & (self._proofs.keys() | foreign | record.deviations.keys()):
+            return ""
+        seen = [s for n, s in record.deviations.items() if n not in self._proofs]
+        return f"{REASON}: {'; '.join((*self._proofs.values(), *seen))}"

@@ -1,0 +1,130 @@
+"""Own files: the names that the suite gives to files, and which stored files are its own.
+
+A file is the suite's own if the controller has accepted its upload (0x50 answered with 1) in this
+run, or in an earlier run whose journal says so. No other file is deleted, overwritten or run.
+"""
+
+import itertools
+import secrets
+import string
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from scaraspec.protocol.fields import NAME_MAX_BYTES
+from scaraspec.suite.engine.expect import NotRun
+from scaraspec.suite.engine.journal import Journal
+
+STEM: Final = "zs"
+"""How the names of all files begin that the suite makes."""
+
+TOKEN_LETTERS: Final = 4
+_TOKENS: Final = 100
+
+
+def random_token() -> str:
+    """A token for one run."""
+    return "".join(secrets.choice(string.ascii_lowercase) for _ in range(TOKEN_LETTERS))
+
+
+class OwnFiles:
+    """The files of one run.
+
+    Args:
+        journal: Where accepted uploads are written down.
+        draw_token: Makes a token for the run.
+
+    Attributes:
+        prefix: How the names of the run's files begin: the stem and the token.
+    """
+
+    def __init__(self, journal: Journal, draw_token: Callable[[], str] = random_token) -> None:
+        self._journal, self._draw_token = journal, draw_token
+        self._foreign: set[bytes] = set()
+        self._accepted: set[bytes] = set()
+        self._numbers = itertools.count(1)
+        self.prefix = (STEM + draw_token()).encode()
+
+    def begin(self, names: Iterable[bytes]) -> None:
+        """Choose a token that no stored file has.
+
+        Args:
+            names: The names of the stored files.
+
+        Raises:
+            NotRun: Every token that was drawn is in use.
+        """
+        self._foreign = {_base(name) for name in names} - {b""}
+        for _ in range(_TOKENS):
+            if not any(name.startswith(self.prefix) for name in self._foreign):
+                return
+            self.prefix = (STEM + self._draw_token()).encode()
+        raise NotRun(f"{_TOKENS} names for new files were all in use")
+
+    def new_name(self, extension: str, stem: str = "", *, lead: str = "") -> bytes:
+        """A name that no file has: the prefix, `lead`, a number, `stem`, the extension.
+
+        The stem is cut where the name would be longer than any client may send (L226).
+        """
+        begin = f"{lead}{next(self._numbers)}"
+        room = NAME_MAX_BYTES - len(self.prefix) - len(begin) - len(extension)
+        if len(stem) > room:
+            stem = stem[: max(room, 0)].rstrip(".")
+        return self.prefix + f"{begin}{stem}{extension}".encode()
+
+    @property
+    def stored(self) -> list[bytes]:
+        """The names whose upload was accepted and that were not deleted since, oldest first."""
+        return [name.encode("latin-1") for name in self._journal.changes.files]
+
+    def is_own(self, name: bytes) -> bool:
+        """Whether the suite has uploaded this file, in this run or in one that it recovers."""
+        return name in self._accepted or name in self.stored
+
+    def listed(self, names: Iterable[bytes]) -> None:
+        """Note the names of a program list: those that the suite did not make are another's."""
+        self._foreign |= {
+            base for name in names if not (base := _base(name)).startswith(self.prefix)
+        } - {b""}
+
+    def check(self, name: bytes) -> None:
+        """Go on only if this name is not that of a file of the user.
+
+        Raises:
+            NotRun: It is.
+        """
+        if _base(name) in self._foreign and not self.is_own(name):
+            shown = name.decode("utf-8", "backslashreplace")
+            raise NotRun(f"{shown} is a file on the controller that the suite did not make")
+
+    def offered(self, name: bytes) -> None:
+        """An upload is about to be requested."""
+        self._journal.write("offered", name=name.decode("latin-1"))
+
+    def answered(self, name: bytes, *, accepted: bool) -> None:
+        """The request of an upload was answered.
+
+        Raises:
+            JournalError: That it was accepted cannot be written down: its content must not be sent.
+        """
+        if not accepted:
+            self._journal.confirm("refused", name=name.decode("latin-1"))
+            return
+        self.remains(name)
+        base = name.rstrip(b"\0").replace(b"\\", b"/").rpartition(b"/")[2]
+        if base != name and base.startswith(self.prefix):
+            self.remains(base)  # it may be stored as this
+        self._journal.flush()
+
+    def remains(self, name: bytes) -> None:
+        """A file of the suite is stored, or may be."""
+        self._accepted.add(name)
+        self._journal.confirm("accepted", name=name.decode("latin-1"))
+
+    def deleted(self, name: bytes) -> None:
+        """A file is gone, or never came to be."""
+        self._journal.confirm("deleted", name=name.decode("latin-1"))
+
+
+def _base(name: bytes) -> bytes:
+    """A name as a controller may compare it: without path, NUL and difference of case."""
+    return name.rstrip(b"\0").replace(b"\\", b"/").rpartition(b"/")[2].lower()

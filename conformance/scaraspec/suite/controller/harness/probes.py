@@ -1,0 +1,185 @@
+"""Probes: finding out which readings a subject follows, before the cases depend on them.
+
+Only what is safe under the hazards that were allowed is asked. A probe that finds nothing leaves
+the claim, or the default, as it is; what is seen later is told by the judge.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.controller.harness.asking.files import upload
+from scaraspec.suite.controller.harness.subject import DISPLACES, OUTLIVE, SILENCE_S, Subject
+from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.limits import limits_of
+from scaraspec.suite.program_files.layout import LISTED, candidates
+from scaraspec.suite.program_files.listed import program_names
+from scaraspec.suite.program_files.writing import wait_program
+
+_FURTHER: Final = 6
+"""How many clients more the cases are at once."""
+_LISTED: Final = "4.10/11"
+_READ_ONLY, _STATE = Hazard.READ_ONLY, Hazard.STATE
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """One way to find out about one open point."""
+
+    key: str
+    hazard: Hazard
+    look: Callable[[Subject], str | None]
+
+
+def probe_all(subject: Subject) -> None:
+    """Find out what can be found out safely, and speak to the subject so from then on."""
+    for probe in PROBES:
+        if probe.hazard is not _READ_ONLY and probe.hazard not in subject.allowed:
+            continue
+        try:
+            if (option := probe.look(subject)) is not None:
+                subject.follows(probe.key, option)
+            subject.settle()
+        except (Unmet, Undecided):
+            subject.close_lines()
+
+
+def _op_get_default(subject: Subject) -> str | None:
+    """Ask with either opcode (A-4.12-1), which may be undefined to it (A-3-9)."""
+    command = BY_NAME["get_default_program"]
+    replies = {}
+    for opcode in (command.opcode, command.also):
+        assert opcode is not None, "the document prints two"
+        line = subject.open()
+        line.send_frame(Frame(A2C, opcode))
+        with suppress(NoAnswer):
+            for seen in line.answers():
+                if seen.frame.opcode == opcode:
+                    replies[f"0x{opcode:02X}"] = seen.frame.data
+        line.close()
+    zeros = [option for option, data in replies.items() if data == b"0"]
+    served = [option for option in replies if option not in zeros]
+    if not served:  # no default program, or an opcode that is not known (A-3-9)
+        if len(zeros) > 1 or subject.dialect["on_unknown"] == "0":
+            return None
+        served = zeros
+    return "both" if len(served) > 1 else next(iter(served), None)
+
+
+def _max_clients(subject: Subject) -> str | None:
+    """Connect twice (A-2-2); it may take a moment until who is displaced is sent away.
+
+    Of several that are served the first may be displaced by a later one, too.
+    """
+    if not subject.access.several:
+        return None
+    first = subject.open()
+    try:
+        second = subject.open()
+        second.ask("get_status")
+    except Unmet:
+        return "one"
+    if first.ends(within_s=SILENCE_S) is not None:
+        return "newest"
+    first.ask("get_status")
+    with suppress(Unmet):  # it may not serve so many
+        for _ in range(_FURTHER):
+            subject.open(login=False)
+        subject.known[DISPLACES] = first.ends(within_s=SILENCE_S) is not None
+    return "many"
+
+
+def _prelogin(subject: Subject) -> str | None:
+    """Ask before the login (A-4-4)."""
+    if not subject.access.needs_login:
+        return None
+    line = subject.open(login=False)
+    line.send("get_digital_inputs")
+    line.wait(SILENCE_S)
+    if line.ending is not None:
+        return "close"
+    if not line.heard:
+        return "ignore"
+    said = line.heard[0].frame.data
+    claimed = subject.dialect["prelogin"]
+    served = claimed if claimed in ("reads", "all") else "reads"
+    return "failure" if said == b"0" else served
+
+
+def _prog_ext(subject: Subject) -> str | None:
+    """Offer names with either extension (A-0-9)."""
+    taken = []
+    for extension in (".rob", ".txt"):
+        subject.dialect = subject.dialect.replace(prog_ext=extension)
+        if _breaks_off(subject):
+            _look_how_long_it_lasts(subject)
+            taken.append(extension)
+    subject.dialect = subject.dialect.replace(prog_ext=subject.statement.dialect["prog_ext"])
+    return "any" if len(taken) > 1 else next(iter(taken), None)
+
+
+def _breaks_off(subject: Subject) -> bool:
+    """Begin an upload, and break it off with its connection; whether it was granted."""
+    line = subject.open()
+    granted = line.ask("upload_name", subject.new_name()).accepted is True
+    line.close()
+    return granted
+
+
+def _look_how_long_it_lasts(subject: Subject) -> None:
+    """Begin another upload: one that is broken off so may last until its time-out (A-5-17)."""
+    if OUTLIVE in subject.known:
+        return
+    subject.known[OUTLIVE] = False
+    if not _breaks_off(subject):
+        subject.pause(limits_of(subject).over_s)
+        subject.known[OUTLIVE] = True
+        subject.known[OUTLIVE] = _breaks_off(subject)
+
+
+def _endian(subject: Subject) -> str | None:
+    """Send a file of one byte in either order (A-5-2): in the wrong one it is out of bounds.
+
+    The one that is claimed comes first: a receiver may take both.
+    """
+    claimed = subject.statement.dialect["endian"]
+    for order in sorted(("little", "big"), key=lambda order: order != claimed):
+        subject.dialect = subject.dialect.replace(endian=order)
+        line = subject.open()
+        if not line.ask("upload_name", subject.new_name()).accepted:
+            return None
+        if line.ask("upload_chunk", Chunk(1, 0, 1, b"!")).accepted:
+            return order
+        line.close()
+    subject.dialect = subject.dialect.replace(endian=claimed)
+    return None
+
+
+def _prog_layout(subject: Subject) -> str | None:
+    """Store a program of each layout until one is listed: others need not be (A-6.1-2)."""
+    with subject.observer.overlooking(_LISTED):
+        for layout in candidates(subject):
+            line, name = subject.open(), subject.new_name()
+            upload(line, name, wait_program(subject.dialect, 1, layout=layout))
+            if name in program_names(subject, line):
+                subject.known[LISTED] = layout
+                return layout.reading
+            subject.settle()
+    return None
+
+
+PROBES: Final = (
+    Probe("op_get_default", _READ_ONLY, _op_get_default),
+    Probe("max_clients", _READ_ONLY, _max_clients),
+    Probe("prelogin", _READ_ONLY, _prelogin),
+    Probe("prog_ext", _STATE, _prog_ext),
+    Probe("endian", _STATE, _endian),
+    Probe("prog_layout", _STATE, _prog_layout),
+)
+"""What is looked for before the cases begin."""

@@ -1,0 +1,166 @@
+"""Sequences: requests in any order, each held against all that was asked before it.
+
+They are drawn, taken step by step by a `Model` of the subject, and shrink to the few steps that
+matter, because each step may be left out.
+"""
+
+import itertools
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Final, NamedTuple
+
+from hypothesis import strategies as st
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.model import VALUES, Model, Step
+from scaraspec.suite.controller.harness.state.keeping import kept, password_kept
+from scaraspec.suite.controller.harness.state.password import restore_password
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    MOVE,
+    RUN,
+    SIMULATE,
+    STOP,
+    find_out_whether_it_listens,
+)
+from scaraspec.suite.engine.expect import Undecided, Unmet
+from scaraspec.suite.engine.shortening import Failure
+
+_NAMES: Final = 3
+_GROUP: Final = 10
+
+
+class _Act(NamedTuple):
+    """What can be done: the hazards that have to be allowed for it, and the commands it uses."""
+
+    hazards: frozenset[Hazard]
+    commands: tuple[str, ...] = ()
+
+
+_ASKS: Final[frozenset[Hazard]] = frozenset()
+_SETS: Final = frozenset({Hazard.STATE})
+_OPENS: Final = _SETS | {Hazard.DESTRUCTIVE}
+_MOVES: Final = _SETS | {Hazard.MOTION}
+_ACTS: Final[Mapping[str, _Act]] = {
+    "look": _Act(_ASKS, ("get_running_program",)),
+    "query": _Act(_ASKS),
+    "reconnect": _Act(_ASKS),
+    "log_in": _Act(_SETS),
+    "log_in_wrongly": _Act(_SETS),
+    "upload": _Act(_SETS),
+    "download": _Act(_SETS),
+    "delete": _Act(_SETS),
+    "list_programs": _Act(_SETS, ("list_programs",)),
+    "set_default": _Act(_SETS, ("get_default_program", "set_default_program")),
+    "get_default": _Act(_SETS, ("get_default_program", "set_default_program")),
+    "set_centre": _Act(_SETS, ("get_gripper_center", "set_gripper_center")),
+    "set_initial": _Act(_SETS, ("get_initial_tool_position", "set_initial_tool_position")),
+    "get_poses": _Act(_SETS, ("get_gripper_center", "get_initial_tool_position")),
+    "set_clock": _Act(_SETS, ("get_time", "set_time")),
+    "get_clock": _Act(_ASKS, ("get_time",)),
+    "set_password": _Act(_OPENS, ("set_password",)),
+    "mistake_password": _Act(_OPENS, ("set_password",)),
+    "set_output": _Act(_MOVES, ("get_digital_outputs", "set_digital_output")),
+    "get_outputs": _Act(_MOVES, ("get_digital_outputs", "set_digital_output")),
+    "run": _Act(_MOVES, (RUN, STOP)),
+    "simulate": _Act(_MOVES, (SIMULATE, STOP)),
+    "interrupt": _Act(_MOVES, (RUN, SIMULATE, STOP)),
+    "move": _Act(_MOVES, (MOVE,)),
+    "stop": _Act(_MOVES, (STOP,)),
+}
+
+
+def acts_within(
+    subject: Subject, hazards: frozenset[Hazard], only: Sequence[str] = ()
+) -> list[str]:
+    """What can be done to a subject with no more than these hazards, or what of it is named.
+
+    What is named several times is drawn as often.
+    """
+    lacks = subject.statement.lacks
+    return [
+        name
+        for name in only or _ACTS
+        if _ACTS[name].hazards <= hazards and lacks.isdisjoint(_ACTS[name].commands)
+    ]
+
+
+def sequences(acts: list[str], groups: int) -> st.SearchStrategy[list[Step]]:
+    """Sequences of these acts; the more groups, the longer they may be."""
+    number = st.integers(0, VALUES - 1)
+    group = st.lists(
+        st.builds(Step, st.sampled_from(acts), number, number, number), max_size=_GROUP
+    )
+    return st.lists(group, min_size=1, max_size=groups).map(
+        lambda groups: list(itertools.chain.from_iterable(groups))
+    )
+
+
+def endless(acts: list[str]) -> Iterator[Step]:
+    """A sequence that does not end, always the same."""
+    drawn = random.Random(0)  # noqa: S311 - it is to be drawn again
+    while True:
+        numbers = (drawn.randrange(VALUES) for _ in range(3))
+        yield Step(drawn.choice(acts), *numbers)
+
+
+@contextmanager
+def state_kept(subject: Subject, line: Line, hazards: frozenset[Hazard]) -> Iterator[list[bytes]]:
+    """Put back afterwards whatever sequences may change; the names that they may give to files.
+
+    The connection is closed: sequences have their own.
+    """
+    with ExitStack() as stack:
+        if Hazard.STATE in hazards:
+            items = ("default program", "gripper centre", "initial tool position", "clock")
+            stack.enter_context(kept(subject, line, *items))
+        if Hazard.MOTION in hazards:
+            find_out_whether_it_listens(subject, line)
+            stack.enter_context(kept(subject, line, "outputs"))
+        if Hazard.DESTRUCTIVE in hazards and subject.access.needs_login:
+            stack.enter_context(password_kept(subject))
+        names = [subject.new_name() for _ in range(_NAMES)]
+        line.close()
+        yield names
+
+
+@contextmanager
+def model_of(subject: Subject, acts: list[str], names: Sequence[bytes]) -> Iterator[Model]:
+    """A model to begin with, where no file of these names is stored; all is taken away afterwards.
+
+    Raises:
+        Unmet: In the end the subject is not as it has to be.
+    """
+    if "set_password" in acts:
+        for _ in range(2):
+            with suppress(Unmet, Undecided):  # a model that failed may have left another
+                restore_password(subject)
+    model = Model(subject, acts, names)
+    try:
+        yield model
+        model.check()
+    finally:
+        with suppress(Unmet, Undecided):
+            model.take_away()
+
+
+def attempt(
+    subject: Subject,
+    acts: list[str],
+    names: Sequence[bytes],
+    steps: Sequence[Step],
+    like: Failure | None = None,
+) -> Failure | None:
+    """Take all steps of a sequence; how it fails, of the same requirement as another if need be."""
+    taken = 0
+    try:
+        with model_of(subject, acts, names) as model:
+            for step in steps:
+                taken += 1
+                model.take(step)
+    except Unmet as error:
+        if like is None or error.requirement == like.error.requirement:
+            return Failure(error, taken)
+    return None

@@ -1,0 +1,106 @@
+"""Defaults: the default program, made, told and put back (4.12, 4.13)."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Final
+
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.frames import Frame
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.state.keeping import alive
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet, expect
+from scaraspec.traffic.happenings import FrameSeen
+
+if TYPE_CHECKING:
+    from scaraspec.suite.engine.wire import Answer
+
+OPCODES: Final = (0x0D, 0x13)
+"""What asks for the default program, as headed and as printed (A-4.12-1)."""
+_ZERO: Final = b"0"
+
+
+@contextmanager
+def default_kept(subject: Subject, line: Line) -> Iterator[None]:
+    """Put the default program back afterwards; where there was none it ends with its file."""
+    before = _default(line)
+    try:
+        yield
+    finally:
+        if before:
+            with suppress(Unmet, Undecided):
+                alive(subject, line).ask("set_default_program", data=before)
+
+
+def _default(line: Line) -> bytes:
+    """The default program; empty where there is none, which need not be answered (A-4.12-2)."""
+    line.send("get_default_program")
+    for seen in line.answers():
+        if seen.name == "get_default_program" and isinstance(seen.value, bytes):
+            return seen.value
+    return b""
+
+
+def ask_default(subject: Subject, line: Line, opcode: int) -> FrameSeen | None:
+    """Ask with one of the two opcodes; the reply, None where it is not served (A-3-9).
+
+    Raises:
+        Unmet: The reply bears the other one.
+    """
+    line = alive(subject, line)
+    line.send_frame(Frame(A2C, opcode))
+    try:
+        replies = [seen for seen in line.answers() if seen.frame.opcode in OPCODES]
+    except NoAnswer:
+        return None
+    if not replies:
+        return None
+    expect(
+        replies[0].frame.opcode == opcode,
+        "the reply bears another opcode than the request",
+        expected=f"{opcode:02X}",
+        observed=f"{replies[0].frame}",
+        requirement="4.12/2",
+    )
+    return replies[0]
+
+
+def says_nothing(reply: FrameSeen) -> bool:
+    """Whether a reply is the 0 that means no default program, or no such opcode (A-3-9)."""
+    return reply.frame.data == _ZERO
+
+
+def _by_the_other_opcode(subject: Subject, line: Line) -> FrameSeen | None:
+    """The default program, where the other opcode than was asked with is the one that tells it."""
+    asked = line.request("get_default_program").opcode
+    other = next(opcode for opcode in OPCODES if opcode != asked)
+    told = ask_default(subject, line, other)
+    if told is None or says_nothing(told):
+        return None
+    subject.follows("op_get_default", f"0x{other:02X}")
+    return told
+
+
+def expect_default(subject: Subject, line: Line, name: bytes, requirement: str) -> None:
+    """Fail the subject unless this is its default program.
+
+    Raises:
+        Unmet: It is another one.
+    """
+    answer: Answer | FrameSeen | None
+    try:
+        answer = line.ask("get_default_program")
+    except NoAnswer:
+        answer = _by_the_other_opcode(subject, line)
+        if answer is None:
+            raise
+    if answer.frame.data == _ZERO:  # perhaps to an opcode that it does not know
+        answer = _by_the_other_opcode(subject, line) or answer
+    expect(
+        answer.value == name,
+        "the default program is another one than it should be",
+        expected=show(name),
+        observed=f"{answer.frame}",
+        requirement=requirement,
+    )

@@ -1,0 +1,143 @@
+"""Password: set back to the user's, whichever the suite has left on the controller."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+from scaraspec.protocol.commands import PasswordChange
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet, expect
+
+MOST_ATTEMPTS: Final = 5
+"""How many passwords are tried: a controller may lock out who tries more (A-4.1-2)."""
+
+_BUFFERS_BYTES: Final = (64, 63, 32, 31, 30, 20, 16, 15, 10, 8)
+
+
+class PasswordLost(Undecided):
+    """No known password opens a login; the message names the last one that the suite has set."""
+
+
+def restore_password(subject: Subject) -> None:
+    """Set the user's password again, if a case or the controller has left another.
+
+    What opens a login need not be the password: a faulty controller may look at its beginning
+    alone.
+
+    Raises:
+        Unmet: The controller does not answer, or refuses to.
+        PasswordLost: No known password opens a login.
+    """
+    if not subject.journal.changes.passwords or not subject.access.needs_login:
+        return
+    refused: Unmet | None = None
+    for password in _candidates(subject):
+        if not _opens(subject, password):
+            continue
+        try:
+            set_back(subject, password)
+        except NoAnswer:
+            raise
+        except Unmet as error:
+            refused = error
+        else:
+            return
+    raise refused or _lost(subject)
+
+
+def set_back(subject: Subject, password: bytes) -> None:
+    """Set the user's password again in place of this one.
+
+    Raises:
+        Unmet: The controller does not answer, or refuses to.
+    """
+    if password != subject.password:
+        line = subject.open(login=False)
+        subject.log_in(line, password)
+        with subject.journal.restoring():
+            set_value(line, "set_password", PasswordChange(password, subject.password))
+        line.close()
+        expect(_opens(subject, subject.password), "the password that was set back opens no login")
+    subject.journal.confirm("password-restored")
+
+
+def working_password(subject: Subject) -> bytes:
+    """A password that opens a login.
+
+    Raises:
+        Unmet: The controller does not answer.
+        PasswordLost: No known password does.
+    """
+    for password in _candidates(subject):
+        if _opens(subject, password):
+            return password
+    raise _lost(subject)
+
+
+def _candidates(subject: Subject) -> Iterator[bytes]:
+    """The passwords to try: the one that was set last is the first.
+
+    They are five at most; more only if destructive cases are allowed.
+    """
+    passwords = list(dict.fromkeys(_set_last_first(subject)))
+    yield from passwords[:MOST_ATTEMPTS]
+    if Hazard.DESTRUCTIVE not in subject.allowed:
+        return
+    kept_wrongly = dict.fromkeys(_as_kept_wrongly(passwords))
+    more = [*passwords[MOST_ATTEMPTS:], *(each for each in kept_wrongly if each not in passwords)]
+    subject.notify(
+        f"the password is none of the last that the suite has set: {len(more)} more are tried, as "
+        "a faulty controller may have kept another one"
+    )
+    yield from more
+    if subject.has_hook("factory_reset"):
+        subject.hook("factory_reset")
+        yield subject.password
+
+
+def _set_last_first(subject: Subject) -> Iterator[bytes]:
+    """The passwords of the journal, the last one first, and the user's second at the latest."""
+    names = subject.journal.changes.passwords[::-1]
+    known = [subject.password if name is None else name.encode("latin-1") for name in names]
+    return iter((*known[:1], subject.password, *known[1:]))
+
+
+def _lost(subject: Subject) -> PasswordLost:
+    last = next(_set_last_first(subject))
+    named = "the user's own" if last == subject.password else show(last)
+    return PasswordLost(
+        f"no known password opens a login; the last one that the suite has set is {named}"
+    )
+
+
+def _opens(subject: Subject, password: bytes) -> bool:
+    line = subject.open(login=False)
+    opened = bool(line.ask("login", password).accepted)
+    line.close()
+    return opened
+
+
+def _as_kept_wrongly(passwords: list[bytes]) -> Iterator[bytes]:
+    """What a faulty controller may have made of a new password."""
+    for password in passwords:
+        yield from (password[:size] for size in _BUFFERS_BYTES if size < len(password))
+        ways: tuple[Callable[[bytes], bytes], ...] = (
+            bytes.lower,
+            bytes.upper,
+            lambda each: each.lstrip(b"0"),
+            bytes.strip,
+            lambda each: each.replace(b"$", b""),
+        )
+        yield from (way(password) for way in ways)
+
+
+def set_value(line: Line, name: str, value: Any = None, *, data: bytes | None = None) -> None:
+    """Set something, and fail the subject if it refuses.
+
+    Raises:
+        Unmet: It does.
+    """
+    answer = line.ask(name, value, data=data)
+    expect(answer.accepted, f"{name} was refused", expected="1", observed=f"{answer}")

@@ -1,0 +1,122 @@
+"""Readiness: a robot that will not move where it stands is made ready to, and brought back.
+
+All by small moves, one axis at a time. What the robot does wrong meanwhile is for the cases to
+find.
+"""
+
+from functools import partial
+from typing import Final
+
+from scaraspec.judge.places import STANDSTILL
+from scaraspec.protocol.commands import Pose
+from scaraspec.suite.controller.harness.asking.motion import (
+    AXES,
+    IDLE,
+    SLOWEST_PERCENT,
+    ask_move,
+    end_of,
+    in_box,
+    pose_of,
+    status_of,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.expect import Undecided, Unmet
+
+_MOVE: Final = "set_tool_coordinates"
+_READINGS: Final = 5
+_TRIES: Final = 2  # of two readings in a row one at least may lie within the travel
+_STOOD: Final = "what it said of where it stood before it stepped aside"
+
+
+def make_ready(subject: Subject) -> None:
+    """Make an idle robot ready that will not move where it stands (A-4-1, A-4.25-1, A-4.24-5).
+
+    It may have been switched on with its joints loose, or want to be reset before all else. Or it
+    stands at an end of its travel, and what its unsteady readings say lies beyond, now and then.
+
+    Raises:
+        Unmet: It answers something otherwise than it must.
+    """
+    line = subject.open()
+    subject.moved = True
+    stood = tuple(pose_of(line) for _ in range(_READINGS))
+    unsteady = len(set(stood)) > 1
+    lock, reset = (partial(_command, subject, line, name) for name in ("lock_joints", "reset"))
+    aside = partial(_step_aside, subject, line, stood)
+    for remedy in (lock, aside, reset) if unsteady else (lock, reset):
+        if status_of(subject, line) != IDLE or _goes(subject, line, pose_of(line), SLOWEST_PERCENT):
+            break
+        remedy()
+    if unsteady and not _has_room(subject, line):
+        aside()
+
+
+def come_back(subject: Subject) -> list[str]:
+    """Bring the arm back to where it stood before it stepped aside.
+
+    What it said then may lie beyond an end of its travel, now and then: one reading will do.
+
+    Returns:
+        A sentence if it could not be brought back.
+    """
+    stood: tuple[Pose, ...] = subject.known.pop(_STOOD, ())
+    if not stood:
+        return []
+    try:
+        line = subject.open()
+        if any(_goes_back(subject, line, pose) for pose in stood):
+            return []
+        why = "it refuses to go there"
+    except (Unmet, Undecided) as error:
+        why = f"{error}"
+    return [f"the arm could not be brought back to {stood[0][:4]}: {why}"]
+
+
+def _command(subject: Subject, line: Line, name: str) -> None:
+    if name not in subject.statement.lacks and line.ask(name).accepted:
+        end_of(subject, line, name)
+
+
+def _goes(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = None) -> bool:
+    lacks = _MOVE in subject.statement.lacks
+    if lacks or not ask_move(subject, line, pose, speed_percent).accepted:
+        return False
+    end = end_of(subject, line, _MOVE)
+    return end is None or end.done is True
+
+
+def _has_room(subject: Subject, line: Line) -> bool:
+    """Whether it goes as far as readings may differ, along each axis and either way, and back."""
+    here = pose_of(line)
+    for axis in AXES:
+        beside = [_beside(here, axis, by) for by in (STANDSTILL, -STANDSTILL)]
+        ways = [there for there in beside if in_box(subject, there)]
+        if not all(_goes(subject, line, there) for there in (*ways, here)):
+            return False
+    return True
+
+
+def _step_aside(subject: Subject, line: Line, stood: tuple[Pose, ...]) -> None:
+    """Go a step away from the ends of the travel, along one axis after another."""
+    subject.known.setdefault(_STOOD, stood)
+    step_mm = subject.statement.motion.step_mm
+    for axis in AXES:
+        for by in (step_mm,) * _TRIES + (-step_mm,) * _TRIES:
+            there = _beside(pose_of(line), axis, by)
+            if in_box(subject, there) and _goes(subject, line, there):
+                break
+
+
+def _goes_back(subject: Subject, line: Line, stood: Pose) -> bool:
+    """Whether it goes there, along the same axes the other way round."""
+    there = pose_of(line)
+    for axis in reversed(AXES):
+        there = there._replace(**{axis: getattr(stood, axis)})
+        if not _goes(subject, line, there):
+            return False
+    return True
+
+
+def _beside(pose: Pose, axis: str, by: float) -> Pose:
+    return pose._replace(**{axis: round(getattr(pose, axis) + by, 3)})

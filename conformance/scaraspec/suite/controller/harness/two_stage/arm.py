@@ -1,0 +1,230 @@
+"""Arm: where the subject's arm is, and the points by which its programs go there.
+
+Nothing is known of its geometry. A step goes from where the arm reports to be, along one of four
+values, and back; what the values of a point are is found out (A-6.5-2). What a program should do
+with points is for the cases to say.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+from scaraspec.judge.places import farthest, turned
+from scaraspec.protocol.commands import Point
+from scaraspec.protocol.programs import Node
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import attentive
+from scaraspec.suite.engine.expect import Undecided, Unmet
+from scaraspec.suite.program_files.bench import Bench
+from scaraspec.suite.program_files.writing import Values, straight
+
+REACHED: Final = 0.2
+"""mm or degrees by which what is shown may differ from what was to be reached: both may be rounded
+to one decimal (A-T-5)."""
+
+_KEY: Final = "point_meaning"
+_POLL_S: Final = 0.02
+_IMPOSSIBLE: Final = ("05", "06")  # a coordinate or an angle that cannot be (table 8-1)
+_FULL_STEP_MM: Final = 5.0
+_SLOWER: Final = 5
+_GRIPPER: Final = 3  # the value that turns it, whatever the others are
+_LITTLE: Final = 0.5  # of a step
+_FAR_DEG: Final = 5.0
+
+
+class Meaning(StrEnum):
+    """What the four values of a point are: the options of reading `point_meaning`."""
+
+    JOINTS = "joints"
+    POSE = "pose"
+
+
+_STEPS: Final = {
+    Meaning.JOINTS: (0.5, 0.5, 2.0, 2.0),
+    Meaning.POSE: (2.0, 2.0, 2.0, 2.0),
+}
+"""How far a step goes in each value where 5 mm are allowed: the ends of arms go farther."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """The subject's arm; made by `arm`.
+
+    Attributes:
+        meaning: What the values of a point are.
+        home: Where it stood at first, and stands again afterwards.
+    """
+
+    subject: Subject
+    line: Line
+    robot: Bench
+    meaning: Meaning
+    home: Values
+
+    @property
+    def speed_percent(self) -> int:
+        """How fast it may go."""
+        return self.subject.statement.motion.speed_percent
+
+    @property
+    def slow_percent(self) -> int:
+        """How fast it goes where it is to be seen on its way."""
+        return max(1, self.speed_percent // _SLOWER)
+
+    def place(self) -> Values:
+        """Where it is, in the values of a point."""
+        return _place(self.line, self.meaning)
+
+    def step(self, start: Values, index: int, share: float = 1.0) -> Values:
+        """A place that differs from another by a step, or a share of one, in one value."""
+        scale = min(1.0, self.subject.statement.motion.step_mm / _FULL_STEP_MM)
+        length = share * scale * _STEPS[self.meaning][index]
+        a, b, c, d = (value + (length if at == index else 0) for at, value in enumerate(start))
+        return a, b, c, d
+
+    def goes(self, nodes: Sequence[Node]) -> bool:
+        """Run a program that moves; False where the arm cannot go that way.
+
+        Raises:
+            Unmet: It does not end, or fails for another reason.
+        """
+        return self.watched(nodes) is not None
+
+    def watched(self, nodes: Sequence[Node]) -> list[Values] | None:
+        """Run a program that moves, and tell the places seen meanwhile; None as for `goes`.
+
+        The status is asked for, too: the judge knows what it has to be.
+
+        Raises:
+            Unmet: It does not end, or fails for another reason.
+        """
+        answer = self.robot.ask(self.robot.store(self.robot.file(nodes)))
+        if not answer.accepted and answer.code in _IMPOSSIBLE:
+            return None
+        if not answer.accepted:
+            raise Unmet("a valid program is refused", expected="1", observed=f"{answer}")
+        seen: list[Values] = []
+        left_s = self.subject.longest_s
+        while (result := self.robot.ended()) is None:
+            seen.append(self.place())
+            self.line.ask("get_status")
+            if left_s <= 0:
+                raise Unmet("a move does not end", expected="11", observed="no result")
+            self.line.wait(_POLL_S)
+            left_s -= _POLL_S
+        if result.done:
+            return seen
+        if result.code in _IMPOSSIBLE:
+            return None
+        raise Unmet("a valid program fails", expected="11", observed=f"{result}")
+
+
+def near(a: Values, b: Values) -> bool:
+    """Whether two places are the same, as far as can be told."""
+    return farthest(a, b) <= REACHED
+
+
+@contextmanager
+def arm(subject: Subject, line: Line, robot: Bench) -> Iterator[Arm]:
+    """The arm, which goes back afterwards to where it stood.
+
+    Raises:
+        Unmet: It cannot even go to where it stands (6.5/27).
+        Undecided: It could not when it was tried before, or does not tell where it is.
+    """
+    with _gripper_at_screw(line):
+        meaning = _meaning(subject, line, robot)
+        made = Arm(subject, line, robot, meaning, _place(line, meaning))
+        try:
+            yield made
+        finally:
+            with suppress(Unmet, Undecided):  # an arm that does not obey is left where it is
+                robot.stop()
+                if not near(made.place(), made.home):
+                    made.goes(straight(made.speed_percent, [made.home]))
+
+
+@contextmanager
+def _gripper_at_screw(line: Line) -> Iterator[None]:
+    """Have the gripper's point at the screw's end, so that both have one pose (A-4.23-1)."""
+    before = line.ask("get_gripper_center").value
+    if not before or not any(before):
+        yield
+        return
+    line.ask("set_gripper_center", Point(0, 0, 0))
+    try:
+        yield
+    finally:
+        with suppress(Unmet):
+            line.ask("set_gripper_center", before)
+
+
+def _place(line: Line, meaning: Meaning) -> Values:
+    name = "get_joint_angles" if meaning is Meaning.JOINTS else "get_tool_coordinates"
+    value = line.ask(name).value
+    if value is None:
+        raise Undecided(f"{name} does not tell where the arm is")
+    a, b, c, d, *_ = value
+    try:
+        straight(1, [(a, b, c, d)])
+    except ValueError as error:
+        raise Undecided(f"no program can carry what {name} tells: {error}") from None
+    return a, b, c, d
+
+
+def _meaning(subject: Subject, line: Line, robot: Bench) -> Meaning:
+    """What the values of a point are, found out once in a run by turning the gripper a little."""
+    if _KEY not in subject.known:
+        attentive(subject, line)  # who cannot watch it does not move what is not known
+        subject.known[_KEY] = None
+        claimed = subject.dialect[_KEY]
+        for meaning in sorted(Meaning, key=lambda each: each != claimed):
+            made = Arm(subject, line, robot, meaning, _place(line, meaning))
+            if any(_turns(made, share) for share in (_LITTLE, -_LITTLE)):
+                subject.known[_KEY] = meaning
+                subject.follows(_KEY, str(meaning))
+                break
+        else:
+            raise Unmet(
+                "a program that turns the gripper a little does not end there",
+                expected="11, with the values of the point in 0x3C or in 0x38",
+                observed="a refusal, a failure or another motion with both",
+                requirement="6.5/27",
+            )
+    known: Meaning | None = subject.known[_KEY]
+    if known is None:
+        raise Undecided("the values of a point are neither those of 0x3C nor those of 0x38")
+    return known
+
+
+def _turns(made: Arm, share: float) -> bool:
+    """Whether a program that is to turn the gripper a little, and back, does that.
+
+    It is simulated first, then run and watched: when anything else moves, it is stopped.
+    """
+    line, robot = made.line, made.robot
+    *still, gripper_before = _place(line, Meaning.JOINTS)
+    there = made.step(made.home, _GRIPPER, share)
+    for way in ([there], [made.home]):
+        name = robot.store(robot.file(straight(made.speed_percent, way)))
+        for command in ("simulate_program", "run_program"):
+            if not robot.ask(name, command).accepted:
+                return False
+            left_s = made.subject.longest_s
+            while (result := robot.ended(command)) is None:
+                *others, gripper = _place(line, Meaning.JOINTS)
+                moved = max(abs(a - b) for a, b in zip(still, others, strict=True))
+                far = abs(turned(gripper, gripper_before)) > _FAR_DEG
+                if left_s <= 0 or moved > REACHED or far:
+                    robot.stop()
+                    return False
+                line.wait(_POLL_S)
+                left_s -= _POLL_S
+            if not result.done:
+                return False
+        if not near(made.place(), *way):
+            return False
+    return True

@@ -1,0 +1,178 @@
+"""Executing: what the subject says of itself while a two-stage command executes.
+
+A command may end just before it is asked about: then it is not held against the subject.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, Final
+
+from hypothesis.errors import Flaky
+
+from scaraspec.protocol import errors
+from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.fields import show
+from scaraspec.suite.controller.harness.asking.files import upload
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.program_files.layout import configured, find_layout
+from scaraspec.suite.program_files.writing import wait_program
+
+_IDLE: Final = "00"
+_RUNNING: Final = ("01", "02")  # L1018-1019
+_LAG_S: Final = 0.1  # for how long a result may come behind the status that tells of its end
+_REST_S: Final = 1.0  # within which the status has to follow a result
+
+
+def store_wait_program(subject: Subject, line: Line, seconds: int, name: bytes = b"") -> bytes:
+    """Upload a program that waits for so many seconds, under a new name if none is given.
+
+    Returns:
+        Its name.
+
+    Raises:
+        Unmet: The subject runs no programs, or takes no file.
+    """
+    layout, base = find_layout(subject, line), configured(subject, line)
+    name = name or subject.new_name()
+    upload(line, name, wait_program(subject.dialect, seconds, layout=layout, base=base))
+    return name
+
+
+def begin(subject: Subject, line: Line, command: str, value: Any = None) -> None:
+    """Begin a two-stage command.
+
+    Raises:
+        NotRun: The subject refuses it.
+    """
+    subject.moved = True
+    answer = line.ask(command, value)
+    if not answer.accepted:
+        raise NotRun(f"{command} was refused: {answer}")
+
+
+@contextmanager
+def unless_others_run(subject: Subject, line: Line | None = None) -> Iterator[None]:
+    """Hold nothing against a robot that turns out to run a program of somebody else.
+
+    It has to say so twice, in its status and in what it tells of the program.
+
+    Args:
+        subject: The subject.
+        line: A connection to it; without one, all are ended for another.
+
+    Raises:
+        NotRun: It does.
+    """
+    try:
+        yield
+    except (Unmet, Undecided, Flaky):
+        name = b""
+        with suppress(Unmet, Undecided):
+            if line is None:
+                subject.close_lines()
+            name = _program_of_others(subject, line or subject.open())
+        if name:
+            message = f"the robot runs {show(name)}, which is not the suite's: end it first"
+            raise NotRun(message) from None
+        raise
+
+
+def _program_of_others(subject: Subject, line: Line) -> bytes:
+    status, told = line.ask("get_status").value, line.ask("get_running_program").value
+    if status not in _RUNNING or not isinstance(told, RunningProgram):
+        return b""
+    return b"" if told.name.startswith(subject.files.prefix) else told.name
+
+
+def ended(line: Line, command: str, within_s: float = 0.0) -> Answer | None:
+    """The final result of a command, if it comes by then."""
+    try:
+        return line.result(command, within_s=within_s)
+    except NoAnswer:
+        return None
+
+
+def ask_busy(subject: Subject, line: Line, query: str, command: str) -> Answer:
+    """Ask something while a command executes.
+
+    Raises:
+        NoAnswer: It is not answered, nor is what was sent before it.
+        NotRun: It is put off until the command has ended (A-4-3).
+    """
+    try:
+        return line.ask(query)
+    except NoAnswer:
+        if line.ending is not None:
+            raise
+        line.send("emergency_stop")
+        stopped = _replied(subject, line)
+        if ended(line, command, 0 if stopped else subject.longest_s) is None and not stopped:
+            raise
+    raise NotRun(f"{query} is not answered while {command} executes")
+
+
+def _replied(subject: Subject, line: Line) -> bool:
+    try:
+        line.reply("emergency_stop", within_s=subject.reply_s)
+    except NoAnswer:
+        return False
+    return True
+
+
+def expect_status(
+    subject: Subject, line: Line, command: str, wanted: str, requirement: str
+) -> bool:
+    """Ask for the status while a command executes; whether it still does.
+
+    Raises:
+        Unmet: The status is another one.
+        NotRun: It is not told meanwhile.
+        Undecided: It tells of a fault.
+    """
+    answer = ask_busy(subject, line, "get_status", command)
+    if answer.value == wanted:
+        return True
+    if answer.value == _IDLE and ended(line, command, _LAG_S) is not None:
+        return False
+    sound(answer)
+    message = f"the status is {answer.value} while {command} executes"
+    raise Unmet(message, expected=wanted, observed=f"{answer}", requirement=requirement)
+
+
+def sound(status: Answer) -> errors.Code | None:
+    """The code of table 8-1 that a status tells, if it is one.
+
+    Raises:
+        Undecided: It tells of a fault of the robot, which is not the suite's to judge.
+    """
+    code = errors.lookup(status.value) if isinstance(status.value, str) else None
+    if code is not None and code.kind is errors.Kind.FAULT:
+        raise Undecided(f"the robot reports {code.text}, {code.meaning}: clear that, and try again")
+    return code
+
+
+def expect_rest(subject: Subject, line: Line, message: str) -> None:
+    """Fail the subject unless its status soon is 00.
+
+    Raises:
+        Unmet: It is not.
+    """
+    try:
+        subject.until_idle(line, within_s=_REST_S)
+    except Undecided as error:
+        raise Unmet(message, expected=_IDLE, observed=f"{error}", requirement="4.8/3") from None
+
+
+def finish(subject: Subject, line: Line, command: str, lasts_s: float = 0.0) -> None:
+    """Wait for the end of a command that lasts so many of the subject's seconds.
+
+    Raises:
+        NoAnswer: It does not end.
+        Unmet: It is not at rest then.
+    """
+    within_s = subject.longest_s + lasts_s / subject.statement.time_scale
+    line.result(command, within_s=within_s)
+    expect_rest(subject, line, f"the robot is not idle although {command} has ended")

@@ -1,0 +1,155 @@
+"""Performing: a two-stage command from its request to its end, with the least that it can do.
+
+And behind its end, where the arm stays.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.protocol.commands import Pose
+from scaraspec.suite.controller.harness.asking.motion import (
+    BUSY,
+    SLOWEST_PERCENT,
+    pose_of,
+    returning,
+    status_at_rest,
+    target,
+)
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    JOG,
+    LOCK,
+    MOVE,
+    RELEASE,
+    RESET,
+    RUN,
+    SIMULATE,
+    STOP,
+    accepted,
+    begin,
+    finish,
+    has,
+    home_at,
+    interrupted,
+    jog_somewhere,
+    locked_again,
+    release,
+    start_program,
+)
+from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.wire import Answer
+
+
+class Performed(NamedTuple):
+    """A two-stage command from its request to its end.
+
+    Attributes:
+        first: The first reply.
+        result: The final result; None where an emergency stop has ended it without one (A-4.17-4).
+        status: The status behind the result.
+    """
+
+    first: Answer
+    result: Answer | None
+    status: Answer
+
+
+def perform(subject: Subject, line: Line, name: str) -> Performed:
+    """Let an idle robot do the least that a two-stage command can do; the arm comes back.
+
+    Raises:
+        Unmet: It refuses, or a final result that is due does not come.
+    """
+    has(subject, name)
+    with returning(subject, line) as pose:
+        return _PERFORM.get(name, _simply)(subject, line, name, pose)
+
+
+def _ended(subject: Subject, line: Line, name: str, first: Answer) -> Performed:
+    return Performed(first, finish(subject, line, name), _status(subject, line))
+
+
+def _status(subject: Subject, line: Line) -> Answer:
+    """The status, which only the cases of 4/7 judge."""
+    return status_at_rest(line) if subject.is_tried("4/7") else line.ask("get_status")
+
+
+def _simply(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    return _ended(subject, line, name, begin(subject, line, name))
+
+
+def _perform_program(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    return _ended(subject, line, name, start_program(subject, line, name, seconds=0).answer)
+
+
+def _perform_lock(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    """Joints that are locked may refuse to be locked again (A-4.25-3)."""
+    first = line.ask(name)
+    if first.accepted is False and first.code not in BUSY:
+        release(subject, line)
+        first = begin(subject, line, name)
+    return _ended(subject, line, name, accepted(name, first))
+
+
+def _perform_move(subject: Subject, line: Line, name: str, pose: Pose) -> Performed:
+    first = begin(subject, line, name, target(pose, SLOWEST_PERCENT))
+    return _ended(subject, line, name, first)
+
+
+def _perform_reset(subject: Subject, line: Line, name: str, pose: Pose) -> Performed:
+    with home_at(subject, line):
+        return _simply(subject, line, name, pose)
+
+
+def _perform_release(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    """Its result may come at once, or when the joints are locked again (A-4.25-2)."""
+    with locked_again(subject, line):
+        first, result = release(subject, line)
+        if result is not None:
+            return Performed(first, result, _status(subject, line))
+    return _ended(subject, line, name, first)
+
+
+def _perform_jog(subject: Subject, line: Line, _: str, pose: Pose) -> Performed:  # noqa: ARG001 - one signature for all
+    first = jog_somewhere(subject, line)
+    accepted(STOP, line.ask(STOP))
+    status = _ended(subject, line, STOP, first).status
+    return Performed(first, interrupted(line, JOG), status)
+
+
+def _perform_stop(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+    start_program(subject, line, RUN)
+    return _ended(subject, line, name, accepted(name, line.ask(name)))
+
+
+_PERFORM: Final[Mapping[str, Callable[[Subject, Line, str, Pose], Performed]]] = {
+    RUN: _perform_program,
+    SIMULATE: _perform_program,
+    STOP: _perform_stop,
+    RESET: _perform_reset,
+    MOVE: _perform_move,
+    LOCK: _perform_lock,
+    RELEASE: _perform_release,
+    JOG: _perform_jog,
+}
+
+
+def expect_stays(line: Line, message: str, *, for_s: float, pose: Pose | None = None) -> None:
+    """For so many seconds the tool has to stay: where it is, or where it was before.
+
+    Args:
+        line: Where it is asked.
+        message: What is wrong where it does not.
+        for_s: When it is looked at again.
+        pose: Where it was before; None for where it is now.
+
+    Raises:
+        Unmet: It does not.
+    """
+    first = pose or pose_of(line)
+    line.wait(for_s)
+    now = pose_of(line)
+    stays = farthest(first, now) <= STANDSTILL
+    expect(stays, message, expected=f"{tuple(first)}", observed=f"{tuple(now)}")

@@ -1,0 +1,157 @@
+"""Refusals: what the first replies and the results of two-stage commands must look like.
+
+What is open is tolerated as the register says: which code is chosen (A-0-7), whether a busy robot
+says anything (A-4-2), and when a program is found to be missing (A-4.15-1).
+"""
+
+from contextlib import nullcontext
+from typing import Any, Final
+
+from scaraspec.protocol import errors
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.fields import Wrong
+from scaraspec.suite.controller.harness.asking.motion import BUSY
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    JOG,
+    RELEASE,
+    STOP,
+    Task,
+    finish,
+    locked_again,
+    offered,
+)
+from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.wire import Answer
+
+_FAILURES: Final = errors.FAILURES | {errors.TABLE_8_1["00"], errors.TABLE_8_1["20"]}
+"""Of results: an interrupted command's too (A-4.17-4), and that of a missing program (A-4.15-1)."""
+_MISSING: Final = "20"  # L1044
+
+
+def text_of(answer: Answer) -> bytes:
+    """Its data, without the NUL that A-T-3 tolerates."""
+    return answer.frame.data.rstrip(b"\0")
+
+
+def expect_first_reply(name: str, answer: Answer) -> None:
+    """Fail the subject unless this is "1", or "0|code" (4/1).
+
+    Raises:
+        Unmet: It is not.
+    """
+    if name == STOP and text_of(answer)[:1] == b"0":
+        return  # what follows the flag is for 4.17/2
+    complaints = answer.seen.parsed.decoded.complaints if answer.seen.parsed else ()
+    malformed = any(c.wrong in (Wrong.FLAG, Wrong.FIELD_COUNT, Wrong.NO_CODE) for c in complaints)
+    expect(
+        answer.accepted is not None and not malformed,
+        f"the first reply to {name} is neither yes nor no",
+        expected=BY_NAME[name].reply.form,
+        observed=f"{answer}",
+        requirement="4/1",
+    )
+
+
+def expect_refusal(subject: Subject, answer: Answer) -> None:
+    """Fail the subject unless the code of a refusal is one of table 8-1 (4/4).
+
+    Raises:
+        Unmet: It is not.
+    """
+    _expect_code(subject, answer, errors.REFUSALS, "4/4", "A-0-7")
+
+
+def expect_failure(subject: Subject, answer: Answer) -> None:
+    """Fail the subject unless the code of a failure is one of table 8-1 (4/5).
+
+    Raises:
+        Unmet: It is not.
+    """
+    _expect_code(subject, answer, _FAILURES, "4/5", "A-8-5")
+
+
+def _expect_code(
+    subject: Subject,
+    answer: Answer,
+    usual: frozenset[errors.Code],
+    requirement: str,
+    entry: str,
+) -> None:
+    zeros = b"00" if answer.frame.tagged else b"0"
+    text = text_of(answer).removeprefix(zeros)[1:]
+    if not text:  # the form is judged elsewhere
+        return
+    code = errors.lookup(text.decode("latin-1"))
+    expect(
+        code is not None,
+        "the code of a refusal or a failure is not one of table 8-1",
+        expected="a code of table 8-1",
+        observed=f"{answer}",
+        requirement=requirement,
+    )
+    if code is not None and code not in usual:
+        message = f"a refusal or a failure bears the code {code.text} ({code.meaning})"
+        subject.tolerate(requirement, entry, code.text, message)
+
+
+def expect_busy(subject: Subject, line: Line, task: Task, name: str, value: Any = None) -> None:
+    """Fail the subject if it accepts a command while a task executes (4/6, 4/15).
+
+    Raises:
+        Unmet: It does, or refuses with another state than its own.
+        NotRun: The task was over before the answer.
+    """
+    answer = offered(line, name, value)
+    if answer is None:
+        message = f"the busy robot did not answer {name}"
+        subject.tolerate("4/6", "busy_reply", "silence", message)
+        return
+    if answer.accepted and name == task.name == JOG:
+        message = "another jog replaced the one before"
+        subject.tolerate("4/6", "A-4.28-5", "replace", message)
+        return
+    if task.over_before(answer):
+        with locked_again(subject, line) if name == RELEASE else nullcontext():
+            task.lasts()
+    expect(
+        not answer.accepted,
+        f"{name} was accepted while {task.name} executed",
+        expected=f"0|{task.state}",
+        observed=f"{answer}",
+        requirement="4/6",
+    )
+    expect_first_reply(name, answer)
+    if answer.code in BUSY:
+        expect(
+            answer.code == task.state,
+            f"{name} was refused with another state than that of the robot, at {task.name}",
+            expected=f"0|{task.state}",
+            observed=f"{answer}",
+            requirement="4/15",
+        )
+    expect_refusal(subject, answer)
+
+
+def expect_missing(
+    subject: Subject, line: Line, name: str, program: bytes, requirement: str
+) -> None:
+    """Fail the subject unless it says, now or later, that it has no such program (A-4.15-1).
+
+    Raises:
+        Unmet: It says something else.
+    """
+    subject.moved = True
+    first = line.ask(name, program)
+    told = finish(subject, line, name) if first.accepted else first
+    expect(
+        not told.done and told.code == _MISSING,
+        f"{name} of a program that is not stored is not told by code 20",
+        expected="0|20",
+        observed=f"{first}" if told is first else f"{first}, then {told}",
+        requirement=requirement,
+    )
+    if first.accepted:
+        message = "the missing program was found after the first reply"
+        subject.tolerate(requirement, "A-4.15-1", "00|20", message)

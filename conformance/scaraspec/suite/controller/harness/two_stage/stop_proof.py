@@ -1,0 +1,152 @@
+"""Stop proof: before the first motion of a run the emergency stop is tried on the smallest one.
+
+That is a step at the slowest speed; a program that waits where the robot takes no step; a jog
+where it runs no program either. A robot that starts none of them moves for no case.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final, NamedTuple
+
+from scaraspec.judge.places import STANDSTILL
+from scaraspec.protocol.commands import Pose
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.asking.motion import (
+    BUSY,
+    IDLE,
+    SLOWEST_PERCENT,
+    begin_step_somewhere,
+    end_of,
+    joints_of,
+    off_by,
+    pose_of,
+    returning,
+    same_place,
+)
+from scaraspec.suite.controller.harness.emergency_stop import EFFECT_S, LATE_S
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    JOG,
+    LOCK,
+    MOVE,
+    RESET,
+    RUN,
+    STOP,
+    jog_somewhere,
+    start_program,
+)
+from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet
+
+_UNDER_WAY_S: Final = 0.1
+_LOOKS: Final = 3
+_LOOK_S: Final = 0.2
+
+
+def prove_stop(subject: Subject) -> None:
+    """Try the emergency stop, unless it is known not to work.
+
+    What is wrong with it is in `StopMonitor.failure` afterwards.
+    """
+    stop = subject.guard.stop
+    if STOP in subject.statement.lacks:
+        message = "the statement of conformance says that the controller lacks it"
+        stop.fail("4.17/6", message, "an emergency stop", "none")
+    for start in (_leave_error, _step, _step_once_locked, _program, _jog):
+        if stop.failure:
+            return
+        with suppress(Unmet, Undecided):
+            proved = _stops(subject, start)
+            subject.settle()
+            if proved:
+                return
+
+
+class _Started(NamedTuple):
+    """What was started, and where it ends if it is a step."""
+
+    name: str
+    target: Pose | None = None
+
+
+def _stops(subject: Subject, start: "_Start") -> bool:
+    """Start something, and stop it; whether that showed that the stop works."""
+    line = subject.open()
+    with returning(subject, line):
+        subject.moved = True
+        started = start(subject, line)
+        if started is None:
+            return False
+        line.wait(_UNDER_WAY_S)
+        return _is_stopped(subject, line, started)
+
+
+def _is_stopped(subject: Subject, line: Line, started: _Started) -> bool:
+    """Whether a stop ends it; False where it had ended before."""
+    name = started.name
+    stop = subject.guard.stop
+    try:
+        answer = line.ask(STOP, within_s=max(LATE_S, subject.reply_s))
+    except NoAnswer as error:
+        stop.fail("4.17/6", f"it is not answered while {name} executes", "1", error.observed)
+        return False
+    if not answer.accepted:
+        if line.ask("get_status").value in BUSY and line.ask("get_status").value in BUSY:
+            stop.fail("4.17/6", f"it is refused while {name} executes", "1", f"{answer}")
+        return False
+    with suppress(NoAnswer):
+        line.result(STOP, within_s=subject.reply_s)
+    line.wait(EFFECT_S)
+    places = [_look(line) for _ in range(_LOOKS)]
+    if off_by(places[0], places[-1]) > STANDSTILL:
+        shown = (f"{tuple(place[:4])}" for place in (places[0], places[-1]))
+        stop.fail("4.17/7", "the arm goes on moving after it", *shown)
+    arrived = started.target is not None and same_place(places[-1], started.target)
+    return stop.failure is None and not arrived
+
+
+def _look(line: Line) -> Pose:
+    """Where the tool stands; the monitor compares joints and statuses."""
+    joints_of(line)
+    line.ask("get_status")
+    line.wait(_LOOK_S)
+    return pose_of(line)
+
+
+def _leave_error(subject: Subject, line: Line) -> _Started | None:
+    """A reset, where nothing else ends an error."""
+    if line.ask("get_status").value in (IDLE, *BUSY) or RESET in subject.statement.lacks:
+        return None
+    return _Started(RESET) if line.ask(RESET).accepted else None
+
+
+def _step(subject: Subject, line: Line) -> _Started | None:
+    if MOVE in subject.statement.lacks:
+        return None
+    there, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
+    return _Started(MOVE, there) if answer.accepted else None
+
+
+def _step_once_locked(subject: Subject, line: Line) -> _Started | None:
+    """A step of a robot whose joints may have been loose (A-4.25-1)."""
+    if {LOCK, MOVE} & subject.statement.lacks or not line.ask(LOCK).accepted:
+        return None
+    end_of(subject, line, LOCK)
+    return _step(subject, line)
+
+
+def _program(subject: Subject, line: Line) -> _Started | None:
+    if RUN in subject.statement.lacks or Hazard.STATE not in subject.allowed:
+        return None
+    start_program(subject, line, RUN)
+    return _Started(RUN)
+
+
+def _jog(subject: Subject, line: Line) -> _Started | None:
+    if JOG in subject.statement.lacks:
+        return None
+    jog_somewhere(subject, line)
+    return _Started(JOG)
+
+
+_Start = Callable[[Subject, Line], _Started | None]

@@ -1,0 +1,494 @@
+"""Tasks: two-stage commands, begun on an idle robot, asked about while they last, and ended.
+
+A task that lasts is a program that waits, or the slowest step of the arm. Whatever a case does
+with it, afterwards nothing executes and the arm stands where it stood.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any, Final, NamedTuple
+
+from scaraspec.protocol.commands import BY_NAME, COMMANDS
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.payloads import JogDirection
+from scaraspec.suite.controller.harness.asking.files import upload
+from scaraspec.suite.controller.harness.asking.motion import (
+    BUSY,
+    SLOWEST_PERCENT,
+    begin_step_somewhere,
+    end_of,
+    go_on_if_it_listens,
+    knows_whether_it_listens,
+    listens,
+    pose_of,
+    quieten,
+    release_latch,
+    returning,
+    status_of,
+    stop,
+    target,
+)
+from scaraspec.suite.controller.harness.due import SUCCESS
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.program_files.layout import configured, find_layout, layout_in_use
+from scaraspec.suite.program_files.writing import wait_program
+from scaraspec.traffic.happenings import FrameSeen
+
+RUN, SIMULATE, STOP, RESET = "run_program", "simulate_program", "emergency_stop", "reset"
+MOVE, RELEASE, LOCK, JOG = "set_tool_coordinates", "release_joints", "lock_joints", "jog"
+
+TWO_STAGE: Final = tuple(command.name for command in COMMANDS if command.two_stage)
+
+STATES: Final[Mapping[str, str]] = {RUN: "01", SIMULATE: "02", RESET: "03", MOVE: "04", JOG: "04"}
+"""The tasks that last, and the status meanwhile (L1018-1021)."""
+
+ACCEPTANCE: Final[Mapping[str, str]] = {
+    RUN: "4.15/4",
+    SIMULATE: "4.16/2",
+    STOP: "4.17/3",
+    RESET: "4.18/3",
+    MOVE: "4.24/5",
+    RELEASE: "4.25/2",
+    LOCK: "4.26/2",
+    JOG: "4.28/4",
+}
+"""Which requirement says that the first reply is "1" where the robot can do it."""
+
+LASTS_S: Final = 5
+"""How long a program waits that is to be interrupted, in seconds of our clock."""
+BRIEFLY_S: Final = 0.5
+"""As long as one whose end is awaited: a second, unless the robot's are shorter than ours."""
+_ASKED: Final = 20
+"""How many requests, one behind the other, such a program outlasts."""
+
+_NS: Final = 1e9
+
+
+# ---------------------------------------------------------------------- beginning
+
+
+def begin(subject: Subject, line: Line, name: str, value: Any = None) -> Answer:
+    """Ask an idle robot for a two-stage command that it can do.
+
+    Raises:
+        Unmet: It refuses.
+        NotRun: It does not have this command.
+    """
+    has(subject, name)
+    subject.moved = True
+    return accepted(name, line.ask(name, value))
+
+
+def has(subject: Subject, *names: str) -> None:
+    """Go on only where the subject has these commands.
+
+    Raises:
+        NotRun: It says that it lacks one.
+    """
+    for name in names:
+        if name in subject.statement.lacks:
+            raise NotRun(f"the subject lacks {name}")
+
+
+def accepted(name: str, answer: Answer) -> Answer:
+    """Fail the subject unless it has accepted a command that it can do.
+
+    Raises:
+        Unmet: It has not.
+    """
+    if answer.accepted:
+        return answer
+    busy = answer.code in BUSY
+    raise Unmet(
+        f"{name} is refused {'as busy ' if busy else ''}by a robot that is idle",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4/15" if busy else ACCEPTANCE[name],
+    )
+
+
+def stored(subject: Subject, line: Line, seconds: float | None = None, name: bytes = b"") -> bytes:
+    """Upload a program that waits for at least so many seconds, by our clock; its name.
+
+    Without a number it waits for longer than is asked meanwhile, however slow the replies are;
+    without a name it gets a new one.
+    """
+    if seconds is None:
+        asked_s = subject.now_ns / _NS
+        reply_s = line.ask("get_status").time_s - asked_s
+        seconds = max(LASTS_S, int(_ASKED * reply_s))
+    name = name or subject.new_name()
+    scaled = math.ceil(seconds * subject.statement.time_scale)
+    _upload_wait(subject, line, name, scaled)
+    return name
+
+
+def stored_as(subject: Subject, line: Line, name: bytes) -> bytes:
+    """Upload a program that ends at once under a name of one's own."""
+    _upload_wait(subject, line, name, 0)
+    return name
+
+
+def _upload_wait(subject: Subject, line: Line, name: bytes, seconds: int) -> None:
+    layout, base = layout_in_use(subject), configured(subject, line)
+    upload(line, name, wait_program(subject.dialect, seconds, layout=layout, base=base))
+
+
+class Started(NamedTuple):
+    """A program that was begun: its name, and the first reply."""
+
+    program: bytes
+    answer: Answer
+
+
+def start_program(subject: Subject, line: Line, name: str, seconds: float | None = None) -> Started:
+    """Run or simulate a program that waits for so many seconds, or for long enough (`stored`).
+
+    The layout of program files is found out first (A-6.1-2).
+
+    Raises:
+        Unmet: It is refused.
+    """
+    has(subject, name)
+    subject.moved = True
+    if RUN not in subject.statement.lacks:
+        with suppress(Unmet, Undecided):  # it is for the cases about layouts to say so
+            find_layout(subject, line)
+    release_latch(subject, line)
+    program = stored(subject, line, seconds)
+    return Started(program, accepted(name, line.ask(name, program)))
+
+
+def begin_jog(subject: Subject, line: Line, direction: JogDirection) -> Answer:
+    """Ask for a jog, in the other notation too where the first is not understood (A-4.28-1).
+
+    The first reply: to the notation that is understood, where one is.
+
+    Raises:
+        NoAnswer: Neither is answered.
+    """
+    has(subject, JOG)
+    find_out_whether_it_listens(subject, line)
+    request, spoken = BY_NAME[JOG].request, subject.dialect["jog_byte"]
+    first: Answer | None = None
+    for notation in (spoken, "ascii" if spoken == "binary" else "binary"):
+        data = request.encode(direction, subject.dialect.replace(jog_byte=notation))
+        subject.moved = True
+        try:
+            answer = line.ask(JOG, data=data)
+        except NoAnswer:
+            continue
+        if answer.accepted or answer.code in BUSY:
+            if notation != spoken:
+                subject.follows("jog_byte", notation)
+            return answer
+        first = first or answer
+    if first is None:
+        raise NoAnswer("jog was not answered", expected="1 or 0|code", observed="silence")
+    return first
+
+
+def jog_somewhere(subject: Subject, line: Line) -> Answer:
+    """Begin a jog, in the first direction in which there is room.
+
+    Raises:
+        Unmet: Every direction is refused.
+    """
+    for direction in JogDirection:
+        answer = begin_jog(subject, line, direction)
+        if answer.accepted or answer.code in BUSY:
+            break
+    return accepted(JOG, answer)
+
+
+def offered(
+    line: Line, name: str, value: Any = None, *, data: bytes | None = None
+) -> Answer | None:
+    """Ask for what may be refused or not answered (A-4-2, A-3-9); None where silence follows.
+
+    So it is where the connection ends. Everything else that comes before the reply to a query
+    stays to be taken. What was granted may execute, and a robot that does may answer no query
+    (A-4-3).
+    """
+    line.send(name, value, data=data)
+    try:
+        line.heard[:0] = line.fence()
+    except NoAnswer:
+        replies = [s for s in line.heard if s.name == name and not s.frame.tagged]
+        granted = name in TWO_STAGE and any(Answer(s, s.value).accepted for s in replies)
+        if line.ending is None and not granted:
+            raise
+    with suppress(NoAnswer):
+        return line.reply(name, within_s=0.0)
+    return None
+
+
+def harmless(subject: Subject, line: Line) -> Mapping[str, Any]:
+    """For every two-stage command but the stop, a request that does next to nothing."""
+    program = stored(subject, line, 0)
+    values: dict[str, Any] = {
+        RUN: program,
+        SIMULATE: program,
+        MOVE: target(pose_of(line), SLOWEST_PERCENT),
+        JOG: JogDirection.PLUS_X,
+    }
+    return {
+        name: values.get(name)
+        for name in TWO_STAGE
+        if name != STOP and name not in subject.statement.lacks
+    }
+
+
+# ---------------------------------------------------------------------- lasting
+
+
+@dataclass
+class Task:
+    """A two-stage command that executes.
+
+    Attributes:
+        name: The command.
+        state: The status meanwhile.
+        program: The program that it runs, if it runs one.
+    """
+
+    name: str
+    line: Line
+    program: bytes = b""
+
+    @property
+    def state(self) -> str:
+        """The status meanwhile."""
+        return STATES[self.name]
+
+    @property
+    def over(self) -> bool:
+        """Whether its final result is there."""
+        self.line.pump()
+        return any(self._ends(seen) for seen in self.line.heard)
+
+    def _ends(self, seen: FrameSeen) -> bool:
+        return seen.frame.tagged and seen.frame.opcode == BY_NAME[self.name].opcode
+
+    def over_before(self, answer: Answer) -> bool:
+        """Whether its final result came before an answer, or on another connection about then."""
+        where = answer.seen.place
+        if answer.accepted and where.connection != self.line.name:
+            self.line.wait(MOMENT_S)
+        return any(
+            self._ends(seen)
+            and (
+                seen.place.connection != where.connection
+                or seen.place.offset_bytes < where.offset_bytes
+            )
+            for seen in self.line.heard
+        )
+
+    def lasts(self) -> None:
+        """Go on only while it executes.
+
+        Raises:
+            NotRun: It is over: it was too short to find anything out.
+        """
+        if self.over:
+            raise NotRun(f"{self.name} was over before anything could be asked of it")
+
+
+@contextmanager
+def lasting(subject: Subject, line: Line, name: str, *, queries: bool = True) -> Iterator[Task]:
+    """Begin a task that goes on for a while, and end it afterwards, if it has not ended.
+
+    Args:
+        subject: The subject.
+        line: The connection that asks for it.
+        name: The command.
+        queries: Whether something is to be asked meanwhile.
+
+    Raises:
+        Unmet: The idle robot refuses it.
+        NotRun: The robot answers nothing while it executes (A-4-3), or cannot do it here.
+    """
+    if not queries:  # what ends it asks all the same
+        find_out_whether_it_listens(subject, line)
+    with returning(subject, line):
+        task = Task(name, line)
+        with _BEGIN[name](subject, line, task):
+            if queries and not listens(subject, line, jogs=name == JOG):
+                stop(subject, line)
+                quieten(subject, line)
+                raise NotRun("the robot answers nothing while it executes (A-4-3)")
+            yield task
+            quieten(subject, line)
+
+
+def attentive(subject: Subject, line: Line) -> None:
+    """Go on only where a robot that executes answers queries.
+
+    Raises:
+        NotRun: It does not (A-4-3).
+    """
+    if knows_whether_it_listens(subject):
+        go_on_if_it_listens(subject, line)
+        return
+    with lasting(subject, line, RUN):
+        pass
+
+
+def find_out_whether_it_listens(subject: Subject, line: Line) -> None:
+    """Ask once while a program waits, so that no jog goes on while an answer is waited for."""
+    if not knows_whether_it_listens(subject):
+        with suppress(Unmet, NotRun):
+            attentive(subject, line)
+
+
+@contextmanager
+def _program(subject: Subject, line: Line, task: Task) -> Iterator[None]:
+    task.program = start_program(subject, line, task.name).program
+    yield
+
+
+@contextmanager
+def _step(subject: Subject, line: Line, task: Task) -> Iterator[None]:
+    has(subject, task.name)
+    _, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
+    accepted(task.name, answer)
+    yield
+
+
+@contextmanager
+def _jog(subject: Subject, line: Line, _: Task) -> Iterator[None]:
+    jog_somewhere(subject, line)
+    yield
+
+
+@contextmanager
+def _way_home(subject: Subject, line: Line, task: Task) -> Iterator[None]:
+    """A reset that has a step to go, where it goes to the initial tool position (A-4.18-3)."""
+    has(subject, task.name)
+    with home_at(subject, line):
+        _, answer = begin_step_somewhere(subject, line)
+        accepted(MOVE, answer)
+        done(subject, line, MOVE)
+        begin(subject, line, RESET)
+        yield
+
+
+@contextmanager
+def home_at(subject: Subject, line: Line) -> Iterator[None]:
+    """Make where the arm stands the initial tool position, for a while.
+
+    So that a reset goes no farther than back to it (A-4.18-3).
+
+    Raises:
+        NotRun: The subject does not take it, so that nobody knows how far a reset would go.
+    """
+    before = line.ask("get_initial_tool_position").value
+    if not line.ask("set_initial_tool_position", pose_of(line)).accepted:
+        raise NotRun("the subject does not take the arm's pose for its initial tool position")
+    try:
+        yield
+    finally:
+        with suppress(Unmet, NotRun):
+            quieten(subject, line)
+            if before is not None:
+                line.ask("set_initial_tool_position", before)
+
+
+_Begin = Callable[[Subject, Line, Task], Any]
+_BEGIN: Final[Mapping[str, _Begin]] = {
+    RUN: _program,
+    SIMULATE: _program,
+    MOVE: _step,
+    JOG: _jog,
+    RESET: _way_home,
+}
+
+
+# ---------------------------------------------------------------------- ending
+
+
+def stop_nothing(subject: Subject, line: Line) -> None:
+    """Stop a robot that is idle: that is refused, or done at once (A-4.17-1), and stops nothing.
+
+    What begins afterwards goes on.
+    """
+    subject.moved = True
+    if STOP not in subject.statement.lacks and line.ask(STOP).accepted:
+        finish(subject, line, STOP)
+        quieten(subject, line)
+
+
+def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = None) -> Answer:
+    """Wait for a final result; see `end_of`.
+
+    Raises:
+        NoAnswer: It does not come.
+    """
+    answer = end_of(subject, line, name, within_s=within_s)
+    if answer is None:
+        longest = "motion.longest_s of the statement at most"
+        message = f"no final result of {name} came while the robot was busy ({longest}), nor behind"
+        error = line.no_answer(message)
+        error.expected = f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …"
+        error.requirement = SUCCESS[name]
+        raise error
+    return answer
+
+
+def done(subject: Subject, line: Line, name: str) -> Answer:
+    """Wait for the successful end of a task.
+
+    Raises:
+        Unmet: It has another end, or none.
+    """
+    answer = finish(subject, line, name)
+    if answer.frame.data.rstrip(b"\0") != b"11":
+        raise Unmet(
+            f"{name} does not end with success",
+            expected="11",
+            observed=f"{answer}",
+            requirement=SUCCESS[name],
+        )
+    return answer
+
+
+def release(subject: Subject, line: Line) -> tuple[Answer, Answer | None]:
+    """Release the joints: the first reply, and the final result.
+
+    That is None where it only comes when the joints are locked again (A-4.25-2).
+
+    Raises:
+        Unmet: The idle robot refuses it.
+    """
+    first = begin(subject, line, RELEASE)
+    left_s = subject.reply_s
+    while True:
+        with suppress(NoAnswer):
+            return first, line.result(RELEASE, within_s=SILENCE_S)
+        left_s -= SILENCE_S
+        if left_s <= 0 or status_of(subject, line) not in (*BUSY, None):
+            return first, None
+
+
+@contextmanager
+def locked_again(subject: Subject, line: Line) -> Iterator[None]:
+    """Lock the joints afterwards, whatever has happened."""
+    try:
+        yield
+    finally:
+        with suppress(Unmet):
+            if line.ask(LOCK).accepted:
+                finish(subject, line, LOCK)
+
+
+def interrupted(line: Line, name: str) -> Answer | None:
+    """The final result of what a stop has ended, where it has one (A-4.17-4)."""
+    try:
+        return line.result(name, within_s=SILENCE_S)
+    except NoAnswer:
+        return None

@@ -1,0 +1,154 @@
+"""Observer: all that passes between the suite and its subject, judged and kept as evidence.
+
+Every case is watched by the judge that also reads captures from the field. What the suite itself
+sends is often wrong on purpose: only what the subject did is held against it.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Final
+
+from scaraspec.judge.judge import Judge
+from scaraspec.judge.requirements import REQUIREMENTS, Binds
+from scaraspec.judge.rules.rule import sender_of
+from scaraspec.judge.verdicts import Finding
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.report.model import Role
+from scaraspec.suite.engine.interruption import Interruption
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.traffic.happenings import (
+    Exchange,
+    FrameSeen,
+    Happening,
+    Transfer,
+    Unasked,
+    Undecodable,
+)
+from scaraspec.traffic.wire import WireEvent
+
+_RECENT_FRAMES: Final = 40
+"""Frames of a case that are remembered, for it to look at."""
+_EVIDENCE_FRAMES: Final = 12
+"""How many of them are kept as evidence of what it did last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """What the judge found while a case ran."""
+
+    case: str
+    finding: Finding
+
+
+Take = Callable[[WireEvent], None]
+Hear = Callable[[Happening | Finding], None]
+
+
+class Observer:
+    """Watches all connections of a run.
+
+    Args:
+        role: What the subject is.
+        statement: What it claims.
+        needs_login: False for a serial link (L83).
+        take: Is given every wire event: a recording.
+        hear: Is given what happened and what is wrong with it: statistics.
+
+    Attributes:
+        interruption: Ends the run; not within it, so that what passes is kept and judged, once.
+    """
+
+    def __init__(
+        self,
+        role: Role,
+        statement: Statement,
+        *,
+        needs_login: bool = True,
+        take: Take = lambda _: None,
+        hear: Hear = lambda _: None,
+    ) -> None:
+        self.interruption = Interruption()
+        self.judge = Judge(statement.dialect, needs_login=needs_login)
+        self.sightings: list[Sighting] = []
+        self.case = ""
+        self.recent: deque[FrameSeen | Undecodable] = deque(maxlen=_RECENT_FRAMES)
+        self.unasked: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
+        """The last first replies that answer nothing, not even late (A-3-16)."""
+        self._role, self._beyond = role, statement.beyond_the_judge
+        self._take, self._hear = take, hear
+        self._overlooked = ""
+
+    def begin(self, case: str) -> None:
+        """A case begins."""
+        self.case = case
+        self.recent.clear()
+
+    def event(self, event: WireEvent, *, judged: bool) -> None:
+        """Something passed; a connection that is not judged carries what is no protocol."""
+        self._take(event)
+        if judged:
+            self._listen(self.judge.feed(event))
+
+    def frame(self, seen: FrameSeen | Undecodable) -> None:
+        """A frame, or bytes that are none, passed: evidence of the running case."""
+        self.recent.append(seen)
+
+    @property
+    def told_unasked(self) -> frozenset[int]:
+        """The opcodes of what the subject has told of itself lately (A-3-16)."""
+        return frozenset(seen.frame.opcode for seen in self.unasked)
+
+    @property
+    def evidence(self) -> tuple[FrameSeen | Undecodable, ...]:
+        """What passed last in the running case."""
+        return tuple(self.recent)[-_EVIDENCE_FRAMES:]
+
+    @contextmanager
+    def overlooking(self, requirement: str) -> Iterator[None]:
+        """Hold nothing against the subject that the judge finds of this requirement meanwhile.
+
+        For what the judge cannot know: that a file which it takes for right need not be right for
+        a subject whose readings are not found out yet.
+        """
+        self._overlooked = requirement
+        try:
+            yield
+        finally:
+            self._overlooked = ""
+
+    def close(self) -> None:
+        """The run has ended."""
+        self._listen(self.judge.close())
+
+    def _listen(self, items: Iterator[Happening | Finding]) -> None:
+        happening: Happening | None = None
+        for item in items:
+            self._hear(item)
+            if not isinstance(item, Finding):
+                happening = item
+                if isinstance(item, Unasked) and not (item.late or item.seen.frame.tagged):
+                    self.unasked.append(item.seen)
+            elif item.requirement in (self._overlooked, *self._beyond) or happening is None:
+                continue
+            elif blamed(item, happening) is self._role:
+                self.sightings.append(Sighting(self.case, item))
+
+
+def speaks(role: Role) -> Direction:
+    """The direction in which a subject of this role sends."""
+    return C2A if role is Role.CONTROLLER else A2C
+
+
+def blamed(finding: Finding, happening: Happening) -> Role | None:
+    """Whose finding it is, who may be the suite that plays the other end; None for nobody's."""
+    binds = REQUIREMENTS[finding.requirement].binds
+    if binds is not Binds.BOTH:
+        return Role.CONTROLLER if binds is Binds.CONTROLLER else Role.CLIENT
+    if isinstance(happening, Transfer):
+        return Role.CLIENT if happening.upload else Role.CONTROLLER
+    if isinstance(happening, Exchange):
+        return Role.CLIENT if happening.name == "upload_chunk" else Role.CONTROLLER
+    sender = sender_of(happening)
+    return None if sender is None else Role.CONTROLLER if sender is C2A else Role.CLIENT

@@ -1,0 +1,184 @@
+"""Program layout: how the subject's program files are laid out, found with programs that only wait.
+
+Their aliases are empty and they wait for three seconds, so that a robot that reads them in another
+layout meets nothing but zeros and the number 3, which as a type of node is a wait again: whatever
+it makes of them, it does not move (A-6.1-2). What programs do is not judged here.
+"""
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+from scaraspec.protocol.programs import LAYOUTS, Layout, Program
+from scaraspec.suite.controller.harness.asking.files import upload
+from scaraspec.suite.controller.harness.asking.motion import IDLE, release_latch, status_of
+from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet
+from scaraspec.suite.program_files.writing import EMPTY, layout_of, wait_program
+
+CODE_20: Final = "8/5"
+"""What the judge may find of a file that is damaged, or that is right in another layout only."""
+
+LISTED: Final = "layout of programs that are listed"
+"""Known of a subject: a layout of which a program is listed; it has a byte order of its own, which
+need not be that of the chunks (A-6.1-4)."""
+
+_KNOWN: Final = "program layout"
+_TRIAL: Final = "trial of the program layout"
+_CONFIGURED: Final = "configuration of programs"
+TRIAL_S: Final = 3
+"""For how many of the subject's seconds a program waits by which its layout is found."""
+_DAMAGED: Final = ("05", "20")  # A-4.15-2: what a file is refused with that is no program
+_NS: Final = 1e9
+
+
+class Trial(NamedTuple):
+    """When a run was asked for, answered, and ended, in seconds since the Unix epoch."""
+
+    asked_s: float
+    replied_s: float
+    ended_s: float
+
+
+def find_layout(subject: Subject, line: Line) -> Layout:
+    """The layout in which the subject runs programs, found out once in a run.
+
+    The layout that is claimed is tried first; the first that waits as it should is taken, else
+    the first that comes to its end.
+
+    Raises:
+        Unmet: The subject runs a program in no layout (6.5/26).
+        Undecided: It did not when it was asked before, or its state lets it run none.
+    """
+    if _KNOWN not in subject.known:
+        release_latch(subject, line)
+        with subject.observer.overlooking(CODE_20):
+            try:
+                found, subject.known[_TRIAL] = _find(subject, line)
+            except Unmet:
+                subject.known[_KNOWN] = None
+                raise
+        subject.known[_KNOWN] = found
+        subject.follows("prog_layout", found.reading)
+    known = known_layout(subject)
+    if known is None:
+        raise Undecided("the subject runs programs in no layout of the document")
+    return known
+
+
+def trial_of(subject: Subject) -> Trial:
+    """How the program ran by which the layout was found, which waited for `TRIAL_S` seconds."""
+    trial: Trial = subject.known[_TRIAL]
+    return trial
+
+
+def known_layout(subject: Subject) -> Layout | None:
+    """The layout that was found, if one was."""
+    layout: Layout | None = subject.known.get(_KNOWN)
+    return layout
+
+
+def layout_in_use(subject: Subject) -> Layout:
+    """The layout in which the subject was found to run or to list programs, or that it claims."""
+    listed: Layout | None = subject.known.get(LISTED)
+    return known_layout(subject) or listed or layout_of(subject.dialect)
+
+
+def short_program(subject: Subject) -> bytes:
+    """The file of a program that waits for a second."""
+    return wait_program(subject.dialect, 1, layout=layout_in_use(subject))
+
+
+def configured(subject: Subject, line: Line) -> Program:
+    """A program whose configuration says what holds already (A-6.3-3).
+
+    A run may make it hold, or refuse what cannot be; it is asked for once in a run.
+
+    Raises:
+        Undecided: It is nothing that a program can say.
+    """
+    if _CONFIGURED not in subject.known:
+        tool, center = EMPTY.tool_position, EMPTY.tool_center
+        with suppress(NoAnswer):
+            tool = tuple(line.ask("get_initial_tool_position").value or tool)
+            center = tuple(line.ask("get_gripper_center").value or center)
+        try:
+            subject.known[_CONFIGURED] = replace(EMPTY, tool_position=tool, tool_center=center)
+        except ValueError as error:
+            raise Undecided(f"no program can carry what the subject tells: {error}") from None
+    base: Program = subject.known[_CONFIGURED]
+    return base
+
+
+def twin_of(layout: Layout) -> Layout | None:
+    """The layout that differs from this one in nothing but the size of a long, if there is one."""
+    return next(
+        (
+            other
+            for other in LAYOUTS.values()
+            if replace(other, name=layout.name, long_bytes=layout.long_bytes) == layout != other
+        ),
+        None,
+    )
+
+
+def _find(subject: Subject, line: Line) -> tuple[Layout, Trial]:
+    ended: tuple[Layout, Trial] | None = None
+    for layout in candidates(subject):
+        trial = _try(subject, line, layout)
+        if trial is None:
+            continue
+        took_s = trial.ended_s - trial.asked_s
+        if took_s >= TRIAL_S / subject.statement.time_scale / 2:  # 6.5/20 is more exact
+            return layout, trial
+        ended = ended or (layout, trial)
+    if ended is not None:
+        return ended
+    raise Unmet(
+        "a program that only waits is run in none of the layouts that the structures can have",
+        expected="1, and after its seconds 11",
+        observed="a refusal or a failure in each",
+        requirement="6.5/26",
+    )
+
+
+def candidates(subject: Subject) -> list[Layout]:
+    """Every layout, the one first that is in use, and then those that are most like it."""
+    likely = layout_in_use(subject)
+
+    def strangeness(layout: Layout) -> tuple[bool, bool, bool]:
+        return (
+            layout != likely,
+            layout.byte_order != likely.byte_order,
+            layout.reading != likely.reading,
+        )
+
+    return sorted(LAYOUTS.values(), key=strangeness)
+
+
+def _try(subject: Subject, line: Line, layout: Layout) -> Trial | None:
+    """How a waiting program of this layout runs; None where it does not end well.
+
+    Where its result does not come that it has ended shows in the status, though not when: it may
+    have been at once.
+    """
+    name = subject.new_name()
+    base = configured(subject, line)
+    upload(line, name, wait_program(subject.dialect, TRIAL_S, layout=layout, base=base))
+    subject.moved = True
+    asked_s = subject.now_ns / _NS
+    answer = line.ask("run_program", name)
+    if not answer.accepted:
+        if answer.code is not None and answer.code not in _DAMAGED:
+            raise Undecided(f"the subject cannot run programs now: {answer}")
+        return None
+    try:
+        result = line.result("run_program", within_s=TRIAL_S + subject.reply_s, untagged=True)
+    except NoAnswer:
+        if status_of(subject, line) == IDLE:
+            return Trial(asked_s, answer.time_s, asked_s)
+        if line.ask("emergency_stop").accepted:
+            line.result("emergency_stop")
+        return None
+    return Trial(asked_s, answer.time_s, result.time_s) if result.done else None

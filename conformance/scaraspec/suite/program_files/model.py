@@ -1,0 +1,204 @@
+"""Program model: what a program should do, as statements that are made nodes and that are reckoned.
+
+It follows the document and nothing else: it knows blocks where a robot has markers, and shares no
+code with any interpreter. Values stay where all readings agree: no overflow, no division that
+leaves a rest below zero, port values of 0 and 1, comparisons whose result is 0 in the file.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+from scaraspec.protocol.programs import Node, Opt, ValueType, Variable
+from scaraspec.suite.controller.harness.asking.ports import ALL_OUTPUTS, Bits, with_port
+from scaraspec.suite.program_files import writing as programs
+from scaraspec.suite.program_files.writing import Operand
+
+
+class Flip(NamedTuple):
+    """Set an output to what it was not before the program, by an output node (4)."""
+
+    port: int
+
+
+class Put(NamedTuple):
+    """Set an output to an operand that is 0 or 1, by an operation (L965)."""
+
+    port: int
+    value: Operand
+
+
+class Assign(NamedTuple):
+    """Assign an operand to a variable (L964)."""
+
+    key: int
+    value: Operand
+
+
+class Calculate(NamedTuple):
+    """Calculate into a variable (L963)."""
+
+    key: int
+    a: Operand
+    opt: Opt
+    b: Operand
+
+
+class Wait(NamedTuple):
+    """Wait for whole seconds (L928)."""
+
+    seconds: int
+
+
+class If(NamedTuple):
+    """One of two blocks (L917-919); None for no ELSE."""
+
+    a: Operand
+    opt: Opt
+    b: Operand
+    then: "Block"
+    otherwise: "Block | None" = None
+
+
+Statement = Flip | Put | Assign | Calculate | Wait | If
+Block = Sequence[Statement]
+
+
+@dataclass
+class State:
+    """What a program works upon.
+
+    Attributes:
+        initial: The outputs before it.
+        inputs: The digital inputs, which do not change.
+        variables: Their values, by key.
+        outputs: The outputs now.
+        written: Those that were set.
+        waited_s: For how long it has waited.
+    """
+
+    initial: Bits
+    inputs: Bits
+    variables: dict[int, int]
+    outputs: Bits = field(init=False)
+    written: set[int] = field(init=False, default_factory=set)
+    waited_s: int = 0
+
+    def __post_init__(self) -> None:
+        self.outputs = self.initial
+
+    def value(self, operand: Operand) -> int:
+        """What an operand stands for (L967-973)."""
+        kind, number = operand
+        if kind is ValueType.VARIABLE:
+            return self.variables[number]
+        return int(self.inputs[number - 1]) if kind is ValueType.INPUT_PORT else number
+
+    def execute(self, block: Block) -> None:
+        """Do what the statements say, one after the other.
+
+        Raises:
+            Untold: The document does not settle what they do.
+        """
+        for statement in block:
+            match statement:
+                case Flip(port):
+                    self._put(port, on=not self.initial[port - 1])
+                case Put(port, value):
+                    self._put(port, on=bool(self.value(value)))
+                case Assign(key, value):
+                    self.variables[key] = self.value(value)
+                case Calculate(key, a, opt, b):
+                    self.variables[key] = calculated(opt, self.value(a), self.value(b))
+                case Wait(seconds):
+                    self.waited_s += seconds
+                case If(a, opt, b, then, otherwise):
+                    holds = compared(opt, self.value(a), self.value(b))
+                    self.execute(then if holds else otherwise or ())
+
+    def _put(self, port: int, *, on: bool) -> None:
+        self.written.add(port)
+        self.outputs = with_port(self.outputs, port, on=on)
+
+
+class Untold(ValueError):  # noqa: N818 - the document is at fault, not the program
+    """What a program does is not settled by the document (A-6.6a-4)."""
+
+
+def calculated(opt: Opt, a: int, b: int) -> int:
+    """What a calculation gives (L978-981).
+
+    Raises:
+        Untold: It overflows, divides by zero, or leaves a rest below zero.
+    """
+    if opt is Opt.DIVIDE and (b == 0 or (a % b and (a < 0 or b < 0))):
+        raise Untold(f"{a} / {b}")
+    result = {
+        Opt.ADD: lambda: a + b,
+        Opt.SUBTRACT: lambda: a - b,
+        Opt.MULTIPLY: lambda: a * b,
+        Opt.DIVIDE: lambda: a // b,
+    }[opt]()
+    if not -(2**31) <= result < 2**31:
+        raise Untold(f"{result} is no int32")
+    return result
+
+
+def compared(opt: Opt, a: int, b: int) -> bool:
+    """Whether a comparison holds (L982-986)."""
+    return {
+        Opt.GREATER: a > b,
+        Opt.LESS: a < b,
+        Opt.EQUAL: a == b,
+        Opt.GREATER_OR_EQUAL: a >= b,
+        Opt.LESS_OR_EQUAL: a <= b,
+    }[opt]
+
+
+def is_told(block: Block, variables: Mapping[int, int]) -> bool:
+    """Whether the document settles what a program does that reads no input."""
+    try:
+        State((False,) * len(ALL_OUTPUTS), (), dict(variables)).execute(block)
+    except Untold:
+        return False
+    return True
+
+
+def nodes_of(block: Block, initial: Bits) -> list[Node]:
+    """The nodes of these statements, for outputs that are so before the program."""
+    return [node for statement in block for node in _nodes(statement, initial)]
+
+
+def _nodes(statement: Statement, initial: Bits) -> Iterable[Node]:
+    match statement:
+        case Flip(port):
+            return [programs.set_output(port, on=not initial[port - 1])]
+        case Put(port, value):
+            return [programs.set_port(port, value)]
+        case Assign(key, value):
+            return [programs.assign(key, value)]
+        case Calculate(key, a, opt, b):
+            return [programs.calculate(key, a, opt, b)]
+        case Wait(seconds):
+            return programs.wait(seconds)
+        case If(a, opt, b, then, otherwise):
+            return programs.branch(
+                programs.compare(a, opt, b),
+                nodes_of(then, initial),
+                None if otherwise is None else nodes_of(otherwise, initial),
+            )
+
+
+def variables_of(values: Mapping[int, int]) -> list[Variable]:
+    """The variable records of a program."""
+    return [Variable(key, f"v{key}".encode(), value) for key, value in values.items()]
+
+
+COMPARISONS: Final = (
+    Opt.GREATER,
+    Opt.LESS,
+    Opt.EQUAL,
+    Opt.GREATER_OR_EQUAL,
+    Opt.LESS_OR_EQUAL,
+)
+CALCULATIONS: Final = (Opt.ADD, Opt.SUBTRACT, Opt.MULTIPLY, Opt.DIVIDE)

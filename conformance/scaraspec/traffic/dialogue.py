@@ -1,0 +1,307 @@
+"""Dialogue: what happened on one connection, made from its wire events as they come.
+
+Bytes become frames, frames become exchanges and transfers; nothing here says whether that was
+right. Memory is bounded: what is resolved is handed out and dropped.
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+from scaraspec.protocol.commands import BY_OPCODE
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.protocol.frames import TAG, Why
+from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.traffic.executing import Executing
+from scaraspec.traffic.happenings import (
+    Ending,
+    Exchange,
+    FrameSeen,
+    Happening,
+    Injected,
+    LinkChange,
+    Lost,
+    Unasked,
+    Undecodable,
+)
+from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.stream import Stream
+from scaraspec.traffic.tracking import NAMES, TransferTracker, refuses_an_answer
+from scaraspec.traffic.waiting import Waiting
+from scaraspec.traffic.wire import Kind, WireEvent
+
+_MOST_PARTS: Final = 256  # of one program list; of a longer one the last are kept
+
+
+class Dialogue:
+    """Follows one connection. When it is opened again under its name, everything begins anew.
+
+    Args:
+        connection: Its name in the recording.
+        scene: What is known of the robot over all connections; read and written.
+        dialect: Claims of the subject: reply and transfer time-outs.
+        needs_login: False for links that serve without a login (L83).
+    """
+
+    def __init__(
+        self,
+        connection: str,
+        scene: Scene,
+        dialect: Dialect = DEFAULT,
+        *,
+        needs_login: bool = True,
+    ) -> None:
+        self.connection = connection
+        self.scene = scene
+        self._dialect = dialect
+        self._needs_login = needs_login
+        self._now_ns = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self.logged_in: bool | None = not self._needs_login
+        self._login_sent = False
+        self._refused_login: FrameSeen | None = None
+        self._streams = {d: Stream(self.connection, d) for d in Direction}
+        self._waiting = Waiting(self._dialect)
+        self._executing = Executing(self.connection, self.scene)
+        self._transfers = TransferTracker(self.scene, self._dialect)
+        self._listing: Exchange | None = None  # a program list of which parts are due
+        self._last: dict[str, Exchange] = {}
+        self._hung_up: Direction | None = None
+        self._begun = False
+        self.scene.connected.add(self.connection)
+
+    @property
+    def transferring(self) -> bool:
+        """Whether a file may be under way."""
+        return self._transfers.unfinished
+
+    def feed(self, event: WireEvent) -> Iterator[Happening]:
+        """Take the next event of this connection and give what it brought about, in order."""
+        self._now_ns = event.time_ns
+        if event.kind is Kind.BYTES and event.offset_bytes and not self._begun:
+            yield from self._begin_midway(event)
+        self._begun = True
+        match event.kind:
+            case Kind.BYTES:
+                yield from self._bytes(event)
+            case Kind.GAP:
+                for item in self._streams[event.direction].lose(event.length_bytes):
+                    yield from self._take(item)
+                yield Lost(event)
+                yield from self._lose(event.direction, ended=event.length_bytes < 0)
+            case Kind.INJECTED:
+                yield Injected(event)
+                yield from self._mistrust(event.direction)
+            case Kind.OPENED:
+                yield from self.close()
+                self._begin()
+                yield LinkChange(event)
+            case _:
+                self._hung_up = self._hung_up or event.direction
+                yield LinkChange(event)
+                self._executing.abandon()
+                if event.kind is not Kind.HALF_CLOSED:
+                    yield from self.close()
+                    self.scene.hang_up(event.time_ns, self._hung_up)
+
+    def _begin_midway(self, event: WireEvent) -> Iterator[Happening]:
+        """What passed before its first event is not known."""
+        for direction, stream in self._streams.items():
+            yield from stream.lose(event.offset_bytes if direction is event.direction else 0)
+            yield from self._lose(direction, ended=True)
+
+    def _bytes(self, event: WireEvent) -> Iterator[Happening]:
+        yield from self._waiting.overdue(self._now_ns)
+        yield from self._transfers.expire(self._now_ns)
+        self.scene.doubt.end_gap(self.connection, event.direction, self._answered_ns)
+        for run in self._streams[event.direction.opposite].settle():
+            yield from self._take(run)
+        for item in self._streams[event.direction].feed(event):
+            yield from self._take(item)
+
+    def close(self) -> Iterator[Happening]:
+        """The link or the capture has ended: hand out what is still open. May be called again."""
+        for stream in self._streams.values():
+            for item in stream.finish():
+                yield from self._take(item)
+        yield from self._waiting.overdue(self._now_ns)
+        yield from self._transfers.expire(self._now_ns)
+        yield from self._end_listing(Ending.CUT_OFF)
+        yield from self._waiting.close(self._now_ns, self._hung_up)
+        yield from self._executing.close(Ending.CUT_OFF, self._now_ns - self._waiting.reply_ns)
+        yield from self._transfers.end("the link or the capture ended", self._now_ns)
+        self.scene.connected.discard(self.connection)
+        self.scene.sessions.discard(self.connection)
+        self.scene.doubt.close(self.connection, self._answered_ns)
+
+    @property
+    def _answered_ns(self) -> int:
+        """When everything that has been asked by now is answered, if ever."""
+        return self._now_ns + self._waiting.reply_ns
+
+    def _lose(self, direction: Direction, *, ended: bool) -> Iterator[Happening]:
+        """A gap may have hidden requests, replies and results: judge nothing that spans it."""
+        yield from self._mistrust(direction, ended=ended)
+        yield from self._waiting.lose(direction)
+        if direction is C2A:
+            yield from self._end_listing(Ending.UNSEEN)
+            yield from self._executing.close(Ending.UNSEEN, -1)
+
+    def _mistrust(self, direction: Direction, *, ended: bool = True) -> Iterator[Happening]:
+        """The sides may not agree on what was sent: what is open is not sure, nor what follows."""
+        self.scene.doubt.begin(self.connection, direction, self._answered_ns, ended=ended)
+        self.scene.lose_track()
+        self._waiting.doubt()
+        if self._listing:
+            self._listing.certain = False
+        yield from self._transfers.doubt(self._now_ns)
+        self.logged_in = self.logged_in or None
+        self._refused_login = None
+
+    def _certain(self, seen: FrameSeen) -> bool:
+        """Whether no gap can have hidden what this frame belongs to."""
+        return seen.certain and not self.scene.doubt.covers(self.connection, seen.place.time_ns)
+
+    def _take(self, item: FrameSeen | Undecodable) -> Iterator[Happening]:
+        yield item
+        if isinstance(item, Undecodable):
+            yield from self._malformed(item)
+            return
+        command, direction = item.command, item.frame.direction
+        asker = command.asker if command else A2C
+        if item.frame.tagged:
+            yield from self._result(item)
+        elif refuses_an_answer(item.frame) and self._is_stray(item):
+            pass  # nothing is awaited, nor was this
+        elif direction is asker:
+            yield from self._request(item)
+        else:
+            yield from self._reply(item)
+
+    def _is_stray(self, refusal: FrameSeen) -> bool:
+        return self._transfers.refused() or not self._certain(refusal)
+
+    def _request(self, seen: FrameSeen) -> Iterator[Happening]:
+        exchange = Exchange(
+            seen,
+            seen.command,
+            logged_in=self.logged_in,
+            behind_login=self._login_sent,
+            refused_login=self._refused_login,
+            certain=self._certain(seen),
+        )
+        if self._listing and exchange.name == "list_programs":
+            exchange.parts = self._listing.parts.copy()  # the next is fetched (A-4.10-3)
+            self._waiting.owe(exchange.name)  # or on its way
+            yield from self._end_listing(Ending.ANSWERED)
+        yield from self._waiting.add(exchange)
+        self._executing.asked(exchange)
+        if exchange.name == "login":
+            self._login_sent = True
+        elif exchange.name == "set_password":
+            self.scene.last.pop("login", None)  # which password is right is open again
+        elif exchange.name == "delete_program":
+            self.scene.forget(exchange.asked or b"")
+        yield from self._transfers.request(exchange)
+
+    def _reply(self, seen: FrameSeen) -> Iterator[Happening]:
+        exchange = self._waiting.match(seen)
+        if seen.name == "download_chunk":
+            self._transfers.answered(exchange, seen.place.time_ns)
+        if exchange is None:
+            self._transfers.overanswered(seen.name)
+            if self._listing and seen.name == self._listing.name:
+                yield from self._list_part(self._listing, seen)
+            else:
+                yield self._unasked(seen, late=self._waiting.take_owed(seen.name))
+                yield from self._executing.end_untagged(seen)
+            return
+        exchange.reply = seen
+        exchange.certain = exchange.certain and self._certain(seen)
+        self._executing.answered(exchange)
+        self._last[exchange.name] = exchange
+        if exchange.name == "list_programs":
+            yield from self._list_part(exchange, seen)
+        elif exchange.command and exchange.command.two_stage and exchange.accepted:
+            yield from self._executing.accept(exchange)
+        else:
+            self._effects(exchange)
+            if exchange.name in NAMES and exchange.accepted:
+                yield from self._waiting.replace(exchange, self._now_ns)
+            yield from self._transfers.reply(exchange)
+            yield self._answered(exchange)
+
+    def _list_part(self, exchange: Exchange, seen: FrameSeen) -> Iterator[Happening]:
+        exchange.parts.append(seen)
+        exchange.certain = exchange.certain and seen.certain
+        if len(exchange.parts) > _MOST_PARTS:
+            del exchange.parts[0]
+            exchange.certain = False
+        if seen.value is not None and seen.value.more:
+            self._listing = exchange
+        else:
+            self._listing = None
+            yield self._answered(exchange)
+
+    def _end_listing(self, ending: Ending) -> Iterator[Happening]:
+        listing, self._listing = self._listing, None
+        if listing:
+            listing.ending = ending
+            yield listing
+
+    def _answered(self, exchange: Exchange) -> Exchange:
+        exchange.ending = Ending.ANSWERED
+        if exchange.request.certain and exchange.reply and exchange.reply.certain:
+            self.scene.doubt.settle(self.connection, exchange.time_ns)
+        return exchange
+
+    def _effects(self, exchange: Exchange) -> None:
+        """What a one-stage command changed for what follows."""
+        name, accepted = exchange.name, exchange.accepted
+        if name == "login" and accepted:
+            self.logged_in, self._refused_login = True, None
+            self.scene.sessions.add(self.connection)
+        elif name == "login" and self.logged_in:
+            self.logged_in = None  # it may have logged out (A-4.1-2)
+        elif name == "login" and self.logged_in is False:
+            self._refused_login = exchange.reply
+        elif name in ("shutdown", "set_network") and accepted:
+            self.logged_in = None  # the link may be dead
+            self.scene.version += 1
+        elif name == "get_status" and exchange.answer == "00" and exchange.certain:
+            self.scene.results_doubtful = False
+
+    def _result(self, seen: FrameSeen) -> Iterator[Happening]:
+        exchange = self._executing.match(seen)
+        if exchange:
+            yield self._answered(exchange)
+        else:
+            yield self._unasked(seen, late=self._executing.take_owed(seen.name))
+
+    def _unasked(self, seen: FrameSeen, *, late: bool) -> Unasked:
+        tagged = seen.frame.tagged
+        waiting = self._waiting.asked_by(seen.frame.direction.opposite)
+        if not late and not tagged:
+            for exchange in waiting:
+                exchange.stray = exchange.stray or seen
+        certain = self._certain(seen) and not (tagged and self.scene.results_doubtful)
+        elsewhere = tagged and self.scene.begun_elsewhere(seen.name, self.connection)
+        return Unasked(seen, self._last.get(seen.name), waiting, certain, late, elsewhere)
+
+    def _malformed(self, found: Undecodable) -> Iterator[Happening]:
+        """Bytes that begin like an answer to what is open take its place."""
+        torn = found.touches_gap or found.why in (Why.STRAY, Why.TRUNCATED)
+        direction, head = found.place.direction, found.data[1:3]
+        if torn or len(head) < 2:  # noqa: PLR2004 - tag and opcode, or opcode and length
+            return
+        if direction is C2A and head[0] == TAG:
+            exchange = self._executing.match_malformed(found, head[1])
+        else:
+            exchange = self._waiting.match_malformed(direction, head[0])
+        if exchange:
+            exchange.malformed = found
+            self._last[exchange.name] = exchange
+            yield self._answered(exchange)
+        elif direction is A2C and head[0] in BY_OPCODE:
+            self._waiting.owe(BY_OPCODE[head[0]].name)  # a lenient controller answers it

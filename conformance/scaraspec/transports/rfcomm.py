@@ -1,0 +1,31 @@
+"""RFCOMM links (Bluetooth serial port profile, A-2-3), where the system offers such sockets."""
+
+import socket
+
+from scaraspec.transports.link import LinkError
+from scaraspec.transports.tcp import SocketLink
+from scaraspec.transports.url import Rfcomm
+
+
+def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
+    """Connect to a channel of a paired device.
+
+    Raises:
+        LinkError: This system has no Bluetooth sockets, or the device does not answer.
+    """
+    try:
+        family, protocol = socket.AF_BLUETOOTH, socket.BTPROTO_RFCOMM
+        connected = socket.socket(family, socket.SOCK_STREAM, protocol)
+    except (AttributeError, OSError):
+        raise LinkError(
+            f"cannot connect to {address}: this system offers no Bluetooth sockets; "
+            "bind the device to a serial port (rfcomm bind) and use serial:///dev/rfcomm0"
+        ) from None
+    try:
+        connected.settimeout(timeout_s)
+        connected.connect(tuple(address))
+    except OSError as error:
+        connected.close()
+        why = error.strerror or f"no answer in {timeout_s:g} s"
+        raise LinkError(f"cannot connect to {address}: {why}") from None
+    return SocketLink(connected)

@@ -1,0 +1,81 @@
+"""Serial links: a device such as ``/dev/rfcomm0``, a USB adapter, or a pty."""
+
+import importlib
+import time
+from collections.abc import Sequence
+
+from scaraspec.transports.clock import now_ns
+from scaraspec.transports.link import Arrival, Ending, LinkError
+from scaraspec.transports.tcp import SEND_TIMEOUT_S
+from scaraspec.transports.url import Serial
+
+
+class SerialLink:
+    """A link over a serial device, which it opens and owns.
+
+    Raises:
+        LinkError: pyserial is not installed, or the device cannot be opened.
+    """
+
+    step_s = 1.0
+
+    def __init__(self, address: Serial) -> None:
+        try:
+            pyserial = importlib.import_module("serial")  # an optional extra
+        except ImportError:
+            raise LinkError("serial links need pyserial: pip install 'scaraspec[serial]'") from None
+        try:
+            self._port = pyserial.Serial(
+                address.device, address.baud, write_timeout=SEND_TIMEOUT_S, exclusive=True
+            )
+        except (OSError, ValueError) as error:
+            raise LinkError(f"cannot open {address}: {error}") from None
+        self._ending: Ending | None = None
+
+    @property
+    def now_s(self) -> float:
+        """Seconds of the system's monotonic clock."""
+        return time.monotonic()
+
+    def send(self, data: bytes) -> int:
+        """Send all of `data`; see `Link.send`."""
+        self._check_open()
+        time_ns = now_ns()
+        try:
+            self._port.write(data)
+        except OSError as error:
+            raise LinkError(f"the serial line takes no bytes: {error}") from None
+        return time_ns
+
+    def receive(self, deadline_s: float, _others: Sequence[object] = (), /) -> Arrival | None:
+        """Wait for bytes, or for the device to vanish; see `Link.receive`.
+
+        There are no others: a line carries one link.
+        """
+        self._check_open()
+        if self._ending is None:
+            try:
+                self._port.timeout = max(0.0, deadline_s - self.now_s)
+                data = bytes(self._port.read(1))
+                data += self._port.read(self._port.in_waiting)
+            except OSError:
+                self._ending = Ending.CLOSED
+            else:
+                return Arrival(now_ns(), data) if data else None
+        return Arrival(now_ns(), self._ending)
+
+    def half_close(self) -> None:
+        """Refuse: a serial line has no ends of its own; see `Link.half_close`."""
+        raise LinkError("a serial line cannot be half closed")
+
+    def close(self) -> None:
+        """Close the device."""
+        self._port.close()
+
+    def reset(self) -> None:
+        """Close the device: a serial line knows no reset."""
+        self.close()
+
+    def _check_open(self) -> None:
+        if not self._port.is_open:
+            raise LinkError("this link has been closed")

@@ -1,0 +1,126 @@
+"""Link URLs: what a user writes to name a link, and one clear sentence where it names none.
+
+Nothing is opened here.
+"""
+
+import ipaddress
+import re
+from typing import NamedTuple
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.transports.link import LinkError
+
+DEFAULT_BAUD = 115200
+DEFAULT_CHANNEL = 1
+
+_EXAMPLES = (
+    f"tcp://192.168.1.2:{DEFAULT_PORT}, serial:///dev/rfcomm0?baud={DEFAULT_BAUD} "
+    "or rfcomm://AA:BB:CC:DD:EE:FF/1"
+)
+_MAX_PORT = 65535
+_MAX_CHANNEL = 30  # RFCOMM knows channels 1 to 30
+_MAC = re.compile(r"[0-9A-F]{2}(:[0-9A-F]{2}){5}", re.IGNORECASE)
+_NUMBER = re.compile(r"[0-9]{1,7}")
+
+
+class UrlError(LinkError):
+    """A text names no link."""
+
+
+class Tcp(NamedTuple):
+    """A TCP port of a host; an IPv6 address has no brackets here."""
+
+    host: str
+    port: int = DEFAULT_PORT
+
+    def __str__(self) -> str:
+        return f"tcp://{join_host_port(*self)}"
+
+
+class Serial(NamedTuple):
+    """A serial device."""
+
+    device: str
+    baud: int = DEFAULT_BAUD
+
+    def __str__(self) -> str:
+        return f"serial://{self.device}?baud={self.baud}"
+
+
+class Rfcomm(NamedTuple):
+    """A channel of a Bluetooth device (A-2-3)."""
+
+    address: str
+    channel: int = DEFAULT_CHANNEL
+
+    def __str__(self) -> str:
+        return f"rfcomm://{self.address}/{self.channel}"
+
+
+def parse(url: str) -> Tcp | Serial | Rfcomm:
+    """Read a link URL.
+
+    Raises:
+        UrlError: It is none; the text says what is wrong with it and what would be right.
+    """
+    try:
+        parts = urlsplit(url)
+    except ValueError as error:
+        raise UrlError(f"{url!r} is no link: {error}, write for example {_EXAMPLES}") from None
+    if url.isprintable() and not parts.username and not parts.fragment:
+        if parts.scheme == "tcp" and parts.path in ("", "/") and not parts.query:
+            return Tcp(*split_host_port(parts.netloc))
+        if parts.scheme == "serial" and parts.netloc + parts.path:
+            return Serial(unquote(parts.netloc + parts.path), _baud(parts.query))
+        if parts.scheme == "rfcomm" and _MAC.fullmatch(parts.netloc) and not parts.query:
+            channel = parts.path.strip("/") or str(DEFAULT_CHANNEL)
+            number = _number("RFCOMM channel", channel, 1, _MAX_CHANNEL)
+            return Rfcomm(parts.netloc.upper(), number)
+    raise UrlError(f"{url!r} is no link: write for example {_EXAMPLES}")
+
+
+def split_host_port(text: str, lowest_port: int = 1) -> tuple[str, int]:
+    """Split ``host``, ``host:port`` or ``[IPv6]:port``; without a port it is the default.
+
+    Raises:
+        UrlError: There is no host, an IPv6 address without brackets, or no port of that number.
+    """
+    if text.startswith("["):
+        host, _, rest = text[1:].partition("]")
+        try:
+            ipaddress.IPv6Address(host)
+        except ValueError:
+            raise UrlError(f"{host!r} is no IPv6 address") from None
+        colon, port = rest[:1], rest[1:]
+    else:
+        host, colon, port = text.partition(":")
+        if ":" in port:
+            raise UrlError(
+                f"{text!r} is ambiguous: write an IPv6 address as [{text}]:{DEFAULT_PORT}"
+            )
+    if not host or colon not in ("", ":") or not host.isprintable() or " " in host:
+        raise UrlError(f"{text!r} names no host: write host:port or [IPv6 address]:port")
+    if not colon:
+        return host, DEFAULT_PORT
+    return host, _number("port", port, lowest_port, _MAX_PORT)
+
+
+def join_host_port(host: str, port: int) -> str:
+    """Write host and port as `split_host_port` reads them."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _baud(query: str) -> int:
+    settings = parse_qsl(query, keep_blank_values=True)
+    if not query:
+        return DEFAULT_BAUD
+    if [key for key, _ in settings] != ["baud"]:
+        raise UrlError(f"{query!r} is no setting of a serial link: write ?baud={DEFAULT_BAUD}")
+    return _number("baud rate", settings[0][1], 1, 4_000_000)
+
+
+def _number(what: str, text: str, lowest: int, highest: int) -> int:
+    if not _NUMBER.fullmatch(text) or not lowest <= int(text) <= highest:
+        raise UrlError(f"{text!r} is no {what}: it is a number from {lowest} to {highest}")
+    return int(text)

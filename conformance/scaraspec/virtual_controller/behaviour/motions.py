@@ -1,0 +1,123 @@
+"""The arm: 4.14, 4.17, 4.18, 4.23 to 4.28."""
+
+from typing import Final
+
+from scaraspec.protocol.commands import JointValues, MoveTarget, Pose
+from scaraspec.protocol.payloads import Acceptance, Outcome
+from scaraspec.virtual_controller import arm, motion
+from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Base, are_coordinates, refused
+from scaraspec.virtual_controller.robot import BAD_ARGUMENT, DONE, MOVING, RESETTING
+from scaraspec.virtual_controller.session import Request
+
+RESET_SPEED_PERCENT: Final = 50
+"""4.18 names no speed."""
+
+
+class Motions(Base):
+    """What moves the arm, stops it, or asks where it is."""
+
+    def get_motor_temperatures(self, request: Request) -> JointValues:
+        """4.14: whole degrees Celsius (A-4.14-2)."""
+        return JointValues(*map(round, self.plant.temperatures_c(request.now_s)))
+
+    def get_joint_angles(self, request: Request) -> JointValues:
+        """4.27: degrees, the wrist in mm (A-4.27-3)."""
+        return JointValues(*self.plant.joints(request.now_s))
+
+    def get_tool_coordinates(self, request: Request) -> Pose:
+        """4.23: of the screw's lower end (7.1), or of the gripper's point (A-4.23-1)."""
+        pose = arm.forward(self.plant.joints(request.now_s))
+        if self.dialect["pose_point"] == "gripper":
+            pose = arm.gripper_point(pose, arm.Offset(*self.store.settings.gripper_center))
+        return Pose(*pose, theta_y=0.0, theta_z=0.0)
+
+    def set_tool_coordinates(self, request: Request) -> Acceptance:
+        """4.24: a joint-interpolated move that keeps the elbow (A-4.24-5)."""
+        if code := self.robot.refusal():
+            return refused(code)
+        target: MoveTarget | None = request.value
+        if (
+            target is None
+            or not are_coordinates(target)
+            or not self.may_have_thetas(target.theta_y, target.theta_z)
+        ):
+            return refused(BAD_ARGUMENT)
+        pose = arm.Pose(target.x, target.y, target.z, target.theta_x)
+        if self.dialect["pose_point"] == "gripper":
+            back = (-value for value in self.store.settings.gripper_center)
+            pose = arm.gripper_point(pose, arm.Offset(*back))
+        try:
+            way = self._way(pose, target.speed, request.now_s)
+        except arm.UnreachableError as error:
+            return refused(error.code)
+        self.robot.move(request, MOVING, way)
+        return ACCEPTED
+
+    def reset(self, request: Request) -> Acceptance:
+        """4.18: forget the faults whose cause is gone, then go to the initial tool position.
+
+        The faults go first, so that the state while it moves is 03 (L1020; A-4.18-3). A robot in
+        error accepts, and fails if a fault stays or it cannot move (L411-419).
+        """
+        fault, code = self.plant.fault_code, self.robot.refusal()
+        if code is not None and (code != fault or self.dialect["reset_from_error"] == "idle-only"):
+            return refused(code)
+        self.plant.clear_faults()
+        code = self.robot.refusal()
+        if code is None:
+            pose = arm.Pose(*self.store.settings.initial_tool_position[:4])
+            try:
+                way = self._way(pose, RESET_SPEED_PERCENT, request.now_s)
+            except arm.UnreachableError as error:
+                code = error.code
+            else:
+                self.robot.move(request, RESETTING, way)
+                return ACCEPTED
+        if fault is None:
+            return refused(code)
+        self.conclude(request, Outcome(done=False, code=code))
+        return ACCEPTED
+
+    def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
+        joints = self.plant.joints(now_s)
+        return motion.move(joints, arm.inverse(pose, near=joints), speed_percent)
+
+    def jog(self, request: Request) -> Acceptance:
+        """4.28: until an emergency stop, a limit, or the loss of the link (A-4.28-3)."""
+        if code := self.robot.refusal():
+            return refused(code)
+        if request.value is None:
+            return refused(BAD_ARGUMENT)
+        way = motion.jog(self.plant.joints(request.now_s), request.value)
+        self.robot.move(request, MOVING, way, jogging=True)
+        return ACCEPTED
+
+    def emergency_stop(self, request: Request) -> Acceptance:
+        """4.17: needed while a command executes (A-4.17-1); does not latch (A-4.17-2)."""
+        task = self.robot.stop(request.now_s)
+        if task is None:
+            return Acceptance(accepted=False)
+        results = [(task.request, task.stopped), (request, DONE)]
+        match self.dialect["estop_interrupted"]:
+            case "after":
+                results.reverse()
+            case "none":
+                del results[0]
+        for concluded, outcome in results:
+            self.conclude(concluded, outcome)
+        return ACCEPTED
+
+    def release_joints(self, request: Request) -> Acceptance:
+        """4.25: at once (A-4.25-2), also if they are released already (A-4.25-3)."""
+        return self._set_locked(request, locked=False)
+
+    def lock_joints(self, request: Request) -> Acceptance:
+        """4.26: at once, also if they are locked already."""
+        return self._set_locked(request, locked=True)
+
+    def _set_locked(self, request: Request, *, locked: bool) -> Acceptance:
+        if code := self.robot.refusal(moves=False):
+            return refused(code)
+        self.plant.locked = locked
+        self.conclude(request, DONE)
+        return ACCEPTED

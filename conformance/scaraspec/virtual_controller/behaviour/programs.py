@@ -1,0 +1,126 @@
+"""User programs: stored, chosen, run: 4.9 to 4.13, 4.15, 4.16."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from scaraspec.protocol.commands import RunningProgram
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Acceptance, NameListPart
+from scaraspec.protocol.programs import Program, ProgramError, parse
+from scaraspec.virtual_controller.behaviour.base import ACCEPTED, SILENCE, Base, Silence, refused
+from scaraspec.virtual_controller.interpreter import Run, runnable
+from scaraspec.virtual_controller.robot import RUNNING, SIMULATING, Task
+from scaraspec.virtual_controller.session import Request
+
+MISSING: Final = "20"
+"""The code of a program that does not exist (L1044)."""
+LIST_MAX_BYTES: Final = 253
+"""Names and bars in one message of a list, behind ``1|`` (L246)."""
+
+
+def list_parts(names: list[bytes]) -> Iterator[NameListPart]:
+    """Cut a list between names into messages of at most 255 bytes (A-4.10-3)."""
+    part: list[bytes] = []
+    size_bytes = 0
+    for name in names:
+        if part and size_bytes + 1 + len(name) > LIST_MAX_BYTES:
+            yield NameListPart(more=True, names=tuple(part))
+            part, size_bytes = [], 0
+        size_bytes += len(name) + (1 if part else 0)
+        part.append(name)
+    yield NameListPart(more=False, names=tuple(part))
+
+
+class Programs(Base):
+    """What is done with user programs.
+
+    Attributes:
+        interpreter: What runs them.
+    """
+
+    interpreter: type[Run] = Run
+
+    def get_running_program(self, request: Request) -> RunningProgram | None:
+        """4.9: a simulated run counts (A-4.9-4)."""
+        task = self.robot.task
+        if task is None or not task.program:
+            return None
+        return RunningProgram(task.program, int(request.now_s - task.request.now_s))
+
+    def list_programs(self, request: Request) -> NameListPart:
+        """4.10: every program, sorted; further messages pushed, or each asked for (A-4.10-3)."""
+        names = [name for name in self.store.names() if self.is_program(name)]
+        first, *rest = request.session.list_rest or list_parts(names)
+        if self.dialect["list_cont"] == "push":
+            for part in rest:
+                data = request.command.reply.encode(part, self.dialect)
+                self.later(request.session, Frame(C2A, request.frame.opcode, data))
+            rest = []
+        request.session.list_rest = rest
+        return first
+
+    def delete_program(self, request: Request) -> bool:
+        """4.11: not while it runs or is transferred; the default program may go (A-4.11-1)."""
+        name: bytes = request.value
+        if self.dialect["delete_guard"] == "refuse" and self.is_in_use(name):
+            return False
+        if not self.remove(name):
+            return False
+        if name == self.store.settings.default_program:
+            self.save(default_program=b"")
+        return True
+
+    def is_in_use(self, name: bytes) -> bool:
+        """Whether a program runs or is transferred."""
+        transfers = (session.transfer for session in self.sessions.values())
+        task = self.robot.task
+        return (task is not None and task.program == name) or any(
+            transfer is not None and transfer.name == name for transfer in transfers
+        )
+
+    def get_default_program(self, _: Request) -> bytes | Silence:
+        """4.12: none where the program that was set is gone (A-4.12-2)."""
+        name = self.store.settings.default_program
+        if self.is_program(name):
+            return name
+        return SILENCE if self.dialect["default_none"] == "silence" else b""
+
+    def set_default_program(self, request: Request) -> bool:
+        """4.13: a stored program (A-4.13-1); nothing is started (A-4.12-3)."""
+        return self.is_program(request.value) and self.save(default_program=request.value)
+
+    def run_program(self, request: Request) -> Acceptance:
+        """4.15."""
+        return self._start(request, RUNNING)
+
+    def simulate_program(self, request: Request) -> Acceptance:
+        """4.16: nothing moves and no output is set (A-4.16-1)."""
+        return self._start(request, SIMULATING)
+
+    def _start(self, request: Request, state: str) -> Acceptance:
+        simulated = state == SIMULATING
+        if code := self.robot.refusal(moves=not simulated):
+            return refused(code)
+        program = self._program(request.value)
+        if program is None:
+            return refused(MISSING)
+        run = self.interpreter(
+            program, self.dialect, self.plant, simulated=simulated, now_s=request.now_s
+        )
+        self.robot.task = Task(request, state, run, program=request.value)
+        return ACCEPTED
+
+    def _program(self, name: bytes | None) -> Program | None:
+        """A program that may run."""
+        if name is None or not self.is_program(name):
+            return None
+        return self.understood(self.store.read(name))
+
+    def understood(self, data: bytes) -> Program | None:
+        """The program that a file holds; a damaged one is as good as none (A-4.15-2)."""
+        try:
+            program = parse(data)
+        except ProgramError:
+            return None
+        return program if runnable(program, self.dialect) else None

@@ -1,0 +1,320 @@
+"""The brain: what clients do comes in, what the controller does about it goes out; all is pure.
+
+Connections, logins and the order of requests and replies live here. Every frame comes in through
+`Brain.handle` and goes out through `Brain.emit`; in between, the method that bears its command's
+name acts (see `behaviour`). Sockets, files and clocks are the shell's: it passes the time in, in
+seconds of any monotonic clock that is the plant's too, and performs the actions it gets back.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from scaraspec.protocol.commands import BY_OPCODE, Command
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.fields import Wrong
+from scaraspec.protocol.frames import TAG, Found, Frame, Skipped
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import FLAG, Acceptance, Answer, FirstReply
+from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.protocol.transfer import State
+from scaraspec.virtual_controller.behaviour import SILENCE, Behaviour
+from scaraspec.virtual_controller.inlet import Inlet
+from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.robot import BAD_ARGUMENT
+from scaraspec.virtual_controller.session import Action, Carrier, Close, Request, Send, Session
+from scaraspec.virtual_controller.store import Store
+
+MAX_QUEUED = 16
+"""Requests that wait for a busy robot under the reading ``busy_reply=queue``."""
+
+_FORGIVEN = frozenset({Wrong.TRAILING_NUL, Wrong.LONG_NAME})
+"""Departures in a request that are understood and acted upon (A-T-3, A-5-20)."""
+
+
+def _ignore(_connection: int, _seen: Found) -> None:
+    """Watch nothing."""
+
+
+class Brain(Behaviour):
+    """The virtual controller as a state machine.
+
+    Args:
+        plant: The physical robot; its clock is the brain's.
+        store: Programs and settings.
+        dialect: One reading of every open point.
+        watch: Told of every frame and every run of skipped bytes, with its connection.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        store: Store,
+        dialect: Dialect = DEFAULT,
+        watch: Callable[[int, Found], None] = _ignore,
+    ) -> None:
+        super().__init__(plant, store, dialect)
+        self._watch = watch
+        self._actions: list[Action] = []
+        self._queue: deque[tuple[Session, Frame]] = deque()
+        # Replies bear names of the length that clients chose (A-4.9-5).
+        self._own = dialect.replace(name_max="255")
+
+    # ------------------------------------------------------------------ what happens
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        """A client has connected.
+
+        Args:
+            connection: A number for it that no other open connection has.
+            now_s: The present instant.
+            link: What it runs over; a serial client needs no login (L83), and is not heard while
+                a network client is connected (L81; A-2-4).
+        """
+        self._elapse(now_s)
+        others = [session for session in self.sessions.values() if session.carrier == "tcp"]
+        limit = self.dialect["max_clients"]
+        if not self.powered or (link == "tcp" and others and limit == "one"):
+            self._actions.append(Close(connection))
+            return self._taken()
+        if link == "tcp":
+            if limit == "newest":
+                for session in others:
+                    self._end(session, now_s)
+            for session in list(self.sessions.values()):
+                if session.carrier == "serial":  # to it, being masked is the loss of its link
+                    self._forget(session, now_s)
+                    self._admit(session.connection, "serial")
+        self._admit(connection, link)
+        return self._taken()
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Bytes have arrived from a client."""
+        self._elapse(now_s)
+        session = self.sessions.get(connection)
+        if session is not None and not self._is_masked(session):
+            self._take_in(session, session.inlet.receive(data, now_s), now_s)
+        return self._taken()
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        """A client is gone, or sends no more: its jog stops, finite motion goes on (A-2-8)."""
+        self._elapse(now_s)
+        session = self.sessions.get(connection)
+        if session is not None:
+            self._end(session, now_s)
+        return self._taken()
+
+    def advance(self, now_s: float) -> list[Action]:
+        """Time has passed, or the plant was changed from outside."""
+        self._elapse(now_s)
+        return self._taken()
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When `advance` is due next; None if nothing will happen by itself."""
+        times_s = [self.robot.task.act.next_event_s] if self.robot.task else []
+        for session in self.sessions.values():
+            if session.inlet.deadline_s is not None:
+                times_s.append(session.inlet.deadline_s)
+            if session.transfer is not None and session.transfer.end.deadline_s is not None:
+                # Silence must have lasted for more than the time-out (L795).
+                times_s.append(math.nextafter(session.transfer.end.deadline_s, math.inf))
+        soonest_s = min(times_s, default=math.inf)
+        return None if soonest_s == math.inf else soonest_s
+
+    # ------------------------------------------------------------------ frames in
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Serve one frame of a client."""
+        command = self._command(frame)
+        if command is None:
+            self._answer_unknown(session, frame, now_s)
+            return
+        if not self._may_ask(session, command):
+            match self.dialect["prelogin"]:
+                case "failure":
+                    self._reply(session, command, frame, _failure(command))
+                case "close":
+                    self._end(session, now_s)
+            return
+        if self._must_wait(session, command, frame):
+            return
+        request = Request(session, command, frame, self._value(command, frame), now_s)
+        if command.request.fields and request.value is None and not command.two_stage:
+            answer = _failure(command)
+        else:
+            answer = getattr(self, command.name)(request)
+        self._reply(session, command, frame, answer)
+        self._send_later()
+        if not self.powered:
+            for other in list(self.sessions.values()):
+                self._end(other, now_s)
+
+    def _command(self, frame: Frame) -> Command | None:
+        """The row of a frame; None where the dialect does not know its opcode (A-4.12-1)."""
+        command = BY_OPCODE.get(frame.opcode)
+        if command and command.also and self.dialect["op_get_default"] == "0x13":
+            return command if frame.opcode == command.also else None
+        return command
+
+    def _may_ask(self, session: Session, command: Command) -> bool:
+        """Whether a client is served before its login too (A-4-4)."""
+        if session.logged_in or command.name == "login":
+            return True
+        reading = self.dialect["prelogin"]
+        return reading == "all" or (reading == "reads" and command.hazard is Hazard.READ_ONLY)
+
+    def _answer_unknown(self, session: Session, frame: Frame, now_s: float) -> None:
+        """An opcode that nobody defined (A-3-9)."""
+        match self.dialect["on_unknown"]:
+            case "0" if frame.opcode != TAG:  # behind a start byte it would be the tag (A-3-5)
+                self.emit(session, Frame(C2A, frame.opcode, b"0"))
+            case "close":
+                self._end(session, now_s)
+
+    def _must_wait(self, session: Session, command: Command, frame: Frame) -> bool:
+        """Whether a busy robot does not answer this now, under other readings than the default.
+
+        The emergency stop is always served, and drops what waits: it must not start now (A-4-2).
+        """
+        if command.name == "emergency_stop":
+            self._queue.clear()
+            return False
+        if not command.two_stage or self.robot.task is None:
+            return False
+        if self.dialect["busy_reply"] == "queue" and len(self._queue) < MAX_QUEUED:
+            self._queue.append((session, frame))
+            return True
+        return self.dialect["busy_reply"] == "silence" and command.name != "reset"  # drawn, L397
+
+    def _value(self, command: Command, frame: Frame) -> Any:
+        """What a request says; None where a controller may not act upon it."""
+        payload = command.payload(frame)
+        assert payload is not None, "no client's frame bears a tag"
+        decoded = payload.decode(frame.data)
+        if any(complaint.wrong not in _FORGIVEN for complaint in decoded.complaints):
+            return None
+        if ("jog_byte", "ascii") in decoded.readings and self.dialect["jog_byte"] == "binary":
+            return None
+        return decoded.value
+
+    # ------------------------------------------------------------------ frames out
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Send one frame; nothing if its client is gone (A-2-9)."""
+        if self.sessions.get(session.connection) is session:
+            self._watch(session.connection, frame)
+            self.transmit(session, frame.encode())
+
+    def transmit(self, session: Session, data: bytes) -> None:
+        """Send bytes as they are."""
+        self._actions.append(Send(session.connection, data))
+
+    def _reply(self, session: Session, command: Command, frame: Frame, answer: Any) -> None:
+        """Send a first reply under the opcode of its request, unless printed otherwise."""
+        if answer is SILENCE:
+            return
+        opcode = frame.opcode
+        if command.reply_also is not None and self.dialect["op_temp_reply"] == "0x0E":
+            opcode = command.reply_also
+        self.emit(session, Frame(C2A, opcode, command.reply.encode(answer, self._own)))
+
+    def _send_later(self) -> None:
+        later, self._later = self._later, []
+        for session, frame in later:
+            self.emit(session, frame)
+
+    # ------------------------------------------------------------------ clients and time
+
+    def _admit(self, connection: int, carrier: Carrier) -> None:
+        inlet = Inlet(self.dialect)
+        logged_in = carrier == "serial"  # 使用蓝牙通信时不需要登录验证 (L83)
+        self.sessions[connection] = Session(connection, carrier, inlet, logged_in)
+
+    def _is_masked(self, session: Session) -> bool:
+        return session.carrier == "serial" and any(
+            other.carrier == "tcp" for other in self.sessions.values()
+        )
+
+    def _end(self, session: Session, now_s: float) -> None:
+        """Close a session from this side."""
+        self._forget(session, now_s)
+        self._actions.append(Close(session.connection))
+
+    def _forget(self, session: Session, now_s: float) -> None:
+        """Let go of a client: nothing is sent to it any more, and what needs it ends."""
+        self.abandon(session)
+        del self.sessions[session.connection]
+        self._queue = deque(entry for entry in self._queue if entry[0] is not session)
+        task = self.robot.task
+        if task is not None and task.needs_link and task.request.session is session:
+            self.robot.stop(now_s)
+            self._settle(now_s)
+
+    def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
+        """Serve what arrived together, in order, as far as the client stays (A-3-14)."""
+        held: list[Action] = []  # under the reading "any-order": what is sent last
+        frames = 0
+        for item in found:
+            if self.sessions.get(session.connection) is not session:
+                break
+            self._watch(session.connection, item)
+            if isinstance(item, Skipped):
+                if self.dialect["resync"] == "close":
+                    self._end(session, now_s)
+                continue
+            frames += 1
+            if frames > 1 and self.dialect["pipelining"] == "one":
+                continue
+            mark = len(self._actions)
+            self.handle(session, item, now_s)
+            if frames == 1 and self.dialect["pipelining"] == "any-order" and _only_reads(item):
+                held = self._actions[mark:]
+                del self._actions[mark:]
+            self._settle(now_s)
+        self._actions += held
+
+    def _elapse(self, now_s: float) -> None:
+        """Let everything happen that is due."""
+        for session in list(self.sessions.values()):
+            self._take_in(session, session.inlet.expire(now_s), now_s)
+            if session.transfer is not None:
+                session.transfer.end.expire(now_s)
+                if session.transfer.end.state is State.FAILED:
+                    self.abandon(session)
+        self._settle(now_s)
+
+    def _settle(self, now_s: float) -> None:
+        """Tell how a task ended, and let the next request that waited for it begin."""
+        while True:
+            ended = self.robot.settle(now_s)
+            if ended is not None:
+                task, outcome = ended
+                self.conclude(task.request, outcome)
+                self._send_later()
+            elif self.robot.task is None and self._queue:
+                self.handle(*self._queue.popleft(), now_s)
+            else:
+                return
+
+    def _taken(self) -> list[Action]:
+        actions, self._actions = self._actions, []
+        return actions
+
+
+def _only_reads(frame: Frame) -> bool:
+    """Whether the reply to a request may be overtaken without anyone noticing more than that."""
+    command = BY_OPCODE.get(frame.opcode)
+    return command is not None and command.hazard is Hazard.READ_ONLY
+
+
+def _failure(command: Command) -> Any:
+    """The failure form of a first reply, or silence where the document draws none (A-3-9)."""
+    if command.asker is not A2C:
+        return SILENCE
+    if isinstance(command.reply, FirstReply):
+        return Acceptance(accepted=False, code=BAD_ARGUMENT)
+    if isinstance(command.reply, Answer):
+        return None
+    return False if command.reply is FLAG else SILENCE

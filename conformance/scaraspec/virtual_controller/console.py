@@ -1,0 +1,65 @@
+"""The console: control lines from a file descriptor, such as stdin, and an answer for each."""
+
+import asyncio
+import os
+from collections.abc import Callable
+from typing import Final
+
+from scaraspec.virtual_controller.control import ControlError, obey
+from scaraspec.virtual_controller.server import Server
+
+MAX_LINE_BYTES: Final = 4096
+_READ_BYTES: Final = 4096
+
+
+class Console:
+    """Obeys the lines that come from a descriptor, until its end.
+
+    Args:
+        server: Whose plant they are for.
+        source: The descriptor: a pipe, a terminal or a file.
+        answer: Told ``ok`` and what was done, or ``error`` and why not, for each line.
+    """
+
+    def __init__(self, server: Server, source: int, answer: Callable[[str], None]) -> None:
+        self._server = server
+        self._source = source
+        self._answer = answer
+        self._loop = asyncio.get_running_loop()
+        self._rest = b""
+        try:
+            self._loop.add_reader(source, self._read)
+        except PermissionError:  # a plain file cannot be watched, and need not be: it is all there
+            self._loop.call_soon(self._read_file)
+
+    def _read(self) -> None:
+        data = os.read(self._source, _READ_BYTES)
+        if data:
+            self._take(data)
+        else:
+            self._loop.remove_reader(self._source)
+
+    def _read_file(self) -> None:
+        data = os.read(self._source, _READ_BYTES)
+        if data:
+            self._take(data)
+            self._loop.call_soon(self._read_file)
+
+    def _take(self, data: bytes) -> None:
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            self._obey(line.decode("utf-8", "backslashreplace"))
+        if len(self._rest) > MAX_LINE_BYTES:
+            self._rest = b""
+            self._answer(f"error: a line has at most {MAX_LINE_BYTES} bytes")
+
+    def _obey(self, line: str) -> None:
+        self._server.elapse()  # what was due before the line happens before it
+        try:
+            done = obey(line, self._server.brain.plant, self._server.now_s)
+        except ControlError as error:
+            self._answer(f"error: {error}")
+        else:
+            if done:
+                self._answer(f"ok: {done}")
+        self._server.elapse()

@@ -1,0 +1,159 @@
+"""The serial port: a device such as ``/dev/rfcomm0`` as a client that needs no login (L83).
+
+A line that is gone, as Bluetooth lines come and go, is opened again as soon as it is back.
+"""
+
+import asyncio
+import importlib
+import logging
+import os
+from typing import Final
+
+from scaraspec.virtual_controller.server import SLICE_BYTES, UNREAD_BYTES, Server
+
+REOPEN_S: Final = 1.0
+"""Between two attempts to open a line that is gone."""
+
+log = logging.getLogger("scaraspec.virtual_controller")
+
+
+class SerialPortError(Exception):
+    """The device cannot be used; the text is one sentence."""
+
+
+class SerialPort:
+    """A serial line that a server serves until it stops.
+
+    Args:
+        server: Who serves it.
+        device: The device's path.
+        baud: Its speed in bits per second; a pty or an RFCOMM device takes any.
+
+    Raises:
+        SerialPortError: This system has no such ports, or the device cannot be opened.
+    """
+
+    def __init__(self, server: Server, device: str, baud: int) -> None:
+        self._server = server
+        self._device = device
+        self._baud = baud
+        self._loop = asyncio.get_running_loop()
+        self._unsent = bytearray()
+        self._connection: int | None = None
+        self._line = open_line(device, baud)
+        self._admit()
+
+    def send(self, data: bytes) -> None:
+        """Send these bytes as fast as the line takes them."""
+        self._unsent += data
+        self._write()
+
+    def finish(self) -> None:
+        """End the session; unless the server stops, the line begins a new one."""
+        self._end_session()
+        if self._server.stopped.is_set():
+            self._close()
+        else:
+            self._loop.call_soon(self._admit)
+
+    def abort(self) -> None:
+        """End the session as `finish` does: a line cannot be cut off."""
+        self.finish()
+
+    def _admit(self) -> None:
+        self._connection = self._server.admit(self, "serial")
+        if self._connection is None:  # the server is full
+            self._loop.call_later(REOPEN_S, self._admit)
+        else:
+            self._loop.add_reader(self._line, self._read)
+
+    def _end_session(self) -> None:
+        self._loop.remove_reader(self._line)
+        if self._connection is not None:
+            connection, self._connection = self._connection, None
+            self._server.lose(connection)
+
+    def _read(self) -> None:
+        try:
+            data = os.read(self._line, SLICE_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self._lose()
+        elif self._connection is not None:
+            self._server.receive(self._connection, data)
+
+    def _write(self) -> None:
+        try:
+            written = os.write(self._line, self._unsent)
+        except BlockingIOError:
+            written = 0
+        except OSError:
+            self._lose()
+            return
+        del self._unsent[:written]
+        if self._unsent:
+            self._loop.add_writer(self._line, self._write)
+        else:
+            self._loop.remove_writer(self._line)
+        if self._connection is not None:
+            if len(self._unsent) > UNREAD_BYTES:
+                self._loop.remove_reader(self._line)
+            else:
+                self._loop.add_reader(self._line, self._read)
+
+    def _lose(self) -> None:
+        """The line is gone: wait for it to come back."""
+        log.info("%s is gone", self._device)
+        self._end_session()
+        self._close()
+        self._reopen()
+
+    def _reopen(self) -> None:
+        try:
+            self._line = open_line(self._device, self._baud)
+        except SerialPortError:
+            self._loop.call_later(REOPEN_S, self._reopen)
+        else:
+            log.info("%s is back", self._device)
+            self._admit()
+
+    def _close(self) -> None:
+        self._unsent.clear()
+        self._loop.remove_reader(self._line)
+        self._loop.remove_writer(self._line)
+        os.close(self._line)
+
+
+def open_line(device: str, baud: int) -> int:
+    """Open a serial device for bytes as they are, without waiting for anything.
+
+    Returns:
+        Its file descriptor.
+
+    Raises:
+        SerialPortError: There is none, or it cannot be used so.
+    """
+    try:
+        termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
+    except ImportError:  # Windows
+        raise SerialPortError("serial ports are served on POSIX systems only") from None
+    speed = getattr(termios, f"B{baud}", None)
+    if speed is None:
+        raise SerialPortError(f"{device} cannot run at {baud} baud: try 115200")
+    try:
+        line = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError as error:
+        raise SerialPortError(f"{device} cannot be opened: {error.strerror}") from None
+    try:
+        tty.setraw(line)
+        attributes = termios.tcgetattr(line)
+        attributes[2] |= termios.CLOCAL | termios.CREAD
+        attributes[4] = attributes[5] = speed
+        termios.tcsetattr(line, termios.TCSANOW, attributes)
+    except termios.error as error:
+        os.close(line)
+        raise SerialPortError(f"{device} is no serial device: {error.args[-1]}") from None
+    return line

@@ -1,0 +1,349 @@
+"""The judge: every rule is tested both ways, no cut changes a word, no gap fails anybody."""
+
+import runpy
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scaraspec.judge.judge import Judge
+from scaraspec.judge.requirements import REQUIREMENTS
+from scaraspec.judge.rules import RULES
+from scaraspec.judge.rules.rule import Rule, kind_of
+from scaraspec.judge.verdicts import Conclusion, Finding, Verdict
+from scaraspec.protocol.direction import Direction
+from scaraspec.protocol.readings import READINGS
+from scaraspec.traffic.wire import Kind, WireEvent
+
+Script = Callable[[str], list[WireEvent]]
+Judged = Callable[..., Any]
+Recut = Callable[[Iterable[WireEvent], Callable[[], int]], Iterable[WireEvent]]
+
+HERE = Path(__file__).parent
+FILES = sorted((*HERE.glob("test_rules_*.py"), *HERE.glob("rules/test_*.py")))
+TABLES = [runpy.run_path(str(path)) for path in FILES]
+CASES: tuple[tuple[str, str, str], ...] = tuple(
+    chain.from_iterable(table.get("CASES", ()) for table in TABLES)
+)
+SESSIONS = sorted({session for _, _, session in CASES})
+PASSES_ONLY = dict(chain.from_iterable(table.get("PASSES_ONLY", {}).items() for table in TABLES))
+"""Requirements that no capture shows to be broken, and why."""
+
+
+def label(rule: Rule) -> str:
+    """A rule, told from the others."""
+    check = getattr(rule.check, "func", rule.check)
+    names = " ".join(sorted(rule.names))
+    return f"{rule.requirement} {check.__name__}, on {rule.on.__name__} {names}"
+
+
+@pytest.fixture(scope="module")
+def words(script: Script) -> dict[str, set[Verdict]]:
+    """The verdicts that each rule gives over all cases."""
+    words: dict[str, set[Verdict]] = defaultdict(set)
+    rules: dict[object, list[Rule]] = {}
+    for session in SESSIONS:
+        judge = Judge()
+        items = chain(*(judge.feed(event) for event in script(session)), judge.close())
+        for item in (item for item in items if not isinstance(item, Finding)):
+            kind = kind_of(item)
+            if kind not in rules:
+                rules[kind] = [rule for rule in RULES if rule.looks_at(item)]
+            for rule in rules[kind]:
+                if word := rule.check(item, next(iter(judge.scenes.values()))):
+                    words[label(rule)].add(word.verdict)
+    return words
+
+
+@pytest.mark.parametrize("rule", RULES, ids=label)
+def test_every_rule_has_its_say(rule: Rule, words: dict[str, set[Verdict]]) -> None:
+    """No rule is dead: some case makes it speak."""
+    assert words[label(rule)], "write a case for it in CASES of one of the rules' tests"
+
+
+@pytest.mark.parametrize("requirement", dict.fromkeys(rule.requirement for rule in RULES))
+def test_every_requirement_is_kept_and_broken(
+    requirement: str, words: dict[str, set[Verdict]]
+) -> None:
+    """Each has a case that passes and one that does not, or is in a file's PASSES_ONLY."""
+    assert requirement in REQUIREMENTS
+    verdicts = set().union(*(words[label(r)] for r in RULES if r.requirement == requirement))
+    named = {expected.split()[0] for name, expected, _ in CASES if name == requirement}
+    broken = {"fail", "tolerated", "inconclusive"}
+    if requirement in PASSES_ONLY:
+        assert verdicts == {Verdict.PASS}
+        assert "pass" in named
+    else:
+        assert verdicts > {Verdict.PASS}
+        assert "pass" in named
+        assert named & broken
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if c[1].startswith("tolerated")])
+def test_a_toleration_is_of_the_register(case: tuple[str, str, str]) -> None:
+    """It names a reading and one of its options, or the entry that warns of it."""
+    key, _, option = case[1].removeprefix("tolerated ").partition("=")
+    assert option
+    entry = key.startswith("A-") or key == case[0]  # an observation names its requirement
+    assert entry or option in {o.name for o in READINGS[key].options}
+
+
+@pytest.mark.parametrize("session", SESSIONS)
+def test_byte_by_byte_is_as_whole(
+    session: str, script: Script, judged: Judged, recut: Recut
+) -> None:
+    """The same happenings and findings come of single bytes, but for their times."""
+    events = script(session)
+    assert judged(recut(events, lambda: 1)).told == judged(events).told
+
+
+@given(st.sampled_from(SESSIONS), st.data())
+def test_any_cut_is_as_whole(
+    script: Script, judged: Judged, recut: Recut, session: str, data: st.DataObject
+) -> None:
+    """So it is with pieces of any size."""
+    events = script(session)
+    pieces = recut(events, lambda: data.draw(st.integers(1, 9)))
+    assert judged(pieces).told == judged(events).told
+
+
+# No gap fails anybody
+
+SHIFT = r"""
+    login
+    > get_status
+    < get_status 00
+    > list_programs
+    < list_programs 1|a.rob
+    < list_programs 0|b.rob
+    > upload_name \xaa\x09\x00\xcc
+    < upload_name 1
+    > chunk 0/500
+    < upload_chunk 1
+    > chunk 200/500
+    < upload_chunk 1
+    > chunk 400/500
+    < upload_chunk 1
+    > upload_name \xaa\x09\x00\xcc
+    < upload_name 0
+    2> login password
+    2< login 1
+    > run_program a.rob
+    < run_program 1
+    > get_status
+    < get_status 01
+    2> get_status
+    2< get_status 01
+    > reset
+    < reset 0|01
+    <90 run_program 11
+    > get_status
+    < get_status 00
+    > jog 1
+    < jog 1
+    > get_status
+    2> emergency_stop
+    2< emergency_stop 1
+    < get_status 04
+    2<90 emergency_stop 11
+    <90 jog 11
+    > reset
+    < reset 1
+    > get_status
+    < get_status 03
+    +3
+    <90 reset 11
+    > download_name \xaa\x09\x00\xcc
+    < download_name 1
+    < chunk 0/500
+    > download_chunk 1
+    < chunk 200/500
+    > download_chunk 1
+    < chunk 400/500
+    > download_chunk 1
+    2> delete_program \xaa\x09\x00\xcc
+    2< delete_program 1
+    > upload_name \xaa\x09\x00\xcc
+    < upload_name 1
+    > chunk 0/9 other
+    < upload_chunk 1
+    2> download_name \xaa\x09\x00\xcc
+    2< download_name 1
+    2< chunk 0/9 other
+    2> download_chunk 1
+    2> set_password password|new
+    2< set_password 1
+    2> close
+    > close
+    3> login password
+    3< login 0
+    3> login new
+    3< login 1
+    +7
+    3> get_status
+    3< get_status 00
+    3> simulate_program a.rob
+    3< simulate_program 1
+    3> get_status
+    3< get_status 02
+    3<90 simulate_program 00|05
+    3> shutdown
+    3< shutdown 1
+    3< half-close
+    3> close
+"""
+
+
+def tear(
+    events: Iterable[WireEvent], torn: tuple[str, Direction], begin: int, end: int, *, late: bool
+) -> Iterator[WireEvent]:
+    """The events without the bytes from `begin` to `end` of one stream.
+
+    One gap stands for all of them, at its beginning; where it is `late`, each event has its own.
+    """
+    told = False
+    for event in events:
+        at, size = event.offset_bytes, len(event.data)
+        first, last = max(at, begin), min(at + size, end)
+        if (event.connection, event.direction) != torn or first >= last:
+            yield event
+            continue
+        if at < first:
+            yield replace(event, data=event.data[: first - at])
+        if late or not told:
+            length = (last if late else end) - first
+            yield replace(event, kind=Kind.GAP, data=b"", offset_bytes=first, length_bytes=length)
+            told = True
+        if last < at + size:
+            yield replace(event, data=event.data[last - at :], offset_bytes=last)
+
+
+def torn(draw: st.DrawFn, events: list[WireEvent]) -> list[WireEvent]:
+    """These events without some of their bytes."""
+    for _ in range(draw(st.integers(1, 3))):
+        streams = sorted({(e.connection, e.direction.value) for e in events if e.data})
+        if not streams:
+            break
+        connection, direction = draw(st.sampled_from(streams))
+        stream = (connection, Direction(direction))
+        offsets = [
+            offset
+            for e in events
+            if e.data and (e.connection, e.direction) == stream
+            for offset in (e.offset_bytes, e.offset_bytes + len(e.data))
+        ]
+        begin = draw(st.integers(min(offsets), max(offsets) - 1))
+        end = draw(st.integers(begin + 1, max(offsets)))
+        events = list(tear(events, stream, begin, end, late=draw(st.booleans())))
+    return events
+
+
+def midway(draw: st.DrawFn, events: list[WireEvent]) -> list[WireEvent]:
+    """These events as an observer sees them who comes late and leaves early."""
+    first = draw(st.integers(0, len(events) - 1))
+    last = draw(st.integers(first + 1, len(events)))
+    seen: set[str] = set()
+    late: list[WireEvent] = []
+    for index, event in enumerate(events[first:last]):
+        if event.connection not in seen and event.kind is not Kind.OPENED and first:
+            gap = replace(event, kind=Kind.GAP, data=b"", length_bytes=-1)
+            late += [replace(gap, direction=direction) for direction in Direction]
+        seen.add(event.connection)
+        cut = draw(st.integers(0, len(event.data))) if not index else 0
+        late.append(replace(event, data=event.data[cut:]))
+    return late
+
+
+@pytest.fixture(scope="module")
+def conforming(script: Script, judged: Judged) -> list[list[WireEvent]]:
+    """Sessions of which nothing fails, as they are."""
+    sessions = [script(session) for session in SESSIONS]
+    return [events for events in sessions if not judged(events).failed]
+
+
+def test_the_shift_conforms(script: Script, judged: Judged) -> None:
+    """What is torn below is conforming as long as it is whole, and rich."""
+    record = judged(script(SHIFT))
+    assert record.judge.conclusion is Conclusion.CONFORMANT
+    assert {f.requirement for f in record.findings} <= {"3/18"}
+    assert len(record.judge.tallies) > 60
+
+
+TWO = """
+    1> open {one}
+    1> login secret
+    1< login 1
+    2> open {two}
+    2> login other
+    2< login 1
+    1> run_program a
+    1< run_program 1
+    +5
+    2> shutdown
+    2< shutdown 1
+    +5
+    1<90 run_program 11
+"""
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "failed"),
+    [
+        ("10.0.0.9:40000 → 10.0.0.1:8877", "10.0.0.9:40001 → 10.0.0.2:8877", set()),
+        ("10.0.0.9:40000 > 10.0.0.1:8877", "10.0.0.9:40001 > 10.0.0.2:8877", set()),
+        ("10.0.0.8:40000 → 10.0.0.1:8877", "10.0.0.9:40001 → 10.0.0.1:8877", {"4.1/3", "4.35/4"}),
+        ("a → 10.0.0.1:8877, since 2026-01-01", "b → 10.0.0.1:8877", {"4.1/3", "4.35/4"}),
+    ],
+)
+def test_two_controllers_are_told_apart(
+    judged: Judged, one: str, two: str, failed: set[str]
+) -> None:
+    """What one robot says and does is not held against another one of the same recording."""
+    assert judged(TWO.format(one=one, two=two)).failed == failed
+
+
+def test_controllers_beyond_count_are_forgotten(judged: Judged) -> None:
+    """A recording of a thousand robots keeps a bounded number of them in mind."""
+    lines = (f"{n}> open 10.0.0.9:4 → 10.0.{n // 256}.{n % 256}:8877" for n in range(1000))
+    assert len(judged("\n".join(lines)).judge.scenes) < 100
+
+
+def test_connections_beyond_count_are_forgotten(judged: Judged) -> None:
+    """Nor does a scene keep in mind those that were given up for others, or have ended."""
+    lines = (f"{n}> open 10.0.0.9:{n} → 10.0.0.1:8877" for n in range(5000))
+    assert not judged("\n".join(lines)).scene.connected
+    assert not judged("login\n> close\n2> open\n2< rst\n2> open").scene.connected
+
+
+@settings(max_examples=80)
+@given(st.data())
+def test_a_gap_fails_nobody(script: Script, judged: Judged, data: st.DataObject) -> None:
+    """Wherever bytes are missing from a conforming session, nothing fails for it."""
+    record = judged(torn(data.draw, script(SHIFT)))
+    assert not record.failed
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_who_comes_late_fails_nobody(script: Script, judged: Judged, data: st.DataObject) -> None:
+    """Nor where the observer came in the middle, and left before the end."""
+    events = midway(data.draw, script(SHIFT))
+    assert not judged(events).failed
+    assert not judged(torn(data.draw, events)).failed
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_no_session_fails_for_a_gap(
+    conforming: list[list[WireEvent]], judged: Judged, data: st.DataObject
+) -> None:
+    """The same of all the small sessions of the rules."""
+    events = data.draw(st.sampled_from(conforming))
+    assert not judged(torn(data.draw, events)).failed
+    assert not judged(midway(data.draw, events)).failed

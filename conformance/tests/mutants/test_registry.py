@@ -1,0 +1,35 @@
+"""What is entered as a seeded fault, and what is refused."""
+
+from abc import ABC, abstractmethod
+
+import pytest
+
+from scaraspec.mutants.registry import Faults
+
+
+class _Client(ABC):
+    @abstractmethod
+    def data(self) -> bytes:
+        """What it sends."""
+
+
+def test_a_template_is_no_fault() -> None:
+    """What nothing can be made of would never run, and so would never be found either."""
+    faults = Faults[type[_Client]](lambda wrong: wrong)
+    with pytest.raises(TypeError, match="the fault sends-nothing lacks data"):
+
+        @faults.fault("4.1/1")
+        class SendsNothing(_Client):
+            """It sends nothing."""
+
+
+def test_names_are_unique() -> None:
+    """A second fault of a name would hide the first."""
+    faults = Faults[type](lambda wrong: wrong)
+
+    class Silent:
+        """It says nothing."""
+
+    faults.fault("4.1/1")(Silent)
+    with pytest.raises(ValueError, match="there is a fault silent already"):
+        faults.fault("4.1/1")(Silent)

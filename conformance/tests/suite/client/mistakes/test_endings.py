@@ -1,0 +1,174 @@
+"""Mistakes of clients in how something ended: what was not answered is not done."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
+from scaraspec.client.core import Event
+from scaraspec.client.exchange import Exchange, Stage, TwoStage
+from scaraspec.client.transfer import Upload
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.transfer import BUFFER_BYTES
+
+_IDLE = Frame(C2A, BY_NAME["get_status"].opcode, b"00").encode()
+_REFUSED_THEN_SENT = "5.2/19.download-refused-then-sent"
+
+Try = Callable[..., Mapping[str, Verdict]]
+
+
+class WaitsOnForLostAnswers(ClientCore):
+    """The answer that a transfer was given up for is still waited for, and takes the next one."""
+
+    owed = False
+
+    class _Owed(Upload):
+        core: "WaitsOnForLostAnswers"
+
+        def _give_up(self, reason: str) -> None:
+            self.core.owed = True
+            super()._give_up(reason)
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        upload = self._Owed(name, content, DEFAULT)
+        upload.core = self
+        return upload
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        if self.owed and frame.opcode == BY_NAME["upload_chunk"].opcode:
+            self.owed = False
+            return []
+        return super()._dispatch(frame, now_s)
+
+
+def test_an_answer_that_never_came_is_owed_no_more(tried: Try) -> None:
+    """The first answer behind a silence is that of the next transfer."""
+    assert tried(WaitsOnForLostAnswers, "5.2/9")["5.2/9.meanwhile"] is Verdict.FAIL
+
+
+class NeedsNoLastAnswer(ClientCore):
+    """An upload is done when its last chunk was sent, answered in time or not."""
+
+    class _Sent(Upload):
+        def expire(self, now_s: float) -> list[Frame]:
+            if self.accepted and self.moved_bytes + BUFFER_BYTES >= len(self._content):
+                self.settle(None)
+                return []
+            return super().expire(now_s)
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        return self._Sent(name, content, DEFAULT)
+
+
+class DoneWhenIdle(ClientCore):
+    """What executes is done when the status is idle, whatever its result will be."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        events = super().feed(data, now_s)
+        for exchange in self._executing() if _IDLE in data else ():
+            exchange.settle(None)
+            events += self._follow(exchange, now_s)
+        return events
+
+
+class AsksUntilIdle(AsyncClient):
+    """Asks for the status while a program runs; it is done when the robot is idle."""
+
+    async def run_program(self, name: Any) -> None:
+        run = await self.start_run_program(name)
+        while not run.done:
+            await asyncio.sleep(0.5)
+            if not run.done and (await self.get_status()).code == "00":
+                return
+        await run.wait()
+
+
+class DoneWhenLost(ClientCore):
+    """What executes is done when the link is lost."""
+
+    def lose(self, reason: str, now_s: float) -> list[Event]:
+        events = []
+        for exchange in self._executing():
+            exchange.settle(None)
+            events += self._follow(exchange, now_s)
+        return events + super().lose(reason, now_s)
+
+
+@pytest.mark.parametrize(
+    ("make", "case"),
+    [
+        (NeedsNoLastAnswer, "5.2/9.meanwhile"),
+        (DoneWhenIdle, "4/16.while-idle"),
+        (AsksUntilIdle, "4/16.while-idle"),
+        (DoneWhenLost, "4/16.reconnected"),
+    ],
+)
+def test_what_was_not_answered_is_not_done(
+    tried: Try, make: type[ClientCore] | type[AsyncClient], case: str
+) -> None:
+    """Neither silence, nor an idle robot, nor the end of the link says how something ended."""
+    assert tried(make, case.rpartition(".")[0])[case] is Verdict.FAIL
+
+
+class TakesLossForYes(ClientCore):
+    """What was set when the connection ended is told as done."""
+
+    class _Sent(Exchange):
+        def fail(self, problem: ClientError) -> None:
+            if isinstance(problem, LinkLost):
+                self.settle(None)
+            else:
+                super().fail(problem)
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if name != "set_time":
+            return super().command(name, value)
+        return self._Sent(BY_NAME[name], value, self.dialect)
+
+
+class TakesLossForStopped(ClientCore):
+    """A stop that was executing when the connection ended is told as done."""
+
+    class _Sent(TwoStage):
+        def fail(self, problem: ClientError) -> None:
+            if isinstance(problem, LinkLost) and self.stage is Stage.EXECUTING:
+                self.settle(None)
+            else:
+                super().fail(problem)
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if name != "emergency_stop":
+            return super().command(name, value)
+        return self._Sent(BY_NAME[name], value, self.dialect)
+
+
+class WritesNowhere(AsyncClient):
+    """A download that cannot be written is told as done."""
+
+    async def download(self, remote: Any, *where: Any) -> Path:
+        with suppress(OSError):
+            return await super().download(remote, *where)
+        return Path()
+
+
+@pytest.mark.parametrize(
+    ("make", "case"),
+    [
+        (TakesLossForYes, "3/33.flag"),
+        (TakesLossForStopped, "4/16.reconnected"),
+        (WritesNowhere, _REFUSED_THEN_SENT),
+    ],
+)
+def test_nothing_is_no_success(
+    tried: Try, make: type[ClientCore] | type[AsyncClient], case: str
+) -> None:
+    """Neither a missing reply nor a missing file is told as done."""
+    assert tried(make, case.rpartition(".")[0])[case] is Verdict.FAIL

@@ -1,0 +1,215 @@
+"""Mistakes of clients in what they send: another value than was ordered, or none."""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from datetime import datetime
+from typing import Any
+
+import pytest
+
+from scaraspec.client import AsyncClient, ClientCore, LoginFailed
+from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES
+from scaraspec.client.exchange import Exchange
+from scaraspec.client.transfer import Download, Upload
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.protocol.commands import BY_NAME, PasswordChange, PortValue
+from scaraspec.protocol.fields import NAME_MAX_BYTES
+from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame
+
+Try = Callable[..., Mapping[str, Verdict]]
+
+
+class Tidies(ClientCore):
+    """Takes the blanks off the ends of passwords, writes years with two digits, ports as bytes."""
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if isinstance(value, PasswordChange):
+            value = PasswordChange(value.old.strip(), value.new.strip())
+        elif isinstance(value, datetime):
+            value = value.replace(year=2000 + value.year % 100)
+        elif isinstance(value, PortValue):
+            value = value._replace(port=value.port % 256)
+        return super().command(name, value)
+
+
+def test_what_is_ordered_is_sent_as_it_is(tried: Try) -> None:
+    """Neither a password's blanks, a year's century nor another port are the client's to change."""
+    cases = tried(Tidies, "4.2/1", "4.5/1", "4.32/1")
+    for case in ("4.2/1.pairs", "4.5/1.times", "4.32/1.each"):
+        assert cases[case] is Verdict.FAIL
+
+
+class SetsWhatChanges(ClientCore):
+    """An output that was set to a value is not set to it again."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._values: dict[bytes, bytes] = {}
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        super()._send([frame for frame in frames if self._changes(frame)])
+
+    def _changes(self, frame: Frame) -> bool:
+        if frame.opcode != BY_NAME["set_digital_output"].opcode:
+            return True
+        port, _, value = frame.data.partition(b"|")
+        before, self._values[port] = self._values.get(port), value
+        return value != before
+
+
+def test_what_is_ordered_again_is_sent_again(tried: Try) -> None:
+    """A program may have changed the output meanwhile."""
+    assert tried(SetsWhatChanges, "4.32/1")["4.32/1.each"] is Verdict.FAIL
+
+
+class CountsCharacters(ClientCore):
+    """Takes what has few enough characters for short enough, and sends what fits of it."""
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if isinstance(value, PasswordChange) and len(b"|".join(value).decode()) <= MAX_DATA_BYTES:
+            value = value._replace(new=value.new[: MAX_DATA_BYTES - len(value.old) - 1])
+        elif isinstance(value, bytes) and len(value.decode()) <= MAX_DATA_BYTES:
+            value = value[:NAME_MAX_BYTES]
+        return super().command(name, value)
+
+
+@pytest.mark.parametrize("requirement", ["3/28", "4.2/7"])
+def test_characters_are_no_bytes(tried: Try, requirement: str) -> None:
+    """255 bytes are the limit, not 255 characters."""
+    assert Verdict.FAIL in tried(CountsCharacters, requirement).values()
+
+
+class Formats(ClientCore):
+    """A text is a format of its own."""
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if isinstance(value, bytes):
+            value = value.replace(b"%%", b"%")
+        elif isinstance(value, PasswordChange):
+            value = PasswordChange(*(text.replace(b"%%", b"%") for text in value))
+        return super().command(name, value)
+
+
+class SkipsEmptyLines(ClientCore):
+    """Files are sent, and written, without the lines that hold nothing."""
+
+    class _Kept(Download):
+        def settle(self, value: Any) -> None:
+            super().settle(value.replace(b"\n\n", b"\n"))
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        return super().upload(name, content.replace(b"\n\n", b"\n"))
+
+    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
+        return self._Kept(name, limit_bytes, self.dialect)
+
+
+@pytest.mark.parametrize(
+    ("make", "requirement", "name"),
+    [
+        (Formats, "4.1/1", ".passwords"),
+        (Formats, "4.2/1", ".pairs"),
+        (Formats, "4.11/1", ".names"),
+        (SkipsEmptyLines, "5.2/20", ""),
+        (SkipsEmptyLines, "5.3/11", ".content"),
+    ],
+)
+def test_nothing_is_tidied_up(
+    tried: Try, make: type[ClientCore] | type[AsyncClient], requirement: str, name: str
+) -> None:
+    """Two percent signs are two, and an empty line is a line."""
+    assert tried(make, requirement)[requirement + name] is Verdict.FAIL
+
+
+def tidies(altered: Callable[[str], str]) -> type[AsyncClient]:
+    """A client with an opinion of what a name should be like."""
+
+    class Tidies(AsyncClient):
+        async def delete_program(self, name: Any) -> None:
+            await super().delete_program(altered(name))
+
+    return Tidies
+
+
+@pytest.mark.parametrize(
+    "altered",
+    [
+        lambda name: name.lstrip("."),
+        lambda name: name.rstrip("."),
+        lambda name: name.replace("..", "."),
+        lambda name: name.replace("--", "-"),
+        lambda name: name.replace("  ", " "),
+        lambda name: name.replace("\t", ""),
+        lambda name: name.replace("%20", " "),
+        lambda name: name.replace("$&", "NAME"),
+        lambda name: name.replace("${1}", ""),
+        lambda name: name.replace("[1]", "1"),
+        lambda name: f"{{{name}}}" if "{" in name else name,
+        lambda name: f"{int(name)}" if name.isdigit() else name,
+        lambda name: f"{float(name)}" if name == "1.50" else name,
+        lambda name: f"{float(name)}" if name == "1e3" else name,
+        lambda name: f"{int(name, 16)}" if name[:2] == "0x" else name,
+    ],
+)
+def test_another_name_is_another_program(tried: Try, altered: Callable[[str], str]) -> None:
+    """What is deleted has the name that was given, however odd it is."""
+    assert tried(tidies(altered), "T/10")["T/10.outer-blanks"] is Verdict.FAIL
+
+
+class SendsTimesAsGiven(ClientCore):
+    """A time is put into its frame as it was given."""
+
+    given = ""
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        super()._send(
+            Frame(frame.direction, frame.opcode, self.given.encode())
+            if self.given and frame.opcode == BY_NAME["set_time"].opcode
+            else frame
+            for frame in frames
+        )
+
+
+def trusts(what: Callable[[str], bool]) -> type[AsyncClient]:
+    """A client that takes the parts of some times for numbers, and looks no further."""
+
+    class Trusts(AsyncClient):
+        core = SendsTimesAsGiven
+
+        async def set_time(self, time: Any) -> None:
+            parts = time[:4], *(time[i : i + 2] for i in range(4, 14, 2))
+            trusted = what(time)
+            self._core.given = time if trusted else ""
+            await super().set_time(datetime(*map(int, parts)) if trusted else time)  # noqa: DTZ001 - the robot's clock knows no zone
+
+    return Trusts
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        lambda time: len(time) < 14,
+        lambda time: len(time) > 14 and time.isdigit(),
+        lambda time: re.match(r"\d{14}$", time) is not None and len(time) > 14,
+        lambda time: "+" in time,
+        lambda time: not time.isascii(),
+    ],
+)
+def test_a_time_is_digits(tried: Try, what: Callable[[str], bool]) -> None:
+    """That its parts can be read makes no time of fourteen characters."""
+    assert tried(trusts(what), "4.5/2")["4.5/2"] is Verdict.FAIL
+
+
+class TriesTheDefaultPassword(AsyncClient):
+    """A login that is refused is tried again with the password of the document."""
+
+    async def login(self, password: Any) -> None:
+        try:
+            await super().login(password)
+        except LoginFailed:
+            await super().login("password")
+
+
+def test_no_password_is_made_up(tried: Try) -> None:
+    """Only what was given is logged in with."""
+    assert tried(TriesTheDefaultPassword, "4.1/5")["4.1/5.told-to"] is Verdict.FAIL

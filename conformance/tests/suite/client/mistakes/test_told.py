@@ -1,0 +1,192 @@
+"""Mistakes of clients in what they tell: another value than was sent, or half of it."""
+
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
+from scaraspec.client.core import Event
+from scaraspec.client.exchange import Exchange, Listing
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants.client_run import MemoryClient
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+
+Try = Callable[..., Mapping[str, Verdict]]
+
+
+class TellsHalfAList(ClientCore):
+    """What has come of a program list when the connection ends is told as the list."""
+
+    class _Half(Listing):
+        def fail(self, problem: ClientError) -> None:
+            if self._names and isinstance(problem, LinkLost):
+                self.settle(tuple(self._names))
+            else:
+                super().fail(problem)
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        if name != "list_programs":
+            return super().command(name, value)
+        return self._Half(BY_NAME[name], value, self.dialect)
+
+
+def test_half_a_list_is_none(tried: Try) -> None:
+    """A list whose last part has not come is not told as one."""
+    assert tried(TellsHalfAList, "4.10/10")["4.10/10.many"] is Verdict.FAIL
+
+
+class CutsTexts(ClientCore):
+    """Passwords, and the names of programs to run and to delete, have nine bytes at most."""
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        cut = value[:9] if name in ("login", "run_program", "delete_program") else value
+        return super().command(name, cut)
+
+
+def test_what_is_wrong_costs_no_time_out() -> None:
+    """A request that carries something else is answered all the same, and the next one sent."""
+    shell = type("Made", (AsyncClient,), {"core": CutsTexts})
+    with closing(MemoryClient(shell, DEFAULT)) as access:
+        only = frozenset({"4.1/1", "4.11/1", "4.15/1"})
+        options = Options(only=only, allowed=ALL, examples=3)
+        begun_s = access.now_s
+        results = Run(ClientSetting(access, Statement(), options)).results()
+        assert access.now_s - begun_s < 1
+    verdicts = {case.id: case.verdict for case in results.cases}
+    for case in ("4.1/1.passwords", "4.11/1.names", "4.15/1.names"):
+        assert verdicts[case] is Verdict.FAIL
+
+
+class MissesChunks(ClientCore):
+    """What comes of a file is taken for the sign that nothing will."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        none = Frame(C2A, BY_NAME["download_chunk"].opcode).encode()
+        return super().feed(none if data[:2] == none[:2] else data, now_s)
+
+
+def test_who_says_that_it_is_over_is_not_waited_for() -> None:
+    """No answer to a chunk is due from a client that has given its download up, and said so."""
+    shell = type("Made", (AsyncClient,), {"core": MissesChunks})
+    with closing(MemoryClient(shell, DEFAULT)) as access:
+        options = Options(only=frozenset({"5.3/11"}), allowed=ALL, examples=3)
+        begun_s = access.now_s
+        results = Run(ClientSetting(access, Statement(), options)).results()
+        assert access.now_s - begun_s < 10
+    told = {case.id: case for case in results.cases}["5.3/11"]
+    assert told.verdict is Verdict.FAIL
+    assert "was not answered" in told.message
+    assert "error" in told.observed  # what it says
+
+
+def misreads(name: str, data: bytes, other: str, taken: bytes) -> type[ClientCore]:
+    """A client that takes one frame for another."""
+    sent = Frame(C2A, BY_NAME[name].opcode, data).encode()
+    read = Frame(C2A, BY_NAME[other].opcode, taken).encode()
+
+    class Misreads(ClientCore):
+        def feed(self, data: bytes, now_s: float) -> list[Event]:
+            return super().feed(data.replace(sent, read), now_s)
+
+    return Misreads
+
+
+@pytest.mark.parametrize(
+    "misread",
+    [
+        ("simulate_program", b"1", "run_program", b"1", "3/33.flag"),
+        ("get_motor_temperatures", b"1", "set_default_program", b"1", "3/33.flag"),
+        ("set_tool_coordinates", b"0", "set_tool_coordinates", b"0|05", "4/13.bare"),
+        ("run_program", b"0|21", "run_program", b"0|1F", "4/13.unknown"),
+        (
+            *("get_gripper_center", b"1.001|-4.35|0.29", "get_gripper_center"),
+            *(b"1.000|-4.34|0.28", "T/9.numbers"),
+        ),
+        ("get_analog_input", b"1|65535", "get_analog_input", b"1|-1", "4.33/4.values"),
+        ("get_analog_input", b"1|0.125", "get_analog_input", b"0", "4.33/4.values"),
+        ("upload_chunk", b"", "upload_chunk", b"1", "5.2/19.odd-answers"),
+        (
+            *("get_running_program", b"1|pro1.rob|08090809", "get_running_program"),
+            *(b"1|pro1.rob|00000000", "T/9.running-program"),  # in octal
+        ),
+        (
+            *("get_time", b"20080908090809", "get_time", b"20080908090808"),  # a second ago
+            "T/9.time",
+        ),
+        ("get_default_program", b"a", "get_default_program", b"", "T/9.default-program"),
+        ("upload_chunk", b"01", "upload_chunk", b"1", "5.2/19.odd-answers"),
+        ("upload_chunk", b"\x01", "upload_chunk", b"1", "5.2/19.odd-answers"),
+        ("upload_name", b"10", "upload_name", b"1", "5.2/19.odd-answers"),
+        ("get_default_program", b"1.rob", "get_default_program", b".rob", "T/9.default-program"),
+        *(
+            ("list_programs", b"0|part[1].rob|{b}.rob|$c;d.rob|007|1e3", *read, "4.10/10.order")
+            for read in (
+                ("list_programs", b"0|part1.rob|{b}.rob|$c;d.rob|007|1e3"),
+                ("list_programs", b"0|part[1].rob|b.rob|$c;d.rob|007|1e3"),
+                ("list_programs", b"0|part[1].rob|{b}.rob|;d.rob|007|1e3"),
+                ("list_programs", b"0|part[1].rob|{b}.rob|$c;d.rob|7|1e3"),
+                ("list_programs", b"0|part[1].rob|{b}.rob|$c;d.rob|007|1000"),
+            )
+        ),
+        ("get_default_program", b"007", "get_default_program", b"7", "T/9.default-program"),
+        ("get_default_program", b"no", "get_default_program", b"", "T/9.default-program"),
+        (
+            *("get_default_program", b"pick and place.rob", "get_default_program", b"pick"),
+            "T/9.default-program",
+        ),
+    ],
+)
+def test_what_is_told_is_what_was_sent(
+    tried: Try, misread: tuple[str, bytes, str, bytes, str]
+) -> None:
+    """Another reply, code, time or name, cut decimals, 16 bits, and nothing are told apart."""
+    *what, case = misread
+    assert tried(misreads(*what), case.rpartition(".")[0])[case] is Verdict.FAIL
+
+
+class TakesCodesForDone(ClientCore):
+    """A final result that begins with 1 is a success."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        opcode = BY_NAME["run_program"].opcode
+        code, done = (Frame(C2A, opcode, text, tagged=True).encode() for text in (b"12", b"11"))
+        return super().feed(data.replace(code, done), now_s)
+
+
+def test_a_code_in_place_of_a_result_is_no_success(tried: Try) -> None:
+    """Only 11 is: what begins like it is none."""
+    assert tried(TakesCodesForDone, "4/9")["4/9.stages"] is Verdict.FAIL
+
+
+@pytest.mark.parametrize("reply", [b"1\n", b"true"])
+def test_only_1_logs_in(tried: Try, reply: bytes) -> None:
+    """Neither a pattern whose $ ends a line nor what a language takes for true is a yes."""
+    assert tried(misreads("login", reply, "login", b"1"), "4.1/8")["4.1/8"] is Verdict.FAIL
+
+
+_UNDER_0E = ("get_motor_temperatures", "set_default_program")
+
+
+class GivesItToTheFirst(ClientCore):
+    """Whose reply is under 0x0E is told by who asked first, and not by its fields (A-4.14-1)."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        setting = BY_NAME["set_default_program"]
+        asked = [e.command.name for e in self._open if e.command.name in _UNDER_0E]
+        if frame.opcode == setting.opcode and asked[:1] == [setting.name]:
+            frame = frame._replace(data=frame.data[:1])
+        return super()._dispatch(frame, now_s)
+
+
+def test_who_asked_first_is_not_answered_first(tried: Try) -> None:
+    """Temperatures that come under 0x0E are none of a setting's, though that asked before."""
+    assert tried(GivesItToTheFirst, "4.14/4")["4.14/4.both"] is Verdict.FAIL

@@ -1,0 +1,126 @@
+"""Mistakes of clients in transfers: where one begins, and where it ends."""
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import Any
+
+import pytest
+
+from scaraspec.client import ClientCore
+from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES
+from scaraspec.client.transfer import Download, Upload
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.protocol.commands import Parsed
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.transfer import Receiver, State
+
+Try = Callable[..., Mapping[str, Verdict]]
+
+
+class Resumes(ClientCore):
+    """What of a file had been moved when its transfer broke off is kept for the next one."""
+
+    class _Kept(Download):
+        kept = b""
+
+        def settle(self, value: Any) -> None:
+            super().settle(self.kept + value)
+
+    @cached_property
+    def _begun(self) -> dict[bytes, Upload | Download]:
+        return {}
+
+    def _moved_bytes(self, name: bytes) -> int:
+        return self._begun[name].moved_bytes if name in self._begun else 0
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        upload = super().upload(name, content[self._moved_bytes(name) :])
+        self._begun[name] = upload
+        return upload
+
+    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
+        download = self._Kept(name, limit_bytes, self.dialect)
+        download.kept = bytes(self._moved_bytes(name))
+        self._begun[name] = download
+        return download
+
+
+@pytest.mark.parametrize("name", ["upload", "download"])
+def test_what_broke_off_begins_anew(tried: Try, name: str) -> None:
+    """No part of the first try is taken for one of the second."""
+    assert tried(Resumes, "5.4/6")[f"5.4/6.{name}"] is Verdict.FAIL
+
+
+class _EndsEarly(Receiver):
+    """Holds the bytes received against the low half of the size."""
+
+    def take(self, data: bytes, now_s: float) -> bool | None:
+        taken = super().take(data, now_s)
+        if self.size_bytes and self.received_bytes == self.size_bytes % 2**16:
+            self.state = State.DONE
+        return taken
+
+
+class _EndsAtTheEnd(Receiver):
+    """Looks for the end first, and for the length then."""
+
+    def take(self, data: bytes, now_s: float) -> bool | None:
+        head = data[:12]
+        if len(head) == 12 and head[:8] == head[:4] * 2 and not any(head[8:]):
+            self.state = State.DONE
+            return True
+        return super().take(data, now_s)
+
+
+class TakesSignalsForEnds(ClientCore):
+    """A download has ended where a position is that of the end, whatever is missing."""
+
+    class _Short(Download):
+        receiver = _EndsAtTheEnd
+
+    def download(self, name: bytes, limit_bytes: int = DOWNLOAD_LIMIT_BYTES) -> Download:
+        return self._Short(name, limit_bytes, self.dialect)
+
+
+@pytest.mark.parametrize("signal", ["length-0", "numbers-only"])
+def test_an_error_signal_is_no_end(tried: Try, signal: str) -> None:
+    """Position and length make up the size, and bytes are missing."""
+    assert tried(TakesSignalsForEnds, "5.3/8")[f"5.3/8.{signal}"] is Verdict.FAIL
+
+
+class CountsIn16Bits(ClientCore):
+    """A download has ended where its size seems to be reached."""
+
+    class _Short(Download):
+        receiver = _EndsEarly
+
+    def download(self, name: bytes, limit_bytes: int = 2**20) -> Download:
+        return self._Short(name, limit_bytes, self.dialect)
+
+
+def test_no_download_is_over_too_early(tried: Try) -> None:
+    """A small sum does not end a large file."""
+    assert tried(CountsIn16Bits, "5.3/11")["5.3/11.large"] is Verdict.FAIL
+
+
+class _LimitsAll(Upload):
+    """Is given up where its chunks together have taken the time that one answer may (L763)."""
+
+    begun_s: float | None = None
+
+    def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
+        begun_s = self.begun_s = now_s if self.begun_s is None else self.begun_s
+        if now_s - begun_s > (self._dialect.seconds("xfer_timeout") or 0):
+            self._give_up("it took too long")
+            return []
+        return super().take(parsed, data, now_s)
+
+
+class LimitsWholeUploads(ClientCore):
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        return _LimitsAll(name, content, self.dialect)
+
+
+def test_an_upload_may_last(tried: Try) -> None:
+    """The limit is one of each answer: that of all chunks together is none of the document."""
+    assert tried(LimitsWholeUploads, "5.2/9")["5.2/9"] is Verdict.FAIL

@@ -1,0 +1,82 @@
+"""What an operator types becomes what the client says, and nothing else does."""
+
+import os
+import pty
+from collections.abc import Callable, Iterator
+from contextlib import closing
+
+import pytest
+
+from scaraspec.suite.client.harness.attended import HELP, Attended
+from scaraspec.suite.engine.expect import NotRun
+
+Sitting = tuple[Attended, Callable[[str], None], list[str]]
+
+
+@pytest.fixture
+def sitting() -> Iterator[Sitting]:
+    """A client that is attended, how the operator types, and what he reads."""
+    read: list[str] = []
+    ours, theirs = os.pipe()
+    with closing(Attended("127.0.0.1", 0, read.append, input_fd=ours)) as attended:
+        yield attended, lambda text: _write(theirs, text), read
+    os.close(ours)
+    os.close(theirs)
+
+
+def _write(fd: int, text: str) -> None:
+    os.write(fd, text.encode())
+
+
+@pytest.mark.parametrize(("typed", "ok"), [("y\n", True), (" NO \n", False), ("?\n\nyes\n", True)])
+def test_answers(sitting: Sitting, typed: str, ok: object) -> None:
+    """A question is answered by yes or no, whatever else is typed before."""
+    attended, types, _ = sitting
+    question = attended.ask("it glows")
+    types(typed)
+    attended.pump()
+    assert question.ok is ok
+
+
+def test_a_client_that_refuses(sitting: Sitting) -> None:
+    """No, typed to an order, says that the client does not do it; yes says nothing of it."""
+    attended, types, read = sitting
+    call = attended.begin("delete_program", name="a")
+    types("y\n")
+    attended.pump()
+    assert call.answer is None
+    assert read[-1] == f"{HELP}\nnow: delete_program with name = a"
+    types("n\n")
+    attended.pump()
+    assert call.failed
+
+
+def test_an_answer_counts_once(sitting: Sitting) -> None:
+    """What is typed too often answers no other question."""
+    attended, types, _ = sitting
+    first = attended.ask("it glows")
+    types("y\ny\n")
+    attended.pump()
+    second = attended.ask("it smokes")
+    attended.pump()
+    assert first.ok
+    assert second.answer is None
+
+
+@pytest.mark.parametrize(("typed", "raised"), [("s\n", NotRun), ("q\n", KeyboardInterrupt)])
+def test_leaving(sitting: Sitting, typed: str, raised: type[BaseException]) -> None:
+    """A case is skipped, and the sitting is left, at any time."""
+    attended, types, _ = sitting
+    types(typed)
+    with pytest.raises(raised):
+        attended.pump()
+
+
+def test_an_operator_whose_terminal_is_lost_has_left() -> None:
+    """Nothing can be read from it."""
+    near, far = pty.openpty()
+    with closing(Attended("127.0.0.1", 0, str, input_fd=far)) as attended:
+        os.close(near)
+        with pytest.raises(KeyboardInterrupt):
+            attended.pump()
+    os.close(far)

@@ -1,0 +1,508 @@
+"""Clients that do what the document leaves open, other than ours, are not failed."""
+
+import asyncio
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from datetime import datetime
+from ipaddress import IPv4Address, IPv4Network
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pytest
+
+from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError, Refused
+from scaraspec.client.core import Event, Unexpected
+from scaraspec.client.exchange import Exchange
+from scaraspec.client.results import RunningProgram, Status
+from scaraspec.client.transfer import Upload
+from scaraspec.judge.requirements import select
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.protocol.commands import (
+    BY_NAME,
+    JointValues,
+    MoveTarget,
+    Network,
+    PasswordChange,
+    Point,
+    Pose,
+)
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.errors import RESERVED, lookup
+from scaraspec.protocol.frames import Found, Frame, Skipped
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.transfer import FILE_DATA, Chunk
+from scaraspec.report.model import Case
+
+T = TypeVar("T")
+Certified = Callable[..., tuple[Case, ...]]
+Wrong = Callable[..., dict[str, str]]
+ONLY = frozenset(
+    r.id for r in select("2,3,T,4.1,4.2,4.3,4.4,4.5,4.6,4.7,4.8,4.9,4.10,4.11,4.12,4.13,4.14")
+)
+GOOD = (Verdict.PASS, Verdict.TOLERATED)
+
+
+class Flushes(ClientCore):
+    """Drops everything that came with bytes that are no frame (A-3-10)."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        items = list(found)
+        bad = any(isinstance(item, Skipped) for item in items)
+        return super()._digest([] if bad else items, now_s)
+
+
+class GivesUp(ClientCore):
+    """Gives up what it does when a frame comes that nothing awaits, and when bytes are none."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        events = super().feed(data, now_s)
+        if any(isinstance(event, Skipped) or self.is_odd(event) for event in events):
+            for exchange in tuple(self._open):
+                exchange.fail(ProtocolError("what is that?"))
+                events += self._follow(exchange, now_s)
+        return events
+
+    @staticmethod
+    def is_odd(event: Event) -> bool:
+        return isinstance(event, Unexpected) and not event.frame.tagged
+
+
+class RefusesLongNames(ClientCore):
+    """Takes names of at most thirty bytes, and passwords of at most thirty-two."""
+
+    def command(self, name: str, value: Any = None) -> Any:
+        if isinstance(value, bytes) and len(value) > (32 if name == "login" else 30):
+            raise ClientError("too long")
+        return super().command(name, value)
+
+
+class Ceaseless(AsyncClient, ABC):
+    """Does something over and over, from its login on."""
+
+    pause_s = 0.1
+    _doing: asyncio.Task[None] | None = None
+
+    @abstractmethod
+    async def once(self) -> None:
+        """What it does."""
+
+    async def connect(self) -> None:
+        await super().connect()
+        self._doing = asyncio.get_running_loop().create_task(self._go_on())
+
+    async def close(self) -> None:
+        if self._doing:
+            self._doing.cancel()
+        await super().close()
+
+    async def _go_on(self) -> None:
+        while True:
+            with suppress(ClientError):
+                await self.once()
+            await asyncio.sleep(self.pause_s)
+
+
+class Polls(Ceaseless):
+    """Shows status, coordinates and inputs, ten times a second."""
+
+    async def once(self) -> None:
+        await self.get_status()
+        await self.get_tool_coordinates()
+        await self.get_digital_inputs()
+        await self.get_analog_input(3)
+
+
+class TakesNamesFromLists(ClientCore):
+    """Understands the bar behind the flag of a list, and nothing else (A-4.10-2)."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
+        if frame.opcode == 0x0B and frame.data[1:2] not in (b"", b"|"):
+            frame = frame._replace(data=b"?")
+        return super()._dispatch(frame, now_s)
+
+
+class HasHabits(Flushes, RefusesLongNames, TakesNamesFromLists):
+    """Has three that do not meddle with each other."""
+
+
+@pytest.mark.parametrize("make", [HasHabits, GivesUp])
+def test_no_false_alarm(wrong: Wrong, make: type[ClientCore]) -> None:
+    """Nothing fails."""
+    assert not wrong(make, ONLY)
+
+
+def test_fetched_parts(wrong: Wrong) -> None:
+    """A client that asks for each further part of a list is given it then (A-4.10-3 b)."""
+    dialect = DEFAULT.replace(list_cont="request")
+    assert not wrong(AsyncClient, frozenset({"4.10/10", "4.10/12"}), dialect)
+
+
+class FetchesPartByPart(ClientCore):
+    """Drops the parts of a list that came with the one before: they were not asked for."""
+
+    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+        items = list(found)
+        parts = [each for each in items if isinstance(each, Frame) and each.opcode == 0x0B]
+        return super()._digest([each for each in items if each not in parts[1:]], now_s)
+
+
+def test_parts_that_were_not_asked_for(certified: Certified) -> None:
+    """Who fetches each part is told so, and failed by nothing (A-4.10-3 b)."""
+    dialect = DEFAULT.replace(list_cont="request")
+    cases = certified(FetchesPartByPart, frozenset({"2/6"}), dialect)
+    rest = {case.id: case.verdict for case in cases if case.verdict not in GOOD}
+    assert rest == {"2/6.list": Verdict.NONE}
+
+
+def test_polls(wrong: Wrong) -> None:
+    """What a client asks by itself is served, and taken for nothing else."""
+    assert not wrong(Polls, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
+
+
+class HoldsBackTransfers(AsyncClient):
+    """Sends and fetches no file before what executes has ended."""
+
+    async def upload(self, *args: Any, **named: Any) -> Any:
+        await self._ended()
+        return await super().upload(*args, **named)
+
+    async def download(self, *args: Any, **named: Any) -> Any:
+        await self._ended()
+        return await super().download(*args, **named)
+
+    async def _ended(self) -> None:
+        await self.wait_for(lambda: not self._core._executing())
+
+
+class DeclinesTransfers(HoldsBackTransfers):
+    """Declines them while something executes."""
+
+    async def _ended(self) -> None:
+        if self._core._executing():
+            raise ClientError("something executes")
+
+
+@pytest.mark.parametrize("make", [HoldsBackTransfers, DeclinesTransfers])
+def test_transfers_may_wait_for_what_executes(wrong: Wrong, make: type[AsyncClient]) -> None:
+    """Whether a client transfers while a program runs is its own affair."""
+    assert not wrong(make, frozenset({"2/6", "3/27", "5.2/19", "5.3/11"}))
+
+
+class AsksFirst(AsyncClient):
+    """Asks for the status ahead of the version and the time, and waits for it."""
+
+    async def get_version(self) -> str:
+        await self.get_status()
+        return await super().get_version()
+
+    async def get_time(self) -> datetime:
+        await self.get_status()
+        return await super().get_time()
+
+
+def test_asking_first(wrong: Wrong) -> None:
+    """No case withholds the reply to a poll and waits for what the client does behind it."""
+    assert not wrong(AsksFirst, frozenset({"2/5", "2/6", "3/27", "3/33"}))
+
+
+class HangsUpAtStrays(AsyncClient):
+    """Ends the connection at a frame that nothing awaits (A-3-9)."""
+
+    def _hear(self, data: bytes) -> None:
+        odd = map(GivesUp.is_odd, self._core.feed(data, asyncio.get_running_loop().time()))
+        self._stir()
+        if any(odd) and self._transport is not None:
+            self._transport.close()
+
+
+def test_hanging_up_at_strays(wrong: Wrong) -> None:
+    """A client that ends the connection for what it was sent has given up what it did."""
+    assert not wrong(HangsUpAtStrays, frozenset({"3/22", "3/33", "5.2/19"}))
+
+
+class LooksWhereItStopped(AsyncClient):
+    """Asks where the arm is, and waits for it, before it tells what came of a stop."""
+
+    async def emergency_stop(self) -> None:
+        try:
+            await super().emergency_stop()
+        finally:
+            await self.get_tool_coordinates()
+
+
+def test_looking_where_the_arm_has_stopped(wrong: Wrong) -> None:
+    """No case withholds the reply to a query until it is told what came of a stop."""
+    assert not wrong(LooksWhereItStopped, frozenset({"4.17/8", "4.17/10"}))
+
+
+class Lists(Ceaseless):
+    """Asks for the list of programs, one listing after the other."""
+
+    pause_s = 1.0
+
+    async def once(self) -> None:
+        await self.list_programs()
+
+
+@pytest.mark.parametrize("how", ["push", "request"])
+def test_lists_that_are_polled(wrong: Wrong, how: str) -> None:
+    """A list of several parts is told whole to whoever asks for it by itself (A-4.10-3)."""
+    dialect = DEFAULT.replace(list_cont=how)
+    assert not wrong(Lists, frozenset({"4.10/10"}), dialect)
+
+
+class Looks(AsyncClient):
+    """Asks for no program that is not in the list, and looks again when one came or went."""
+
+    async def _look(self, name: Any, *, there: bool) -> None:
+        if (name in await self.list_programs()) != there:
+            raise ClientError("the list says otherwise")
+
+    async def run_program(self, name: Any) -> None:
+        await self._look(name, there=True)
+        await super().run_program(name)
+
+    async def delete_program(self, name: Any) -> None:
+        await self._look(name, there=True)
+        await super().delete_program(name)
+        await self._look(name, there=False)
+
+    async def upload(self, local: Any, remote: Any, *more: Any) -> None:
+        await self._look(remote, there=False)
+        await super().upload(local, remote, *more)
+        await self._look(remote, there=True)
+
+    async def download(self, remote: Any, *where: Any) -> Path:
+        await self._look(remote, there=True)
+        return await super().download(remote, *where)
+
+
+def test_looking_at_the_list(wrong: Wrong) -> None:
+    """A client may hold what it is ordered to do against the list of programs."""
+    assert not wrong(Looks, frozenset({"4.11/1", "4.15/1", "5.2/1", "5.3/5"}))
+
+
+class EndsWhenIdle(ClientCore):
+    """Gives up what executes when the status is idle: how it ended is not known (4/11)."""
+
+    def feed(self, data: bytes, now_s: float) -> list[Event]:
+        events = super().feed(data, now_s)
+        for exchange in self._executing() if b"\xcc\x09\x0200\xaa" in data else ():
+            exchange.fail(ProtocolError("the robot is idle, and no result came"))
+            events += self._follow(exchange, now_s)
+        return events
+
+
+def test_giving_up_what_executes(wrong: Wrong) -> None:
+    """A client may wait less than 5 s for a reply, and for a result while the robot runs."""
+    assert not wrong(EndsWhenIdle, frozenset({"4/16"}), DEFAULT.replace(reply_timeout="1"))
+
+
+class OneByOne(AsyncClient):
+    """Does one thing after the other, and waits a second and a half for each."""
+
+    _turn: asyncio.Lock | None = None
+
+    async def perform(self, call: Any) -> Any:
+        self._turn = self._turn or asyncio.Lock()
+        async with self._turn:
+            try:
+                async with asyncio.timeout(1.5):
+                    return await super().perform(call)
+            except TimeoutError:
+                raise ClientError("no answer") from None
+
+
+def test_one_by_one(wrong: Wrong) -> None:
+    """A request that comes when the one before has been given up comes beside nothing."""
+    only = frozenset({"2/6", "4.14/4"})
+    told = wrong(OneByOne, only)
+    del told["2/6.among-others"]  # for which it would have to wait for a program
+    assert set(told.values()) == {"the client does one thing at a time"}
+
+
+class WritesInPieces(AsyncClient):
+    """Writes each request in pieces, which the network delays (A-2-6)."""
+
+    _free_s = 0.0
+
+    def _stir(self) -> None:
+        data, loop = self._core.bytes_to_send(), asyncio.get_running_loop()
+        if self._transport is not None and data:
+            self._free_s = max(self._free_s, loop.time())
+            for piece in (data[:1], data[1:3], data[3:]):
+                loop.call_at(self._free_s, self._transport.write, piece)
+                self._free_s += 0.06
+        super()._stir()
+
+
+def test_requests_in_pieces(wrong: Wrong) -> None:
+    """What has come in part is waited for, though the operation is said to be over."""
+    assert not wrong(WritesInPieces, frozenset({"5.1/2", "5.3/5"}))
+    fetching = DEFAULT.replace(list_cont="request")
+    assert not wrong(WritesInPieces, frozenset({"4.10/12"}), fetching)
+
+
+def _network_of(value: Network) -> IPv4Network:
+    return IPv4Network(f"{value.ip}/{value.mask}", strict=False)
+
+
+class Careful(ClientCore):
+    """Refuses what its own robot cannot do, and what it takes for a slip of its user."""
+
+    _NAME = re.compile(rb"[A-Za-z0-9_-]{1,26}\.(rob|txt)")
+
+    def command(self, name: str, value: Any = None) -> Exchange:
+        match value:
+            case MoveTarget() | Pose() if not 100 <= math.hypot(value.x, value.y) <= 400:
+                raise ClientError("out of reach (A-4.24-5)")
+            case Point() if max(map(abs, value)) > 1000:
+                raise ClientError("too long a gripper")
+            case PasswordChange() if len(value.new) < 4 or value.old == value.new:
+                raise ClientError("too short a password, or no new one (A-4.1-3)")
+            case Network() if IPv4Address(value.gateway) not in _network_of(value):
+                raise ClientError("the gateway is in another network (A-4.4-2)")
+            case bytes() if name != "login":
+                self._check(value)
+        return super().command(name, value)
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        self._check(name)
+        return super().upload(name, content)
+
+    def _check(self, name: bytes) -> None:
+        if not self._NAME.fullmatch(name):
+            raise ClientError("a strange name (A-5-20)")
+
+
+def test_values_that_a_client_refuses(certified: Certified) -> None:
+    """A client may refuse by itself what the document does not ask it to send, and is told of."""
+    only = frozenset({"4.2/1", "4.4/1", "4.11/1", "4.24/1", "5.2/1", "7/2"})
+    cases = {case.id: case for case in certified(Careful, only)}
+    assert not [case.id for case in cases.values() if case.verdict not in GOOD]
+    refused = cases["4.11/1.names"]
+    assert refused.verdict is Verdict.TOLERATED
+    assert refused.message == "the client declines delete_program by itself"
+    assert "a strange name" in refused.observed
+
+
+class SignalsLater(ClientCore):
+    """That an upload has failed is signalled when the next one begins (L787; A-5-10)."""
+
+    _latest: Upload | None = None
+
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        if self._latest is not None and self._latest.moved_bytes and self._latest.problem:
+            chunk = FILE_DATA.encode(Chunk(len(content), 0, 0, b""), self.dialect)
+            self._send([Frame(A2C, BY_NAME["upload_chunk"].opcode, chunk)])
+        self._latest = super().upload(name, content)
+        return self._latest
+
+
+def test_an_error_may_be_signalled_late(wrong: Wrong) -> None:
+    """It belongs to the upload before."""
+    assert not wrong(SignalsLater, frozenset({"5.2/8", "5.2/19"}))
+
+
+class Strict(AsyncClient):
+    """Takes the first of the listed readings, where others are only tolerated."""
+
+    class core(ClientCore):  # noqa: N801 - it takes the place of an attribute
+        def command(self, name: str, value: Any = None) -> Exchange:
+            if isinstance(value, MoveTarget | Pose):  # A-4.21-3
+                value = value._replace(theta_y=0.0, theta_z=0.0)
+            return super().command(name, value)
+
+    async def get_initial_tool_position(self) -> Pose:
+        return (await super().get_initial_tool_position())._replace(theta_y=0.0, theta_z=0.0)
+
+    async def get_version(self) -> str:
+        version = await super().get_version()
+        return _checked(version, re.fullmatch(r"\d+\.\d+\.\d+", version))  # A-4.7-1
+
+    async def get_status(self) -> Status:
+        status = await super().get_status()
+        code = lookup(status.code)
+        odd = code is None or code.text != status.code or code in {*RESERVED, lookup("20")}
+        return _checked(status, not odd)  # A-T-7, A-8-3, A-4.8-2
+
+    async def get_running_program(self) -> RunningProgram | None:
+        run = await super().get_running_program()
+        return _checked(run, run is None or len(run.name) <= 30)  # A-4.9-5
+
+    async def get_motor_temperatures(self) -> JointValues:
+        values = await super().get_motor_temperatures()
+        return JointValues(*(math.floor(value + 0.5) for value in values))  # A-4.14-2
+
+    async def get_digital_inputs(self) -> str | None:  # type: ignore[override] # none for an error
+        try:
+            return await super().get_digital_inputs()
+        except Refused:
+            return None
+
+
+def _checked(value: T, right: object) -> T:
+    if not right:
+        raise ProtocolError("nothing that the document draws")
+    return value
+
+
+def test_first_readings(wrong: Wrong) -> None:
+    """A client may follow any one of the readings that the register tolerates."""
+    assert not wrong(Strict, frozenset({"3/1", "4.7/5", "4.8/11", "T/9"}))
+
+
+class Distrusts(AsyncClient):
+    """Reads back what it has set, and moves only while the last status that it saw is idle."""
+
+    _seen = "00"
+
+    async def get_status(self) -> Status:
+        status = await super().get_status()
+        self._seen = status.code
+        return status
+
+    async def run_program(self, name: str | bytes) -> None:
+        _checked(None, self._seen == "00")
+        await super().run_program(name)
+
+    async def set_gripper_center(self, x: float, y: float, z: float) -> None:
+        await super().set_gripper_center(x, y, z)
+        _checked(None, math.dist(await self.get_gripper_center(), (x, y, z)) < 0.01)
+
+    async def set_default_program(self, name: str | bytes) -> None:
+        await super().set_default_program(name)
+        _checked(None, await self.get_default_program() == name)
+
+    async def set_digital_output(self, port: int, value: int) -> None:
+        await super().set_digital_output(port, value)
+        _checked(None, (await self.get_digital_outputs())[-port] == f"{value}")
+
+
+def test_distrust(wrong: Wrong) -> None:
+    """The robot that the suite plays is of one piece: what was set is told."""
+    assert not wrong(Distrusts, frozenset({"4.13/1", "4.20/1", "4.32/1", "8/6"}))
+
+
+class WritesColumns(ClientCore):
+    """Numbers have two decimals (A-T-5), and a bar stands behind each field (A-T-4)."""
+
+    _SEVERAL = (0x03, 0x05, 0x35, 0x39)
+    _POINT = 0x35
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        super()._send(map(self._written, frames))
+
+    def _written(self, frame: Frame) -> Frame:
+        data = frame.data + b"|" * (frame.opcode in self._SEVERAL)
+        if frame.opcode == self._POINT:
+            data = b"".join(b"%.2f|" % float(text) for text in frame.data.split(b"|"))
+        return frame._replace(data=data)
+
+
+def test_columns(wrong: Wrong) -> None:
+    """Fixed decimals and a bar at the end are only told."""
+    assert not wrong(WritesColumns, frozenset({"4.2/1", "4.24/1", "T/5", "T/6"}))

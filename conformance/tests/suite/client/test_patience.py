@@ -1,0 +1,53 @@
+"""What a client never says is not waited for in full by every case."""
+
+from contextlib import closing
+
+import pytest
+
+from scaraspec.client import AsyncClient
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants.client import faults
+from scaraspec.mutants.client_run import MemoryClient
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+
+ONLY = frozenset({"5.1/1", "5.1/2", "5.1/3", "5.1/4"})
+TRANSFERS = frozenset({"5.1/1", "5.1/4", "5.1/12", "5.2/5", "5.3/1", "5.3/5", "5.3/11"})
+LATE = (0x52, 0x56)  # the answer to a chunk, and a chunk
+
+
+def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> None:
+    """From then on its silence is taken for what it was before."""
+    silent = faults()["waits-behind-the-last-answer"].wrong
+    with closing(MemoryClient(silent, DEFAULT)) as access:
+        options = Options(only=ONLY, allowed=ALL, examples=1)
+        results = Run(ClientSetting(access, Statement(), options)).results()
+    said = [case.message for case in results.cases if case.verdict is Verdict.FAIL]
+    in_full = [message for message in said if "does not say in 10 s" in message]
+    assert len(said) == len(ONLY)
+    assert len(in_full) == 2
+
+
+def test_a_slow_machine_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who gives a transfer up because the suite was silent for too long cannot be judged."""
+    in_time = Line.send_frame
+
+    def late(line: Line, frame: Frame) -> None:
+        if frame.opcode in LATE:
+            line.wait(1.2)
+        in_time(line, frame)
+
+    monkeypatch.setattr(Line, "send_frame", late)
+    dialect = DEFAULT.replace(xfer_timeout="1")
+    with closing(MemoryClient(AsyncClient, dialect)) as access:
+        options = Options(only=TRANSFERS, allowed=ALL, examples=1)
+        results = Run(ClientSetting(access, Statement(dialect=dialect), options)).results()
+    undecided = [case for case in results.cases if case.verdict is Verdict.INCONCLUSIVE]
+    assert results.counts[Verdict.FAIL] == 0
+    assert len(undecided) > len(TRANSFERS)
+    assert all("this machine or the client is too slow" in case.message for case in undecided)

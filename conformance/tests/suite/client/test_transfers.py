@@ -1,0 +1,295 @@
+"""Clients that transfer files in other ways than ours, and conform, pass clause 5."""
+
+import asyncio
+from contextlib import closing
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.client import AsyncClient, ClientCore, TransferFailed
+from scaraspec.client.driver import Driver
+from scaraspec.client.exchange import Exchange, Progress
+from scaraspec.client.operations import Text
+from scaraspec.client.transfer import Upload
+from scaraspec.judge.requirements import select
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants.client.transferring import CutsOtherwise, JudgesChunks
+from scaraspec.mutants.client_run import MemoryClient
+from scaraspec.protocol.commands import Parsed
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.protocol.transfer import FILE_DATA_BYTES, Chunk, Receiver, Sender, State
+from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+
+ONLY = frozenset(r.id for r in select("5")) - {"5.2/16"}  # which is large
+UPLOAD_CHUNK = 0x52
+
+
+class Closes(AsyncClient):
+    """Ends the connection on which a transfer broke off (A-5-26)."""
+
+    async def perform(self, call: Any) -> Any:
+        try:
+            return await super().perform(call)
+        except TransferFailed:
+            await self.close()
+            raise
+
+
+class Polls(AsyncClient):
+    """Asks for the status before and the list of programs behind each transfer."""
+
+    async def upload(self, *where: Any, **more: Any) -> None:
+        await self.get_status()
+        await super().upload(*where, **more)
+        await self.list_programs()
+
+    async def download(self, *where: Any, **more: Any) -> Path:
+        await self.get_status()
+        path = await super().download(*where, **more)
+        await self.list_programs()
+        return path
+
+
+class Verifies(AsyncClient):
+    """Fetches what it has sent, and compares it (A-5-21)."""
+
+    async def upload(self, local: Any, remote: Any = None, progress: Any = None) -> None:
+        await super().upload(local, remote, progress)
+        if await self.download_bytes(str(remote)) != _content(Path(local)):
+            raise TransferFailed("upload", "it is another file there")
+
+
+def _content(path: Path) -> bytes:
+    return path.read_bytes()
+
+
+class KeepsParts(AsyncClient):
+    """Of a download that broke off an empty file stays."""
+
+    async def download(
+        self,
+        remote: Text,
+        local: str | PathLike[str] | None = None,
+        progress: Progress | None = None,
+    ) -> Path:
+        try:
+            return await super().download(remote, local, progress)
+        except TransferFailed:
+            _make(Path(str(local)))
+            raise
+
+
+def _make(path: Path) -> None:
+    path.touch(exist_ok=False)
+
+
+class Retries(Upload):
+    """Sends a chunk again that was not answered 1, twice (A-5-14), and gives up with a signal."""
+
+    left = 2
+
+    @cached_property
+    def sent(self) -> list[Frame]:
+        return []
+
+    def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
+        if data != b"1" and self.sent and self.left:
+            self.left -= 1
+            self._be_patient(now_s)
+            return self.sent
+        frames = super().take(parsed, data, now_s)
+        self.sent[:] = frames
+        return frames or self._signal()
+
+    def expire(self, now_s: float) -> list[Frame]:
+        return super().expire(now_s) or self._signal()
+
+    def _signal(self) -> list[Frame]:
+        """A frame without data (L787; A-5-10)."""
+        return [Frame(A2C, UPLOAD_CHUNK)] if self.accepted and self.problem else []
+
+
+class RetriesCore(ClientCore):
+    def upload(self, name: bytes, content: bytes) -> Upload:
+        return Retries(name, content, self.dialect)
+
+
+class Mute(ClientCore):
+    """Leaves chunks of no transfer unanswered."""
+
+    def _refuse_stray_chunk(self, parsed: Parsed) -> None:
+        pass
+
+
+class OnlyFull(JudgesChunks):
+    """Takes no chunk that is cut off behind its content (A-5-3)."""
+
+    class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
+        def take(self, data: bytes, now_s: float) -> bool | None:
+            if data and len(data) != FILE_DATA_BYTES:
+                self.fail("it is cut off")
+                return False
+            return super().take(data, now_s)
+
+
+class LittleOnly(JudgesChunks):
+    """Reads nothing but little-endian numbers (A-5-2)."""
+
+    class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
+        def take(self, data: bytes, now_s: float) -> bool | None:
+            if int.from_bytes(data[8:12], "little") > FILE_DATA_BYTES:
+                self.fail("its length is out of bounds")
+                return False
+            return super().take(data, now_s)
+
+
+class FailsOnOddAnswers(ClientCore):
+    """Gives a transfer up when an answer comes that is not its own."""
+
+    def _dispatch(self, frame: Frame, now_s: float) -> Any:
+        for exchange in tuple(self._open):
+            odd = frame.tagged or frame.opcode in (0x50, 0x52, 0x54)
+            mine = not frame.tagged and frame.opcode == self._due(exchange)
+            if isinstance(exchange, Upload) and odd and not mine:
+                exchange.fail(TransferFailed("upload", "another answer came"))
+                return self._follow(exchange, now_s)
+        return super()._dispatch(frame, now_s)
+
+    def _due(self, exchange: Exchange) -> int:
+        return exchange.command.opcode if exchange.accepted is None else UPLOAD_CHUNK
+
+
+class AnswersSignals(JudgesChunks):
+    """Answers the error signal 0, like any chunk that cannot be taken (A-5-10)."""
+
+    class receiver(Receiver):  # noqa: N801 - it takes the place of an attribute
+        def take(self, data: bytes, now_s: float) -> bool | None:
+            active = self.state is State.ACTIVE
+            taken = super().take(data, now_s)
+            return False if active and taken is None else taken
+
+
+class SmallChunks(CutsOtherwise):
+    """Puts 128 bytes into a chunk."""
+
+    class sender(Sender):  # noqa: N801 - it takes the place of an attribute
+        def __init__(self, content: bytes, now_s: float, dialect: Dialect = DEFAULT) -> None:
+            super().__init__(content, now_s, dialect)
+            size = len(content)
+            pieces = ((at, content[at : at + 128]) for at in range(0, size, 128))
+            self._chunks = (Chunk(size, at, len(piece), piece) for at, piece in pieces)
+
+
+class SmallAndMute(SmallChunks, Mute):
+    """Does no more than it must."""
+
+
+class Particular(OnlyFull, LittleOnly):
+    """Knows a chunk in one form only."""
+
+    class receiver(OnlyFull.receiver, LittleOnly.receiver):  # noqa: N801 - as theirs
+        """Takes what both take."""
+
+
+class Touchy(FailsOnOddAnswers, AnswersSignals):
+    """Minds whatever is odd."""
+
+
+class Sparing(Polls):
+    core = SmallAndMute
+
+
+class Picky(KeepsParts):
+    core = Particular
+
+
+class Alert(AsyncClient):
+    core = Touchy
+
+
+class Stubborn(Closes):
+    core = RetriesCore
+
+
+class InTurn(Driver):
+    """Does one thing at a time."""
+
+    @cached_property
+    def turn(self) -> asyncio.Lock:
+        return asyncio.Lock()
+
+    async def _do(self, number: Any, name: str, values: dict[str, Any]) -> None:
+        async with self.turn:
+            await super()._do(number, name, values)
+
+
+class OneAtATime(MemoryClient):
+    def _new(self) -> Driver:
+        def make(url: str, password: str | None) -> AsyncClient:
+            return AsyncClient(url, password=password)
+
+        return InTurn(self._take, make)
+
+
+def _verdicts(access: MemoryClient, only: frozenset[str] = ONLY) -> dict[str, str]:
+    options = Options(only=only, allowed=ALL, undefined=True, examples=3)
+    with closing(access):
+        results = Run(ClientSetting(access, Statement(), options)).results()
+    return {
+        case.id: f"{case.verdict.value}: {case.message}"
+        for case in results.cases
+        if case.verdict is not Verdict.PASS
+    }
+
+
+@pytest.mark.parametrize(
+    ("make", "tolerated"),
+    [(Sparing, False), (Picky, True), (Alert, False), (Stubborn, True)],
+    ids=lambda value: value.__name__ if isinstance(value, type) else "",
+)
+def test_no_false_alarm(make: type[AsyncClient], *, tolerated: bool) -> None:
+    """Nothing fails; what the register only tolerates is told as such."""
+    verdicts = _verdicts(MemoryClient(make, DEFAULT))
+    assert {v.partition(":")[0] for v in verdicts.values()} <= {"tolerated"}, verdicts
+    assert bool(verdicts) is tolerated
+
+
+def test_one_thing_at_a_time() -> None:
+    """A driver that does one thing at a time passes all that does not ask for two at once."""
+    verdicts = _verdicts(OneAtATime(AsyncClient, DEFAULT))
+    assert set(verdicts) == {"5.2/9.meanwhile", "5.4/5.meanwhile"}
+    assert all(verdict.startswith("none: ") for verdict in verdicts.values())
+
+
+def test_verifies() -> None:
+    """A client may fetch what it has just sent."""
+    assert not _verdicts(MemoryClient(Verifies, DEFAULT), frozenset({"5.2/13", "5.2/18"}))
+
+
+class Tidies(AsyncClient):
+    """Deletes by itself what is left of an upload that failed, and waits for the answer."""
+
+    async def upload(self, local: Any, remote: Any = None, progress: Any = None) -> None:
+        try:
+            await super().upload(local, remote, progress)
+        except TransferFailed:
+            await self.delete_program(str(remote))
+            raise
+
+
+def test_what_it_waits_for_is_told() -> None:
+    """Deleting wants a user (A-5-12): nobody answers it, and the report says what was sent."""
+    dialect = DEFAULT.replace(xfer_timeout="1")
+    options = Options(only=frozenset({"5.2/4"}), allowed=ALL, examples=3)
+    with closing(MemoryClient(Tidies, dialect)) as access:
+        results = Run(ClientSetting(access, Statement(dialect=dialect), options)).results()
+    (failed,) = (case for case in results.cases if case.verdict is Verdict.FAIL)
+    assert failed.observed.startswith("silence; it has sent by itself delete_program")

@@ -1,0 +1,293 @@
+"""Controllers that write values, and take them, in ways of their own, which are open."""
+
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.frames import Frame, Skipped, Why
+from scaraspec.protocol.payloads import Acceptance, NameListPart
+from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.virtual_controller.behaviour import SILENCE
+from scaraspec.virtual_controller.behaviour.base import Silence, refused
+from scaraspec.virtual_controller.behaviour.programs import list_parts
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.session import Request, Session
+from scaraspec.virtual_controller.store import Store
+
+Try = Callable[..., Any]
+
+
+class IgnoresMalformed(Brain):
+    """A request that says nothing usable is not answered."""
+
+    def _reply(self, session: Session, command: Any, frame: Frame, answer: Any) -> None:
+        if command.request.fields and self._value(command, frame) is None:
+            answer = SILENCE
+        super()._reply(session, command, frame, answer)
+
+
+class IgnoresFurtherOutputs(Brain):
+    """A port that 0x49 does not show is ignored, whatever is to become of it (A-4.32-2)."""
+
+    def set_digital_output(self, request: Request) -> Any:
+        """Look for it."""
+        return super().set_digital_output(request) if request.value.port <= 16 else SILENCE
+
+
+class ClosesAtFurtherOutputs(Brain):
+    """Who asks for such a port is sent away (A-3-9)."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Send him away."""
+        value = self._value(BY_NAME["set_digital_output"], frame) if frame.opcode == 0x43 else None
+        if value is not None and value.port > 16:
+            self._end(session, now_s)
+        else:
+            super().handle(session, frame, now_s)
+
+
+class EndsWithABar(Brain):
+    """Every field of what runs and where the arm is ends with a bar (A-T-4)."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Add it."""
+        if frame.opcode in (0x0A, 0x3C) and b"|" in frame.data:
+            frame = Frame(C2A, frame.opcode, frame.data + b"|")
+        super().emit(session, frame)
+
+
+class KeepsSingles(Brain):
+    """Numbers are kept in 32 bits, and printed with six decimals (A-T-5)."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Print them."""
+        if frame.opcode in (0x34, 0x37):
+            numbers = map(float, frame.data.split(b"|"))
+            singles = struct.unpack("6f", struct.pack("6f", *[*numbers, 0.0, 0.0, 0.0][:6]))
+            count = 1 + frame.data.count(b"|")
+            frame = Frame(C2A, frame.opcode, b"|".join(b"%f" % n for n in singles[:count]))
+        super().emit(session, frame)
+
+
+@pytest.mark.parametrize(
+    ("brain", "only"),
+    [
+        (KeepsSingles, ("4.20/3", "4.21/3")),
+        (EndsWithABar, ("4.9/2", "4.27/2")),
+        (IgnoresFurtherOutputs, ("4.32/4", "4.32/5")),
+        (ClosesAtFurtherOutputs, ("4.32/4", "4.32/5")),
+        (IgnoresMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4", "4.33/3")),
+    ],
+)
+def test_what_is_open_is_not_failed(tried: Try, brain: type[Brain], only: tuple[str, ...]) -> None:
+    """Every case of these requirements passes or is tolerated."""
+    assert not tried(brain, *only).wrong
+
+
+class OverlooksEnds(Brain):
+    """The byte behind the data of a frame is taken for its end, whatever it is."""
+
+    def _take_in(self, session: Session, found: list[Any], now_s: float) -> None:
+        for index, item in enumerate(found):
+            if isinstance(item, Skipped) and item.why is Why.BAD_END:
+                found[index] = Frame(A2C, item.data[1], item.data[3:-1])
+        super()._take_in(session, found, now_s)
+
+
+def test_a_wrong_end_byte_may_be_overlooked_and_is_warned_of(tried: Try) -> None:
+    """What follows a frame in place of its end byte is open (A-3-10)."""
+    framewise = DEFAULT.replace(resync="framewise")
+    cases = tried(OverlooksEnds, "3/20", dialect=framewise)
+    assert not cases.wrong
+    assert cases["3/20.end"].verdict is Verdict.TOLERATED
+
+
+class EndsWithANul(Brain):
+    """Every text ends with a NUL, also one of no character (A-T-3)."""
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Add it."""
+        if frame.opcode in (0x08, 0x0A, 0x0B, 0x0D, 0x13):
+            frame = Frame(C2A, frame.opcode, frame.data + b"\0")
+        super().emit(session, frame)
+
+
+def test_no_default_program_may_be_told_as_a_nul(tried: Try) -> None:
+    """It is an empty text, which some end as they do any other (A-4.12-2, A-T-3)."""
+    assert not tried(EndsWithANul, "4.12/4", "4.12/3", "4.13/5").alarms
+
+
+def test_a_binary_flag_may_end_with_a_nul(tried: Try) -> None:
+    """That nothing runs is two zero bytes then (A-T-1, A-T-3)."""
+    binary = DEFAULT.replace(runinfo_binary="binary")
+    assert not tried(EndsWithANul, "4.9/2", "4.9/6", dialect=binary).alarms
+
+
+class HasALongDefault(Brain):
+    """The default program that it came with has a name of 40 bytes (A-4.9-5)."""
+
+    name = b"delivered-with-the-robot-in-the-year.rob"
+    has: Store
+
+    def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
+        if self.name not in store:
+            store.write(self.name, b"SCARA")
+            store.save(replace(store.settings, default_program=self.name))
+        HasALongDefault.has = store
+        super().__init__(plant, store, dialect.replace(name_max="255"))
+
+
+def test_a_default_program_of_a_long_name_is_put_back(tried: Try) -> None:
+    """By the bytes that were told: names of 30 bytes are what is sent of one's own."""
+    assert not tried(HasALongDefault, "4.13/3").wrong
+    assert HasALongDefault.has.settings.default_program == HasALongDefault.name
+
+
+class PushesSlowly(Brain):
+    """It came with many programs, and pushes the parts of their list a moment apart (A-4.10-3)."""
+
+    def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
+        for number in range(60):
+            store.write(b"delivered-%d.rob" % number, b"SCARA")
+        super().__init__(plant, store, dialect)
+        self._due: list[tuple[float, Session, Frame]] = []
+
+    def list_programs(self, request: Request) -> NameListPart:
+        """Keep all parts but the first for later."""
+        first, *rest = list_parts(self.store.names())
+        for number, part in enumerate(rest, 1):
+            frame = Frame(C2A, request.frame.opcode, request.command.reply.encode(part, DEFAULT))
+            self._due.append((request.now_s + number * 0.04, request.session, frame))
+        return first
+
+    def _elapse(self, now_s: float) -> None:
+        super()._elapse(now_s)
+        while self._due and self._due[0][0] <= now_s:
+            self.emit(*self._due.pop(0)[1:])
+
+    @property
+    def next_event_s(self) -> float | None:
+        """When the next part is due."""
+        times_s = (*(due[0] for due in self._due[:1]), super().next_event_s)
+        return min((time_s for time_s in times_s if time_s is not None), default=None)
+
+
+def test_a_list_may_be_pushed_slowly(tried: Try) -> None:
+    """Whoever asks for it anew waits until the one before has come."""
+    assert not tried(PushesSlowly, "4/8", "4.10/4", "5.4/8").alarms
+
+
+class KeepsItsDefault(Brain):
+    """The default program is not deleted (A-4.11-1)."""
+
+    def delete_program(self, request: Request) -> bool:
+        """Keep it."""
+        kept = request.value == self.store.settings.default_program
+        return not kept and super().delete_program(request)
+
+
+def test_a_default_program_that_stays_is_nobodys_fault(tried: Try) -> None:
+    """What the suite has made the default program need not go any more (A-4.11-1).
+
+    No requirement is failed; the file that is left is reported.
+    """
+    (left,) = tried(KeepsItsDefault, "4.13/3").alarms
+    assert "(the default program) was not listed at the start" in left
+
+
+class KeepsWhatItIsToHave(KeepsItsDefault):
+    """The default program may be none that is there yet (A-4.13-1), and then stays (A-4.11-1)."""
+
+    def set_default_program(self, request: Request) -> bool:
+        """Take any name."""
+        return self.save(default_program=request.value)
+
+
+def test_a_default_program_that_comes_later_stays_too(tried: Try) -> None:
+    """In a long use a name is taken for the default first, and stored afterwards."""
+    (left,) = tried(KeepsWhatItIsToHave, "3/31", examples=20).alarms
+    assert "(the default program) was not listed at the start" in left
+
+
+class BigChunks(Brain):
+    """The numbers of a chunk are big-endian, as a network's are; those of a program are not."""
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        """Take no other."""
+        return request.frame.data[8:11] == bytes(3) and super().upload_chunk(request)
+
+    def emit(self, session: Session, frame: Frame) -> None:
+        """Send no other."""
+        if frame.opcode == 0x56:
+            head = b"".join(frame.data[at : at + 4][::-1] for at in (0, 4, 8))
+            frame = frame._replace(data=head + frame.data[12:])
+        super().emit(session, frame)
+
+    def is_program(self, name: bytes) -> bool:
+        """Whether it is listed: as a little-endian program of the usual layout only."""
+        content = self.store.read(name) if name in self.store else b""
+        nodes, variables = struct.unpack_from("<8xII", content) if len(content) > 16 else (0, 0)
+        return name in self.store and len(content) == 97 + 64 * nodes + 28 * variables
+
+    def run_program(self, request: Request) -> Acceptance | Silence:
+        """Run no other."""
+        name = request.value
+        if self.robot.task is None and name in self.store and not self.is_program(name):
+            return refused("20")
+        return super().run_program(request)
+
+
+def test_chunks_and_programs_may_differ_in_their_byte_order(tried: Try) -> None:
+    """Each is a point that is open by itself (A-5-2, A-6.1-4)."""
+    cases = tried(BigChunks, "4.8/4", "4.9/2", "4.10/11", "4.11/3", "5.2/12", "6.5/26")
+    assert not cases.alarms
+
+
+class HasRulesForPasswords(Brain):
+    """A password has six to sixteen letters and digits, and is not the one before."""
+
+    def set_password(self, request: Request) -> bool:
+        """Hold it against them."""
+        old, new = request.value
+        good = 6 <= len(new) <= 16 and new.isalnum() and new != old
+        return good and super().set_password(request)
+
+
+def test_odd_passwords_may_be_refused(tried: Try) -> None:
+    """How long a password may be, and of what, is open (A-4.1-3)."""
+    cases = tried(HasRulesForPasswords, "4.2/3", "4.2/4", "4.2/6", examples=20)
+    assert not cases.wrong
+    assert cases["4.2/4"].verdict is Verdict.TOLERATED
+
+
+class WasNeverSetUp(Brain):
+    """Its initial position is six zeros, and its default program is not stored: it refuses both."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.save(initial_tool_position=(0.0,) * 6, default_program=b"gone.rob")
+
+    def get_default_program(self, _: Request) -> bytes:
+        """Tell it all the same."""
+        return self.store.settings.default_program
+
+
+def test_what_nobody_can_put_back(tried: Try) -> None:
+    """What the subject refuses to take back even at first leaves no run inconclusive."""
+    cases = tried(WasNeverSetUp, "4.13/3", "4.21/3", "4.13/2")
+    assert not cases.wrong
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+def test_what_names_may_be_written_in_is_told(tried: Try, encoding: str) -> None:
+    """Of the names refused some are no text in the encoding that is taken (A-T-2)."""
+    case = tried(Brain, "T/8", spoken=DEFAULT.replace(text_encoding=encoding))["T/8"]
+    assert case.verdict is Verdict.TOLERATED
+    assert case.observed == f"text_encoding = {encoding}"

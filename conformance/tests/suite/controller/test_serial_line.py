@@ -1,0 +1,33 @@
+"""Over a serial line, whose end no subject notices, nothing of a case is left to the next."""
+
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants.controller_run import PASSWORD, Robot
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.report.model import Results
+from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.virtual_controller.brain import Brain
+
+
+def _results(*only: str) -> Results:
+    access = MemoryAccess(Robot(Brain, DEFAULT).network, needs_login=False, several=False)
+    options = Options(only=frozenset(only), allowed=ALL, examples=3)
+    return Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+
+
+def test_no_false_alarm() -> None:
+    """Halves of frames, chunks that were refused, transfers given up: the next case is served."""
+    results = _results("2/5", "3/20", "4.10/7", "5.1/7", "5.1/8", "5.2/10", "5.2/13", "5.3/6")
+    found = {verdict for verdict, count in results.counts.items() if count}
+    assert found == {Verdict.PASS, Verdict.NONE}
+    assert results.counts[Verdict.PASS] > 15
+
+
+def test_who_leaves_is_not_missed() -> None:
+    """What a subject has to do when its client is gone cannot be found out."""
+    results = _results("2/13", "5.4/7")
+    missed = {case.id for case in results.cases if "without its subject's notice" in case.message}
+    assert missed == {"2/13", "2/13.leaving", "5.4/7.closed", "5.4/7.reset"}

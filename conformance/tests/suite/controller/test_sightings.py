@@ -1,0 +1,59 @@
+"""What the judge sees while the suite asks, and a recording would show as well."""
+
+from typing import Any
+
+import pytest
+
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller_run import PASSWORD, Robot
+from scaraspec.protocol.commands import Network, Point
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.asking.files import upload
+from scaraspec.suite.controller.harness.asking.poses import initial_of
+from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.engine.observer import Observer
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.suite.program_files.layout import short_program
+from scaraspec.virtual_controller.brain import Brain
+
+NAME = b"zs-seen.rob"
+SETTINGS = [
+    (
+        "new-network-answered-with-zero",
+        "4.4/2",
+        "network",
+        Network("10.0.0.9", "255.0.0.0", "10.0.0.1"),
+    ),
+    ("new-default-answered-with-zero", "4.13/2", "default_program", NAME),
+    ("gripper-answered-with-zero", "4.20/2", "gripper_center", Point(1, 2, 3)),
+    ("position-answered-with-zero", "4.21/2", "initial_tool_position", None),
+]
+
+
+def _seen(make: type[Brain], name: str, value: Any) -> set[str]:
+    """What the judge holds against a robot that is asked before and behind a setting."""
+    statement = Statement(dialect=DEFAULT)
+    access = MemoryAccess(Robot(make, DEFAULT).network)
+    setting = ControllerSetting(access, statement, PASSWORD, Options(allowed=ALL))
+    observer = Observer(setting.role, statement)
+    subject = setting.subject(observer)
+    line = subject.open()
+    upload(line, NAME, short_program(subject))
+    value = value or initial_of(line)._replace(theta_x=1.0)
+    for request, asked in ((f"get_{name}", None), (f"set_{name}", value), (f"get_{name}", None)):
+        line.wait(0.01)
+        line.ask(request, asked)
+    subject.close_lines()
+    observer.close()
+    failed = (s.finding for s in observer.sightings if s.finding.verdict is Verdict.FAIL)
+    return {finding.requirement for finding in failed}
+
+
+@pytest.mark.parametrize(("fault", "requirement", "name", "value"), SETTINGS)
+def test_what_was_refused_and_is_told(fault: str, requirement: str, name: str, value: Any) -> None:
+    """A setting that is answered 0 and carried out is seen; one that is answered 1 is right."""
+    assert _seen(faults()[fault].wrong, name, value) == {requirement}
+    assert _seen(Brain, name, value) == set()

@@ -1,0 +1,281 @@
+"""Controllers that transfer files in other ways than ours, and conform, pass clause 5."""
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import pytest
+
+from scaraspec.judge.requirements import select
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants.controller.transferring import AltersChunkData, JudgesChunks
+from scaraspec.mutants.controller_run import PASSWORD, Robot
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
+from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.transports.link import Link
+from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.session import Action, Carrier, Request, Session, Transfer
+
+CLAUSES = ("5.1", "5.2", "5.3", "5.4")
+ONLY = frozenset(r.id for clause in CLAUSES for r in select(clause)) - {"5.2/16"}  # which is large
+UPLOAD_CHUNK, DOWNLOAD_CHUNK = 0x52, 0x56
+REFUSED = b"\xcc\x52\x010\xaa"
+
+
+class Slow(Brain):
+    """Answers everything a third of a second late."""
+
+    now_s = 0.0
+
+    @cached_property
+    def pending(self) -> list[tuple[float, Session, bytes]]:
+        return []
+
+    @property
+    def next_event_s(self) -> float | None:
+        times_s = [due_s for due_s, _, _ in self.pending]
+        soonest_s = super().next_event_s
+        return min(times_s + ([] if soonest_s is None else [soonest_s]), default=None)
+
+    def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
+        self.now_s = now_s
+        return super().open(connection, now_s, link)
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        self.now_s = now_s
+        return super().receive(connection, data, now_s)
+
+    def transmit(self, session: Session, data: bytes) -> None:
+        self.pending.append((self.now_s + 0.3, session, data))
+
+    def advance(self, now_s: float) -> list[Action]:
+        self.now_s = now_s
+        due = [entry for entry in self.pending if entry[0] <= now_s]
+        for entry in due:
+            self.pending.remove(entry)
+            super().transmit(*entry[1:])
+        return super().advance(now_s)
+
+
+class ClosesBrokenLinks(Brain):
+    """Ends the connection on which an upload broke off (A-5-26)."""
+
+    def _uploads(self) -> list[Session]:
+        sessions = self.sessions.values()
+        return [s for s in sessions if s.transfer and isinstance(s.transfer.end, Receiver)]
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        uploads = session in self._uploads()
+        super().handle(session, frame, now_s)
+        if uploads and [action.data for action in self._actions[-1:]] == [REFUSED]:
+            self._end(session, now_s)
+
+    def _elapse(self, now_s: float) -> None:
+        uploads = self._uploads()
+        super()._elapse(now_s)
+        for session in uploads:
+            if session.transfer is None and session.connection in self.sessions:
+                self._end(session, now_s)
+
+
+class IgnoresStrayChunks(Brain):
+    """Gives no answer to a chunk that belongs to no upload (A-5-16)."""
+
+    def upload_chunk(self, request: Request) -> bool | Silence:
+        stray = request.session.transfer is None
+        return SILENCE if stray else super().upload_chunk(request)
+
+
+class _Forgiving(Receiver):
+    def take(self, data: bytes, now_s: float) -> bool | None:
+        taken = super().take(data, now_s)
+        if taken is False:
+            self.state = State.ACTIVE
+        return taken
+
+
+class WaitsForABetterChunk(JudgesChunks):
+    """Refuses a chunk without giving the upload up (A-5-14)."""
+
+    receiver: ClassVar[type[Receiver]] = _Forgiving
+
+
+class RepeatsRefusedChunks(Brain):
+    """Sends a chunk that was refused once more (A-5-14)."""
+
+    def download_chunk(self, request: Request) -> Silence:
+        transfer = request.session.transfer
+        if request.value is False and transfer and isinstance(transfer.end, Sender):
+            content, at = self.store.read(transfer.name), transfer.end.acknowledged_bytes
+            piece = content[at : at + 200]
+            self._send_chunk(request.session, Chunk(len(content), at, len(piece), piece))
+            return SILENCE
+        return super().download_chunk(request)
+
+
+class OneTransferAtATime(Brain):
+    """Takes one transfer for all connections together (A-5-17)."""
+
+    def _may_begin(self, session: Session) -> bool:
+        busy = any(other.transfer for other in self.sessions.values())
+        return not busy and super()._may_begin(session)
+
+
+class NoticesLostLinksLate(Brain):
+    """Goes on with an upload whose connection was lost until it times out (L795)."""
+
+    @cached_property
+    def lost(self) -> list[tuple[float, Transfer]]:
+        return []
+
+    def close(self, connection: int, now_s: float) -> list[Action]:
+        session = self.sessions.get(connection)
+        transfer = session.transfer if session else None
+        if transfer and isinstance(transfer.end, Receiver):
+            self.lost.append((transfer.end.deadline_s or math.inf, transfer))
+        return super().close(connection, now_s)
+
+    def upload_name(self, request: Request) -> bool:
+        blocked = any(
+            transfer.name == request.value and due_s > request.now_s
+            for due_s, transfer in self.lost
+        )
+        return not blocked and super().upload_name(request)
+
+
+class StaleBuffers(AltersChunkData):
+    """Leaves what was in the buffer behind the valid bytes (A-5-4)."""
+
+    def data(self, chunk: Chunk) -> bytes:
+        return FILE_DATA.encode(chunk._replace(buffer=chunk.buffer.ljust(200, b"\xaa")))
+
+
+class SmallChunks(AltersChunkData):
+    """Sends at most 100 bytes in a chunk."""
+
+    @cached_property
+    def halves(self) -> dict[Session, Chunk]:
+        return {}
+
+    def _send_chunk(self, session: Session, chunk: Chunk) -> None:
+        first, rest = chunk.data[:100], chunk.data[100:]
+        if rest:
+            self.halves[session] = chunk._replace(
+                position=chunk.position + 100, length=len(rest), buffer=rest
+            )
+        super()._send_chunk(session, chunk._replace(length=len(first), buffer=first))
+
+    def download_chunk(self, request: Request) -> Silence:
+        half = self.halves.pop(request.session, None)
+        if half is None or not request.value or request.session.transfer is None:
+            return super().download_chunk(request)
+        transfer = request.session.transfer
+        assert isinstance(transfer.end, Sender)
+        transfer.end._heard_s = request.now_s
+        super()._send_chunk(request.session, half)
+        return SILENCE
+
+
+class ShortNames(Brain):
+    """Takes names of at most 30 bytes (A-5-20)."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        if frame.opcode == 0x50 and len(frame.data) > 30:
+            frame = frame._replace(data=b"")
+        super().handle(session, frame, now_s)
+
+
+class _Idempotent(Receiver):
+    def _problem(self, chunk: Chunk) -> str:
+        if chunk.legal and chunk.position < self.received_bytes:
+            return ""
+        return super()._problem(chunk)
+
+    def take(self, data: bytes, now_s: float) -> bool | None:
+        before, pieces = self.received_bytes, dict(self._pieces)
+        taken = super().take(data, now_s)
+        chunk = FILE_DATA.decode(data).value
+        if taken and chunk is not None and chunk.position < before:
+            self._pieces, self.received_bytes = pieces, before
+            self.state = State.ACTIVE
+        return taken
+
+
+class TakesRepeatedChunks(JudgesChunks):
+    """Takes a chunk that it has already, and drops it (A-5-8)."""
+
+    receiver: ClassVar[type[Receiver]] = _Idempotent
+
+
+class Cautious(StaleBuffers, SmallChunks, ShortNames, TakesRepeatedChunks, OneTransferAtATime):
+    """Small in everything."""
+
+
+class Forgiving(WaitsForABetterChunk, RepeatsRefusedChunks, NoticesLostLinksLate):
+    """Gives a transfer up late, if at all."""
+
+
+class Strict(ClosesBrokenLinks, IgnoresStrayChunks):
+    """Has no more to do with who sends it what it has not asked for."""
+
+
+@pytest.mark.parametrize("brain", [Slow, Cautious, Forgiving, Strict])
+def test_a_conforming_controller_of_another_kind_passes(
+    tried: Callable[..., Any], brain: type[Brain]
+) -> None:
+    """What the register lists, or the document leaves free, fails no case of clause 5."""
+    cases = tried(brain, *ONLY)
+    assert not cases.alarms
+    assert len(cases) > len(ONLY) / 4
+
+
+@dataclass(frozen=True)
+class StallingAccess(MemoryAccess):
+    """A machine that does nothing for a while ahead of one of the frames with an opcode."""
+
+    stalled: int = 0
+    which: int = 3
+
+    def connect(self) -> Link:
+        link, sent = super().connect(), itertools.count(1)
+        send = link.send
+
+        def stall(data: bytes) -> int:
+            if data[1] == self.stalled and next(sent) == self.which:
+                self.pause(31)
+            return send(data)
+
+        link.send = stall  # type: ignore[method-assign]  # of this one link
+        return link
+
+
+@pytest.mark.parametrize(
+    ("stalled", "which", "requirement"),
+    [
+        (UPLOAD_CHUNK, 3, "5.2/16"),
+        (UPLOAD_CHUNK, 7, "5.2/16"),  # the first of a large file, behind three small ones
+        (UPLOAD_CHUNK, 3, "5.4/4"),
+        (UPLOAD_CHUNK, 4, "5.4/8"),
+        (DOWNLOAD_CHUNK, 1, "4.7/4"),
+        (DOWNLOAD_CHUNK, 3, "5.1/8"),
+        (DOWNLOAD_CHUNK, 3, "5.1/9"),
+    ],
+)
+def test_a_slow_machine_fails_nobody(stalled: int, which: int, requirement: str) -> None:
+    """A chunk that comes when the transfer is over is rightly refused, and none follows then."""
+    access = StallingAccess(Robot(Brain, DEFAULT).network, stalled=stalled, which=which)
+    options = Options(only=frozenset({requirement}), allowed=ALL)
+    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    said = {case.message for case in results.cases if case.verdict is Verdict.INCONCLUSIVE}
+    assert results.counts[Verdict.FAIL] == 0
+    assert said == {"this machine is too slow: a frame followed 31.000 s late"}

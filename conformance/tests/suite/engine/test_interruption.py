@@ -1,0 +1,82 @@
+"""A run may be ended at any moment, and fails nobody for it."""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import pytest
+
+from scaraspec.judge.verdicts import Verdict
+from scaraspec.mutants.controller_run import PASSWORD, Robot
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.engine.interruption import Interruption
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.engine.run import Run
+from scaraspec.suite.engine.statement import Statement
+from scaraspec.transports.link import Arrival, Link
+from scaraspec.virtual_controller.brain import Brain
+
+
+@dataclass(frozen=True)
+class EndingAccess(MemoryAccess):
+    """A signal comes when bytes have been sent, or taken, so often, and are nobody's yet."""
+
+    signals: list[Callable[[], None]] = field(default_factory=list)
+    at: int = 0
+    passed: "itertools.count[int]" = field(default_factory=itertools.count)
+
+    def connect(self) -> Link:
+        link = super().connect()
+        send, receive = link.send, link.receive
+
+        def sent(data: bytes) -> int:
+            time_ns = send(data)
+            self._signal()
+            return time_ns
+
+        def received(deadline_s: float, others: Sequence[Link] = ()) -> Arrival | None:
+            arrival = receive(deadline_s, others)
+            if arrival is not None:
+                self._signal()
+            return arrival
+
+        link.send, link.receive = sent, received  # type: ignore[method-assign]  # of this one link
+        return link
+
+    def _signal(self) -> None:
+        if next(self.passed) == self.at:
+            for signal in self.signals:
+                signal()
+
+
+@pytest.mark.parametrize("at", range(20, 700, 61))
+def test_an_ended_run_fails_nobody(at: int) -> None:
+    """What has passed is judged, once, before the run ends; and all is put back."""
+    access = EndingAccess(Robot(Brain, DEFAULT).network, at=at)
+    options = Options(only=frozenset({"5.2/2", "5.3/4"}), allowed=ALL, examples=3)
+    run = Run(ControllerSetting(access, Statement(), PASSWORD, options))
+    access.signals.append(run.interruption.ask)
+    results = run.results()
+    found = {case.id for case in results.cases}
+    assert not {case.message for case in results.cases if case.verdict is Verdict.FAIL}
+    assert "run.interrupted" in found
+    assert "run.restore" not in found
+
+
+def test_a_step_is_never_torn_apart() -> None:
+    """Who ends the run within a step ends it behind the step, and once."""
+    interruption, done = Interruption(), []
+
+    def step() -> None:
+        with interruption:
+            with interruption:
+                interruption.ask()
+            done.append("the step")
+
+    with pytest.raises(KeyboardInterrupt):
+        step()
+    assert done
+    with interruption:  # it is over: putting back goes on
+        pass

@@ -1,0 +1,79 @@
+"""It is found out what a subject makes of programs: their layout, and the values of a point."""
+
+import pytest
+
+from scaraspec.judge.verdicts import Conclusion
+from scaraspec.mutants.controller import Fault
+from scaraspec.mutants.controller_run import prove_controller
+from scaraspec.protocol.programs import LAYOUTS, Layout, Program, ProgramError, parse
+from scaraspec.protocol.readings import Dialect
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.suite.program_files.layout import twin_of
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.interpreter import runnable
+from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.store import Store
+
+_CASES = Options(only=frozenset({"6.5/26", "6.5/22", "6.5/23"}), allowed=ALL, examples=1)
+
+
+class _ReadsOne(Brain):
+    """Reads programs of one layout, and no others."""
+
+    layout: Layout
+
+    def understood(self, data: bytes) -> Program | None:
+        """Read it in this layout."""
+        try:
+            program = parse(data, self.layout)
+        except ProgramError:
+            return None
+        return program if runnable(program, self.dialect) else None
+
+
+@pytest.mark.parametrize(
+    "name", ["lp64", "packed", "packed-long8", "ilp32-header13", "outer-packed-big"]
+)
+def test_a_robot_of_any_layout_runs_programs(name: str) -> None:
+    """A controller that reads one layout only conforms, though it claims none."""
+    brain = type("Reads", (_ReadsOne,), {"layout": LAYOUTS[name]})
+    results = prove_controller(_CASES, Fault(name, (), "It reads one layout.", brain))
+    assert results.verdict is Conclusion.CONFORMANT
+    assert results.readings["controller"]["prog_layout"].options == (LAYOUTS[name].reading,)
+
+
+def test_a_robot_without_programs_is_told_once() -> None:
+    """A controller that runs no program fails 6.5/26; what depends on programs is undecided."""
+
+    class RunsNone(Brain):
+        """Understands nothing."""
+
+        def understood(self, data: bytes) -> None:
+            """Find no program."""
+
+    results = prove_controller(_CASES, Fault("none", (), "It runs none.", RunsNone))
+    verdicts = {case.id: (case.verdict.value, case.requirements) for case in results.cases}
+    assert ("fail", ("6.5/26",)) in verdicts.values()
+    assert sum(verdict == "fail" for verdict, _ in verdicts.values()) == 1
+
+
+def test_the_meaning_of_points_is_found() -> None:
+    """A controller whose points are poses conforms, though it does not claim so."""
+
+    class Poses(Brain):
+        """Takes points for poses."""
+
+        def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
+            super().__init__(plant, store, dialect.replace(point_meaning="pose"))
+
+    cases = Options(only=frozenset({"6.5/25", "6.5/27"}), allowed=ALL, examples=1)
+    results = prove_controller(cases, Fault("poses", (), "Its points are poses.", Poses))
+    assert results.verdict is Conclusion.CONFORMANT
+    assert results.readings["controller"]["point_meaning"].options == ("pose",)
+
+
+def test_twins_differ_in_their_longs() -> None:
+    """Packed layouts of either long are twins; the natural ones are not, they differ in size."""
+    assert twin_of(LAYOUTS["packed"]) == LAYOUTS["packed-long8"]
+    assert twin_of(LAYOUTS["packed-long8-big"]) == LAYOUTS["packed-big"]
+    assert twin_of(LAYOUTS["ilp32"]) is None

@@ -1,0 +1,154 @@
+"""Memory links: a machine in the same process, on a clock that jumps."""
+
+from dataclasses import dataclass, field
+
+import pytest
+
+from scaraspec.transports.link import Ending, LinkError
+from scaraspec.transports.memory import MemoryNetwork
+
+
+@dataclass
+class _Act:
+    connection: int
+    data: bytes | None
+
+
+@dataclass
+class _Echo:
+    """Answers what it hears after one second, and says good-bye after ten; refuses serial."""
+
+    due: list[tuple[float, _Act]] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+
+    @property
+    def next_event_s(self) -> float | None:
+        return min((time_s for time_s, _ in self.due), default=None)
+
+    def open(self, connection: int, now_s: float, link: str) -> list[_Act]:
+        if link == "serial":
+            return [_Act(connection, None)]
+        self.due += [(now_s + 10, _Act(connection, b"bye")), (now_s + 10, _Act(connection, None))]
+        return []
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[_Act]:
+        self.due.append((now_s + 1, _Act(connection, data)))
+        return []
+
+    def close(self, connection: int, now_s: float) -> list[_Act]:
+        self.told.append(f"{connection} closed at {now_s:g}")
+        return []
+
+    def advance(self, now_s: float) -> list[_Act]:
+        done = [act for time_s, act in self.due if time_s <= now_s]
+        self.due = [(time_s, act) for time_s, act in self.due if time_s > now_s]
+        return done
+
+
+def test_who_waits_makes_time_pass_from_event_to_event() -> None:
+    """Time stops at what happens, and goes to the deadline where nothing does."""
+    network = MemoryNetwork(_Echo(), now_s=5.0, epoch_ns=10**18)
+    link = network.connect()
+    assert link.send(b"a") == 10**18 + 5 * 10**9
+    assert link.receive(5.5) is None
+    assert link.now_s == 5.5
+    assert link.receive(100.0) == (10**18 + 6 * 10**9, b"a")
+    assert link.now_s == 6.0
+
+
+def test_the_end_is_told_after_what_came_before_it() -> None:
+    """The machine's last bytes, then its end, again and again; nothing can be sent any more."""
+    link = MemoryNetwork(_Echo()).connect()
+    whats = [arrival.what for _ in range(3) if (arrival := link.receive(100.0))]
+    assert whats == [b"bye", Ending.CLOSED, Ending.CLOSED]
+    assert link.now_s == 10.0
+    with pytest.raises(LinkError, match="the peer has ended the connection"):
+        link.send(b"x")
+
+
+def test_what_comes_elsewhere_ends_the_waiting() -> None:
+    """At its instant; it stays there for whoever receives there."""
+    network = MemoryNetwork(_Echo())
+    link, other = network.connect(), network.connect()
+    other.send(b"a")
+    assert link.receive(5.0, [other]) is None
+    assert link.now_s == 1.0
+    assert other.receive(0.0) == (10**9, b"a")
+    assert link.receive(5.0, [other]) is None
+    assert link.now_s == 5.0
+
+
+def test_a_link_may_be_refused() -> None:
+    """The end is there at once."""
+    arrival = MemoryNetwork(_Echo()).connect("serial").receive(0.0)
+    assert arrival is not None
+    assert arrival.what is Ending.CLOSED
+
+
+class _Line(_Echo):
+    def open(self, connection: int, now_s: float, link: str) -> list[_Act]:
+        self.told.append(f"{connection} opened at {now_s:g} over {link}")
+        return []
+
+
+def test_a_serial_line_is_one_connection() -> None:
+    """That it is closed and opened again is not noticed; what comes meanwhile is lost."""
+    machine = _Line()
+    network = MemoryNetwork(machine)
+    with pytest.raises(LinkError, match="cannot be half closed"):
+        network.connect("serial").half_close()
+    for wait_s in (2.0, 0.0):
+        link = network.connect("serial")
+        link.send(b"?")
+        link.close()
+        network.run_until(network.now_s + wait_s)
+    arrival = network.connect("serial").receive(100.0)
+    assert arrival is not None
+    assert arrival.what == b"?"
+    assert network.now_s == 3.0
+    assert machine.told == ["1 opened at 0 over serial"]
+
+
+def test_links_share_a_machine_and_its_clock() -> None:
+    """What one waits for happens to all; each receives its own."""
+    network = MemoryNetwork(_Echo())
+    first, second = network.connect(), network.connect()
+    first.send(b"a")
+    second.send(b"b")
+    assert second.receive(2.0) == (10**9, b"b")
+    assert first.now_s == 1.0
+    assert first.receive(1.0) == (10**9, b"a")
+
+
+@pytest.mark.parametrize("end", ["close", "reset", "half_close"])
+def test_the_machine_is_told_once_that_a_client_has_ended(end: str) -> None:
+    """Nothing can be sent then; only a half closed link receives: the end, after what was there."""
+    machine = _Echo()
+    network = MemoryNetwork(machine)
+    link = network.connect()
+    link.send(b"a")
+    network.run_until(3.0)
+    getattr(link, end)()
+    getattr(link, end)()
+    assert machine.told == ["1 closed at 3"]
+    with pytest.raises(LinkError, match="has been closed"):
+        link.send(b"x")
+    if end == "half_close":
+        whats = [arrival.what for _ in range(2) if (arrival := link.receive(20.0))]
+        assert whats == [b"a", Ending.CLOSED]
+    else:
+        with pytest.raises(LinkError, match="has been closed"):
+            link.receive(20.0)
+
+
+def test_a_machine_that_leaves_its_events_behind_does_not_stop_time() -> None:
+    """Time goes past an event that the machine does not take away."""
+
+    class Stuck(_Echo):
+        @property
+        def next_event_s(self) -> float | None:
+            return 1.0
+
+    link = MemoryNetwork(Stuck()).connect()
+    assert link.receive(2.0) is None
+    assert link.now_s == 2.0

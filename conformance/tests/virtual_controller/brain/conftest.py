@@ -1,0 +1,122 @@
+"""A bench: a brain on a memory network, and clients that speak frames to it in fake time."""
+
+from collections.abc import Callable
+from datetime import datetime
+from typing import Literal
+
+import pytest
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.frames import Frame, Framer
+from scaraspec.protocol.programs import Node, NodeType, Program, WaitSeconds, build
+from scaraspec.protocol.readings import Dialect
+from scaraspec.transports.link import Ending
+from scaraspec.transports.memory import MemoryLink, MemoryNetwork
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.store import Store
+
+
+class Client:
+    """One connection, seen through its frames."""
+
+    def __init__(self, link: MemoryLink) -> None:
+        self.link = link
+        self.ending: Ending | None = None
+        self._framer = Framer(C2A)
+
+    def send(self, name: str, data: bytes = b"") -> None:
+        """Send a request by its command's name."""
+        self.link.send(Frame(A2C, BY_NAME[name].opcode, data).encode())
+
+    def hear(self, for_s: float = 0.0) -> list[tuple[str, bytes]]:
+        """What arrives in a time: the command's name, ``*`` before a final result, and the data."""
+        heard = []
+        deadline_s = self.link.now_s + for_s
+        while self.ending is None:
+            arrival = self.link.receive(deadline_s)
+            if arrival is None:
+                break
+            if isinstance(arrival.what, Ending):
+                self.ending = arrival.what
+                break
+            for frame in self._framer.feed(arrival.what):
+                assert isinstance(frame, Frame), frame
+                names = [name for name, row in BY_NAME.items() if row.opcode == frame.opcode]
+                name = names[0] if names else f"0x{frame.opcode:02X}"
+                heard.append(("*" * frame.tagged + name, frame.data))
+        return heard
+
+    def ask(self, name: str, data: bytes = b"") -> bytes | None:
+        """Send a request and return the data of the one frame that answers it at once."""
+        self.send(name, data)
+        heard = self.hear()
+        if not heard:
+            return None
+        ((answer, said),) = heard
+        assert answer == name
+        return said
+
+    def result(self, name: str, within_s: float = 60.0) -> bytes:
+        """Wait for the final result of a command, and nothing else."""
+        deadline_s = self.link.now_s + within_s
+        while self.link.now_s < deadline_s:
+            heard = self.hear(min(0.1, deadline_s - self.link.now_s))
+            if heard:
+                ((answer, said),) = heard
+                assert answer == f"*{name}"
+                return said
+        raise AssertionError(f"no final result of {name} in {within_s} s")
+
+    def where(self) -> list[float]:
+        """The tool coordinates."""
+        said = self.ask("get_tool_coordinates")
+        assert said is not None
+        return [float(number) for number in said.split(b"|")]
+
+
+class Bench:
+    """A brain, what it works on, and its clients."""
+
+    def __init__(self, readings: dict[str, str]) -> None:
+        self.plant = Plant(datetime(2014, 12, 22, 14, 30), now_s=0.0)  # noqa: DTZ001 - the document names no zone (L172)
+        self.store = Store()
+        self.brain = Brain(self.plant, self.store, Dialect.of(**readings))
+        self.network = MemoryNetwork(self.brain)
+
+    def stranger(self, link: Literal["tcp", "serial"] = "tcp") -> Client:
+        """A client that has just connected."""
+        return Client(self.network.connect(link))
+
+    def client(self) -> Client:
+        """A client that has logged in."""
+        client = self.stranger()
+        assert (client.ask("login", b"password") or b"")[:1] == b"1"
+        return client
+
+    def break_motor(self, code: str, *, lasting: bool = False) -> None:
+        """Let a fault happen, and the brain see it."""
+        self.plant.fail(code, self.network.now_s, lasting=lasting)
+        self.network.run_until(self.network.now_s + 0.01)
+
+    def pass_s(self, duration_s: float) -> None:
+        """Let time pass."""
+        self.network.run_until(self.network.now_s + duration_s)
+
+    def store_program(self, name: bytes, *nodes: Node) -> None:
+        """Store a program; one that waits for ten seconds if no nodes are given."""
+        wait = Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(10))
+        self.store.write(name, build(Program(nodes=nodes or (wait,))))
+
+
+@pytest.fixture
+def bench_of() -> Callable[..., Bench]:
+    """Makes a bench whose controller follows the given readings."""
+    return lambda **readings: Bench(readings)
+
+
+@pytest.fixture
+def bench(bench_of: Callable[..., Bench]) -> Bench:
+    """A bench whose controller follows the default of every reading."""
+    return bench_of()

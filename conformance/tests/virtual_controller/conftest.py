@@ -1,0 +1,13 @@
+"""What the tests of the virtual controller share: a plant that stands at HOME at time 0."""
+
+from datetime import datetime
+
+import pytest
+
+from scaraspec.virtual_controller.plant import Plant
+
+
+@pytest.fixture
+def plant() -> Plant:
+    """A robot just switched on, whose clock shows the document's own example (L172)."""
+    return Plant(datetime(2014, 12, 22, 14, 30), now_s=0.0)  # noqa: DTZ001 - the document names no zone

@@ -1,0 +1,108 @@
+"""Control lines: what they do to the plant, and what is said about those that do nothing."""
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from scaraspec.virtual_controller.control import HELP, ControlError, obey
+from scaraspec.virtual_controller.plant import Plant
+
+
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("motor-fault inner_arm", "11"),
+        ("motor-fault inner_arm,wrist", "15"),
+        ("motor-fault inner_arm,outer_arm,wrist,rotation", "1F"),
+        ("  position-fault  ", "05"),
+        ("angle-fault", "06"),
+    ],
+)
+def test_faults_are_made_and_cleared(plant: Plant, line: str, code: str) -> None:
+    """Each code of table 8-1 that is a fault can be had."""
+    assert obey(line, plant, 1.0) == f"status {code}"
+    assert plant.fault_code == code
+    assert obey("clear", plant, 1.0) == "all faults are gone"
+    assert plant.fault_code is None
+
+
+@pytest.mark.parametrize("line", ["motor-fault wrist lasting", "angle-fault lasting"])
+def test_a_lasting_fault_survives_a_reset_until_repaired(plant: Plant, line: str) -> None:
+    """`clear_faults` is what a reset does."""
+    obey(line, plant, 0.0)
+    plant.clear_faults()
+    assert plant.fault_code is not None
+    obey("repair", plant, 0.0)
+    assert plant.fault_code is not None
+    plant.clear_faults()
+    assert plant.fault_code is None
+
+
+def test_the_disk_and_the_inputs_are_driven(plant: Plant) -> None:
+    """Ports by their numbers, from 1."""
+    assert obey("disk-full on", plant, 0.0) == "the disk is full"
+    assert plant.disk_full
+    assert obey("disk-full off", plant, 0.0) == "the disk has room"
+    assert not plant.disk_full
+    assert obey("input 3 1", plant, 0.0) == "digital input 3 is 1"
+    assert plant.digital_inputs[3]
+    obey("input 3 0", plant, 0.0)
+    assert not plant.digital_inputs[3]
+    assert obey("analog 2 4.75", plant, 0.0) == "analog input 2 is 4.75"
+    assert plant.analog_inputs[2] == 4.75
+
+
+def test_help_names_every_command(plant: Plant) -> None:
+    """What help lists is what there is; an empty line says nothing."""
+    assert obey("help", plant, 0.0) == HELP
+    for row in HELP.splitlines():
+        with pytest.raises(ControlError) as told:
+            obey(f"{row.split()[0]} one two three", plant, 0.0)
+        assert "there is no command" not in str(told.value)
+    assert obey("  ", plant, 0.0) == ""
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("explode", "there is no command 'explode': they are motor-fault,"),
+        ("motor-fault", "takes joints between commas: inner_arm,"),
+        ("motor-fault elbow", "there is no joint 'elbow': they are inner_arm,"),
+        ("motor-fault wrist,", "there is no joint ''"),
+        ("position-fault now", "a fault takes no 'now'"),
+        ("clear all", "takes nothing more, not 'all'"),
+        ("disk-full", "takes on or off"),
+        ("disk-full maybe", "takes on or off"),
+        ("input 3", "takes its port, 1 to 8, and 0 or 1"),
+        ("input 3 2", "a digital input is 0 or 1, not '2'"),
+        ("input 9 1", "no digital input 9: they run from 1 to 8"),
+        ("input x 1", "takes its port"),
+        ("analog 2 much", "no analog input can be 'much'"),
+        ("analog 2 nan", "no analog input can be 'nan'"),
+        ("analog 0 1", "no analog input 0"),
+    ],
+)
+def test_a_line_that_cannot_be_obeyed_is_told_in_one_sentence(
+    plant: Plant, line: str, said: str
+) -> None:
+    """What was wrong, and what would be right."""
+    with pytest.raises(ControlError) as told:
+        obey(line, plant, 0.0)
+    assert said in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    line=st.text(max_size=50)
+    | st.lists(st.sampled_from(["input", "analog", "motor-fault", "wrist", "3", "1e9"])).map(
+        " ".join
+    )
+)
+def test_any_line_is_obeyed_or_told(plant: Plant, line: str) -> None:
+    """Nothing that is typed raises anything else."""
+    try:
+        told = obey(line, plant, 0.0)
+    except ControlError as error:
+        told = str(error)
+    assert len(told) < 250 or told == HELP

@@ -1,0 +1,128 @@
+"""A connection of the tap on which faults happen.
+
+Law: recorded is what came from each side, before anything was done to it; what was done to it is a
+record of its own behind it (`Kind.INJECTED`). A half-close is recorded when it is passed on.
+"""
+
+import asyncio
+import math
+from collections.abc import Iterable
+from typing import Final
+
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.fault_injection.injector import Action, Cut, Ended, Forward, Injector, Told
+from scaraspec_recorder.fault_injection.rules import Injection
+from scaraspec_recorder.tap import tcp
+from scaraspec_recorder.tap.tap import Connection, End, Tap
+
+HELD_BYTES: Final = 256 << 10
+"""How much of a direction may be held up, plus one read, before its sender is paused."""
+
+
+class _InjectedEnd(End):
+    """One socket of it: what is read here goes through the injector."""
+
+    connection: "InjectedConnection"
+    blocked = False  # this socket takes nothing
+
+    def data_received(self, data: bytes, time_ns: int = 0, kernel_time: bool = False) -> None:  # noqa: FBT001, FBT002 - as in `End`
+        if self.peer.transport:
+            # When, and whether, they are passed on is the injector's affair.
+            passage = (time_ns or self._now_ns(), self.received_bytes, data, 0, kernel_time)
+            self._append(Kind.BYTES, self.stream, *passage)
+            self.received_bytes += len(data)
+            self.connection.received(self, data)
+        else:
+            super().data_received(data, time_ns, kernel_time)  # to come again
+
+    def pause_writing(self) -> None:
+        self.blocked = True
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        self.blocked = False
+        super().resume_writing()
+
+    def resume(self) -> None:
+        if self.connection.has_room(self):
+            super().resume()
+
+
+class InjectedConnection(Connection):
+    """A client, its upstream, and the faults between them.
+
+    Args:
+        injection: What may happen.
+        tap: The tap.
+        number: The connection's, counted from 1.
+    """
+
+    end_type = _InjectedEnd
+    client: _InjectedEnd
+    upstream: _InjectedEnd
+
+    def __init__(self, injection: Injection, tap: Tap, number: int) -> None:
+        super().__init__(tap, number)
+        self._injector = Injector(injection, number)
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+
+    def received(self, end: End, data: bytes) -> None:
+        """Bytes have come, and are recorded."""
+        if not self._ended:
+            self._do(self._injector.receive(self._direction(end), data, self._loop.time()))
+
+    def has_room(self, end: End) -> bool:
+        """Whether more may be read here."""
+        peer = self.upstream if end is self.client else self.client
+        waiting_bytes = self._injector.waiting_bytes(self._direction(end))
+        return not self._ended and not peer.blocked and waiting_bytes <= HELD_BYTES
+
+    def finished(self, end: End) -> None:
+        """A sender sends no more: that is passed on behind what waits."""
+        self._do(self._injector.finish(self._direction(end), self._loop.time()))
+
+    def _end(self, kind: Kind, end: End, note: str) -> None:
+        self._do(self._injector.flush())
+        super()._end(kind, end, note)
+
+    def _tick(self) -> None:
+        self._do(self._injector.tick(self._loop.time()))
+
+    def _do(self, actions: Iterable[Action]) -> None:
+        for action in actions:
+            end = self.client if action.direction is A2C else self.upstream
+            match action:
+                case Told(_, note):
+                    self._record(Kind.INJECTED, end, note)
+                case Forward(_, data):
+                    transport = end.peer.transport
+                    if transport and not transport.is_closing():
+                        transport.write(data)
+                case Ended():
+                    super().finished(end)
+                case Cut():
+                    self._cut(end)
+        for each in self._ends:
+            if self.has_room(each):
+                each.resume()
+            else:
+                each.pause()
+        self._set_timer()
+
+    def _cut(self, end: End) -> None:
+        """Reset both ways, once what was passed on has left."""
+        self._end(Kind.RESET, end, "cut by an injected fault")
+        for each in self._ends:
+            if each.transport:
+                tcp.reset_when_flushed(each.transport)
+
+    def _set_timer(self) -> None:
+        if self._timer:
+            self._timer.cancel()
+        next_s = self._injector.next_s
+        self._timer = self._loop.call_at(next_s, self._tick) if next_s < math.inf else None
+
+    def _direction(self, end: End) -> Direction:
+        return A2C if end is self.client else C2A

@@ -1,0 +1,214 @@
+"""The dashboard: what recordings are doing, drawn on a terminal or told in plain lines.
+
+Law: how it looks. What there is to show comes from `status`; nothing is asked, waited for or
+decided here.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Final, Protocol, Self
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from scaraspec_recorder.monitoring.status import Status
+from scaraspec_recorder.recordings.tally import DRAWN
+from scaraspec_recorder.tap.tcp import address_text
+
+QUIET_S: Final = 10.0
+"""How long plain lines are at least apart that tell of the same recording."""
+
+_NUMBERS: Final = ("connections", "client/s", "robot/s", "recorded", "gaps", "waiting", "free")
+_MOST_PROBLEMS: Final = 5
+_UNREACHED: Final = "the robot cannot be reached"
+_ENDING: Final = (
+    "ending: what is left is written and drawn; Ctrl-C again leaves it to the next start"
+)
+
+
+class Display(Protocol):
+    """Shows recordings for as long as its context lasts."""
+
+    def __enter__(self) -> Self:
+        """Begin."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """End."""
+
+    def update(self, statuses: Sequence[Status], *, ending: bool) -> None:
+        """Show how the recordings are now, and whether they are being ended."""
+
+
+class Lines:
+    """Plain lines: where something becomes wrong or right again, and as long as ending takes.
+
+    Args:
+        say: Writes a line.
+    """
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._told: dict[str, tuple[float, _Wrong]] = {}
+        self._ending_s: float | None = None
+
+    def __enter__(self) -> Self:
+        """Begin."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End."""
+
+    def update(self, statuses: Sequence[Status], *, ending: bool) -> None:
+        """Say what has changed, but not every second."""
+        for status in statuses:
+            told_s, told = self._told.get(status.name, (-math.inf, _Wrong()))
+            wrong = _Wrong.of(status)
+            if wrong != told and not 0 <= status.time_s - told_s < QUIET_S:
+                self._told[status.name] = status.time_s, wrong
+                for line in wrong.since(told):
+                    self._say(f"{status.name}: {line}")
+        if ending:
+            self._end(statuses)
+
+    def _end(self, statuses: Sequence[Status]) -> None:
+        open_ones = [status for status in statuses if not status.progress.finished]
+        if not open_ones:
+            return
+        now_s = open_ones[0].time_s
+        if self._ending_s is None:
+            self._say(_ENDING)
+        elif 0 <= now_s - self._ending_s < QUIET_S:
+            return
+        else:
+            for status in open_ones:
+                self._say(
+                    f"{status.name}: still at it, {_size(status.waiting_bytes)} to be written"
+                )
+        self._ending_s = now_s
+
+
+@dataclass(frozen=True, slots=True)
+class _Wrong:
+    """What is not as it should be."""
+
+    problems: tuple[str, ...] = ()
+    gaps: int = 0
+    late: bool = False
+    reason: str = ""
+    unreached: str = ""
+    status: Status | None = field(default=None, compare=False)
+
+    @classmethod
+    def of(cls, status: Status) -> "_Wrong":
+        progress, reason = status.progress, status.trouble.reason if status.trouble else ""
+        return cls(
+            tuple(progress.problems), status.gaps, status.late, reason, progress.unreached, status
+        )
+
+    def since(self, before: "_Wrong") -> list[str]:
+        """Say what is new."""
+        assert self.status
+        lines = list(self.problems[len(before.problems) :])
+        if self.gaps != before.gaps:
+            lines.append(f"{self.gaps} gaps so far, {_size(self.status.lost_bytes)} not recorded")
+        if (self.late, self.reason) != (before.late, before.reason):
+            waiting = f"nothing is written, {_size(self.status.waiting_bytes)} wait"
+            why = f": {self.reason}" if self.reason else ""
+            lines.append(f"{waiting}{why}" if self.late else "the writing goes on")
+        if self.unreached != before.unreached:
+            why = self.unreached
+            lines.append(f"{_UNREACHED}: {why}" if why else "the robot is reached again")
+        return lines
+
+
+class Dashboard:
+    """A table on a terminal of 80 columns or more, drawn anew at each update.
+
+    Args:
+        console: The terminal.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._live = Live(console=console, auto_refresh=False)
+        self._before: dict[str, Status] = {}
+
+    def __enter__(self) -> Self:
+        """Begin to draw."""
+        self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the last picture as it is."""
+        self._live.stop()
+
+    def update(self, statuses: Sequence[Status], *, ending: bool) -> None:
+        """Draw."""
+        table = Table("robot", box=None, pad_edge=False, collapse_padding=True)
+        for heading in _NUMBERS:
+            table.add_column(heading, justify="right", no_wrap=True)
+        notes: list[RenderableType] = []
+        for status in statuses:
+            table.add_row(*self._row(status))
+            notes.append(Text(f"{status.name}: {_place(status)}", overflow="fold"))
+            notes += [Text(f"{status.name}: {each}", "red") for each in _problems(status)]
+            self._before[status.name] = status
+        if ending:
+            notes.append(Text(_ENDING, "bold"))
+        self._live.update(Group(table, *notes), refresh=True)
+
+    def _row(self, status: Status) -> tuple[str, ...]:
+        progress, before = status.progress, self._before.get(status.name, status)
+        span_s = status.time_s - before.time_s
+        was = before.progress
+
+        def rate(now_bytes: int, before_bytes: int) -> str:
+            return _size((now_bytes - before_bytes) / span_s if span_s > 0 else 0)
+
+        return (
+            status.name,
+            str(progress.connections),
+            rate(progress.a2c.received_bytes, was.a2c.received_bytes),
+            rate(progress.c2a.received_bytes, was.c2a.received_bytes),
+            _size(progress.a2c.recorded_bytes + progress.c2a.recorded_bytes),
+            str(status.gaps),
+            _size(status.waiting_bytes),
+            _size(status.free_bytes),
+        )
+
+
+def _place(status: Status) -> str:
+    """Where its clients connect, and what is being written."""
+    files = status.progress.files
+    captures = [name for name in files if not name.endswith(DRAWN)] or ["no file yet"]
+    return f"clients at {address_text(status.listen)}, {captures[-1]}"
+
+
+def _problems(status: Status) -> list[str]:
+    """What is wrong, the latest last."""
+    problems = list(status.progress.problems[-_MOST_PROBLEMS:])
+    if status.progress.unreached:
+        problems.append(f"{_UNREACHED}: {status.progress.unreached}")
+    if status.gaps:
+        problems.append(f"{_size(status.lost_bytes)} not recorded in {status.gaps} gaps")
+    if status.late:
+        why = f": {status.trouble.reason}" if status.trouble else ""
+        problems.append(f"nothing was written for {status.silent_s:.0f} s{why}")
+    return problems
+
+
+def _size(size_bytes: float) -> str:
+    """A number of bytes in three digits."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if size_bytes < 1000:  # noqa: PLR2004 - the step from unit to unit
+            return f"{size_bytes:.3g} {unit}"
+        size_bytes /= 1000
+    return f"{size_bytes:.3g} TB"

@@ -1,0 +1,60 @@
+"""The files of a capture: what they are made of, and how the picture is made again.
+
+Law: it only joins the rooms that do the work; what a scribe or a command calls stands here.
+"""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from scaraspec.judge.judge import Judge
+from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.recordings.file_sets import facts, make_files
+from scaraspec_recorder.recordings.marks import with_marks
+from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.masking import Redactor
+from scaraspec_recorder.sinks.sinks import Folder
+
+
+def capture_sink(  # noqa: PLR0913 - what may be chosen, each on its own
+    folder: Folder,
+    *,
+    session: Mapping[str, str] | None = None,
+    needs_login: bool = True,
+    draw: bool = True,
+    redact: bool = False,
+    triggers: tuple[str, ...] = (),
+) -> Deriver:
+    """Make the sink that writes capture.mcap and capture.rrd into a folder (a `SinkFactory`).
+
+    Args:
+        folder: Where to.
+        session: What is known beforehand, such as the addresses.
+        needs_login: False for a serial link (L83).
+        draw: Whether to write capture.rrd too.
+        redact: Whether to hide passwords in the raw layer too.
+        triggers: The conditions at which the recording is marked, see `triggers`.
+
+    Raises:
+        OSError: A file cannot be made.
+        ImportError: Drawing needs an extra that is not installed; the text says which.
+    """
+    told = {**facts(session or {}, needs_login=needs_login, redact=redact), **folder.take_news()}
+    _, outputs = make_files(folder, "capture", told, draw=draw, optimized=True)
+    marked = with_marks(outputs, triggers, folder)
+    return Deriver(marked, Judge(needs_login=needs_login), Redactor() if redact else None)
+
+
+def draw_capture(events: Iterable[WireEvent], path: Path, *, needs_login: bool = True) -> None:
+    """Draw a capture that is there already, of whatever format, into a new .rrd file.
+
+    Raises:
+        CaptureError: From `events`, where they cannot be read.
+        OSError: The file cannot be written.
+        ImportError: Drawing needs an extra that is not installed; the text says which.
+    """
+    from scaraspec_recorder.sinks.rerun.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
+
+    deriver = Deriver([RerunSink.to_file(path)], Judge(needs_login=needs_login))
+    for event in events:
+        deriver.write(event)
+    deriver.close()

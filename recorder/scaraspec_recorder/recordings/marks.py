@@ -1,0 +1,119 @@
+"""Marks: lines in the log of a recording at the moments at which triggers fire.
+
+`triggers` decides when a trigger fires. This module writes a line into the recording each time, and
+a line into the log of the process. A writing process that is started again does not know what
+passed before it: a trigger that depends on that, such as ``late``, does not fire.
+"""
+
+import logging
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.quantities import SECOND_NS
+from scaraspec_recorder.recordings.triggers import Pressed, Watcher, parse_trigger
+from scaraspec_recorder.sinks.deriver import Item, Output
+from scaraspec_recorder.sinks.seams import moment
+from scaraspec_recorder.sinks.sinks import Folder
+from scaraspec_recorder.sinks.wording import Level, Line
+
+LOGGED_A_MINUTE: Final = 6
+"""How many lines a minute the process's log gets for one trigger; the recording gets all."""
+
+SOURCE: Final = "trigger"
+"""The source that the lines in the recording name."""
+
+_MINUTE_NS: Final = 60 * SECOND_NS
+
+_log = logging.getLogger(__name__)
+
+
+def with_marks(
+    outputs: Sequence[Output], triggers: Sequence[str], folder: Folder
+) -> Sequence[Output]:
+    """Return outputs that also mark when a trigger fires.
+
+    Args:
+        outputs: The outputs that write the recording; returned as they are without a trigger.
+        triggers: The conditions, as text.
+        folder: The folder of the recording, through which the user asks for a mark.
+
+    Raises:
+        TriggerError: A text is not a condition.
+    """
+    if not triggers:
+        return outputs
+    watchers = {text: parse_trigger(text) for text in triggers}
+    for watcher in watchers.values():
+        if isinstance(watcher, Pressed):
+            folder.when_asked(watcher.press)
+    return (Marker(outputs, watchers),)
+
+
+class Marker:
+    """An output that passes everything to other outputs, and marks there when a trigger fires.
+
+    Args:
+        outputs: The other outputs.
+        watchers: The triggers, by their texts.
+    """
+
+    def __init__(self, outputs: Sequence[Output], watchers: Mapping[str, Watcher]) -> None:
+        self._outputs = tuple(outputs)
+        self._watchers = watchers
+        self._now_ns = 0  # by the clock of the events, which may lag behind that of the ticks
+        self._heard = False  # an event came since the last tick
+        self._logged_ns = {trigger: deque[int](maxlen=LOGGED_A_MINUTE) for trigger in watchers}
+        self._unlogged: Counter[str] = Counter()
+
+    def write(self, event: WireEvent) -> None:
+        """Pass on a raw event."""
+        self._heard = True
+        self._now_ns = event.time_ns
+        for output in self._outputs:
+            output.write(event)
+        for trigger, watcher in self._watchers.items():
+            self._mark(trigger, watcher.event(event))
+
+    def take(self, item: Item, number: int, line: Line | None) -> None:
+        """Pass on what the last raw event brought about."""
+        for output in self._outputs:
+            output.take(item, number, line)
+        for trigger, watcher in self._watchers.items():
+            self._mark(trigger, watcher.item(item))
+
+    def mark(self, time_ns: int, line: Line) -> None:
+        """Pass on a line of the log."""
+        for output in self._outputs:
+            output.mark(time_ns, line)
+
+    def tick(self, now_ns: int) -> None:
+        """Look at the clock, then pass on the tick: it makes the marks durable."""
+        if not self._heard:
+            self._now_ns = now_ns
+        self._heard = False
+        for trigger, watcher in self._watchers.items():
+            self._mark(trigger, watcher.clock(self._now_ns))
+        for output in self._outputs:
+            output.tick(now_ns)
+
+    def close(self, summary: Mapping[str, str]) -> None:
+        """Pass on the end."""
+        for output in self._outputs:
+            output.close(summary)
+
+    def _mark(self, trigger: str, why: str) -> None:
+        """Write a mark if there is a reason, and log it unless the log has had enough of them."""
+        if not why:
+            return
+        self.mark(self._now_ns, Line(Level.WARN, SOURCE, f"{trigger}: {why}"))
+        logged_ns = self._logged_ns[trigger]
+        if len(logged_ns) == LOGGED_A_MINUTE and 0 <= self._now_ns - logged_ns[0] < _MINUTE_NS:
+            self._unlogged[trigger] += 1
+            return
+        logged_ns.append(self._now_ns)
+        when = f"{moment(self._now_ns):%Y-%m-%dT%H:%M:%S}"
+        unlogged = self._unlogged.pop(trigger, 0)
+        more = f" ({unlogged} marks before this one were not logged)" if unlogged else ""
+        _log.warning("trigger %s at %s UTC: %s%s", trigger, when, why, more)

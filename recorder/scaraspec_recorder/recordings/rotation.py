@@ -1,0 +1,143 @@
+"""Rotation: a recording in one file after another.
+
+Law: only the files change. It is an output, so the decoding and the judging in front of it go on
+across the seam: what was in flight there is judged as if there were none, and comes whole into the
+file in which it ends. A reader of one file alone cannot know that, so a file ends behind an answer
+if one comes soon. The next begins with its first event or mark, so that none is empty, and a file
+lasts for a tick at least: its making takes time, and whoever connects a thousand times a second
+shall not hold up the writing.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from scaraspec.judge.judge import Judge
+from scaraspec.protocol.direction import C2A
+from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError, parse_limits
+from scaraspec_recorder.recordings.file_sets import FileSet, Shelf
+from scaraspec_recorder.sinks.deriver import Item, judged
+from scaraspec_recorder.sinks.seams import Links
+from scaraspec_recorder.sinks.sinks import TICK_NS
+from scaraspec_recorder.sinks.wording import Line
+
+PATIENCE_TICKS: Final = 4
+"""For how many ticks an answer is waited for, to end a file behind it."""
+
+_LEAST: Final = Limits(SECOND_NS, 1_000_000)
+_CONNECTION: Final = "connection"
+
+
+@dataclass(frozen=True, slots=True)
+class Rotate:
+    """When a file ends: after so long, at such a size, when no connection is open any more."""
+
+    limits: Limits = field(default_factory=Limits)
+    each_connection: bool = False
+
+
+def parse_rotate(text: str) -> Rotate:
+    """Return what ``1h``, ``512MB``, ``1h,512MB`` or ``connection`` says.
+
+    Raises:
+        QuantityError: It is none of these, or so little that all would be seams.
+    """
+    if text.strip() == _CONNECTION:
+        return Rotate(each_connection=True)
+    try:
+        limits = parse_limits(text)
+    except QuantityError as error:
+        raise QuantityError(f"{error}, nor {_CONNECTION}") from None
+    for value, least in (
+        (limits.duration_ns, _LEAST.duration_ns),
+        (limits.size_bytes, _LEAST.size_bytes),
+    ):
+        if value is not None and least is not None and value < least:
+            raise QuantityError(f"{text} is too little for a file: take 1s or 1MB at least")
+    return Rotate(limits)
+
+
+class Rotation:
+    """An output that writes one file set after another.
+
+    Args:
+        shelf: Where they are put.
+        judge: Who judges what comes; its tallies are cleared at each seam, so that each file's
+            summary tells of that file.
+        rotate: When a file ends.
+    """
+
+    def __init__(self, shelf: Shelf, judge: Judge, rotate: Rotate) -> None:
+        self._shelf = shelf
+        self._judge = judge
+        self._rotate = rotate
+        self._links = Links()
+        self._now_ns = 0
+        self._files: FileSet | None = None
+        self._first_ns = 0  # when its first event was
+        self._began_ns: int | None = None  # by the clock of the ticks
+        self._due_ticks = 0  # since when the file is to end
+        self._quiet = True  # the last that passed was a whole frame of the controller
+
+    def write(self, event: WireEvent) -> None:
+        """Write a raw event, in a new file where it is time for one."""
+        if self._due_ticks and self._quiet:
+            self._end()
+        self._now_ns = event.time_ns
+        self._current(event.time_ns).write(event)
+        self._links.follow(event)
+        self._quiet = event.kind is not Kind.BYTES
+        if self._idle and not 0 <= event.time_ns - self._first_ns < TICK_NS:
+            self._due_ticks = 1
+
+    def take(self, item: Item, number: int, line: Line | None) -> None:
+        """Write what the last event brought about."""
+        if isinstance(item, FrameSeen):
+            self._quiet = item.frame.direction is C2A
+        self._current(self._now_ns).take(item, number, line)
+
+    def mark(self, time_ns: int, line: Line) -> None:
+        """Write a line of the log; if no file is open, into a new one."""
+        self._current(time_ns).mark(time_ns, line)
+
+    def tick(self, now_ns: int) -> None:
+        """Make all durable, and end the file where it is time."""
+        if not self._files:
+            return
+        self._files.tick(now_ns)
+        if self._began_ns is None:
+            self._began_ns = now_ns
+        limits, age_ns = self._rotate.limits, now_ns - self._began_ns
+        # An age below 0: the clock was set back, and it is not known how old the file is.
+        old = limits.duration_ns is not None and not 0 <= age_ns < limits.duration_ns
+        large = limits.size_bytes is not None and self._files.size_bytes >= limits.size_bytes
+        if old or large or self._idle or self._due_ticks:
+            self._due_ticks += 1
+            if self._quiet or self._due_ticks > PATIENCE_TICKS:
+                self._end()
+
+    def close(self, summary: Mapping[str, str]) -> None:
+        """End the last file."""
+        if self._files:
+            self._files.close(summary)
+
+    @property
+    def _idle(self) -> bool:
+        """Whether each connection is to have a file, and none is open."""
+        return self._rotate.each_connection and not self._links
+
+    def _current(self, time_ns: int) -> FileSet:
+        """The file that is being written; where there is none, a new one of that time."""
+        if not self._files:
+            self._files, self._first_ns = self._shelf.begin(time_ns), time_ns
+            for opened in self._links.reopened(time_ns):
+                self._files.write(opened)
+        return self._files
+
+    def _end(self) -> None:
+        files, self._files, self._began_ns, self._due_ticks = self._files, None, None, 0
+        if files:
+            files.close(judged(self._judge))
+            self._judge.tallies.clear()

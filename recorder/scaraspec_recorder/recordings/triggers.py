@@ -1,0 +1,258 @@
+"""Triggers: conditions on what passes, written as text, and when they come true.
+
+Law: a condition is watched by one class, which sees events, what they brought about, and the time,
+and says why it fires; the table at the end is the grammar. What is done about it stands in `marks`.
+
+A condition is a word, most with an argument behind a colon:
+
+    code:12          a refusal, a failed result or a new status has this code of table 8-1
+    refusal          a first reply says no
+    finding:4.15/3   this requirement is violated
+    finding:fail     any is; also tolerated, inconclusive, error
+    silence:30s      nothing passed on an open connection for so long
+    late:500ms       a first reply takes longer, or has not come for so long
+    malformed        bytes are no frame, or a frame's payload has not the form that it must have
+    disconnect       a connection was closed or reset
+    signal           the recorder got SIGUSR1
+"""
+
+import reprlib
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from scaraspec.judge.requirements import UnknownRequirementError, requirement
+from scaraspec.judge.verdicts import Finding, Verdict
+from scaraspec.protocol.errors import lookup
+from scaraspec.protocol.payloads import Acceptance, Outcome
+from scaraspec.traffic.happenings import FrameSeen, LinkChange, Lost, Undecodable
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_duration
+from scaraspec_recorder.sinks import wording
+from scaraspec_recorder.sinks.deriver import Item
+
+SIGNAL: Final = "signal"
+"""The condition that the user fires by a signal, see `Pressed`."""
+
+_MOST_DUE: Final = 256  # requests of one command and connection whose replies are waited for
+
+
+class TriggerError(ValueError):
+    """A text that is no condition; the message is one sentence for the user."""
+
+
+class Watcher:
+    """Watches one condition. Each method says why it fires, or nothing."""
+
+    def event(self, event: WireEvent) -> str:  # noqa: ARG002 - most conditions are on what it means
+        """A raw event passed."""
+        return ""
+
+    def item(self, item: Item) -> str:  # noqa: ARG002 - silence needs none
+        """This is what it brought about."""
+        return ""
+
+    def clock(self, now_ns: int) -> str:  # noqa: ARG002 - few conditions are on time
+        """It is this time on the clock of the events; nothing that passed before is on its way."""
+        return ""
+
+
+class Pressed(Watcher):
+    """Fires when the user asks for it."""
+
+    def __init__(self) -> None:
+        self._pressed = False
+
+    def press(self) -> None:
+        """Fire at the next tick."""
+        self._pressed = True
+
+    def clock(self, now_ns: int) -> str:  # noqa: ARG002 - whenever it is
+        """Say whether it was asked for."""
+        pressed, self._pressed = self._pressed, False
+        return "asked for by SIGUSR1" if pressed else ""
+
+
+class _Code(Watcher):
+    """A status fires where it changes, for clients ask for it again and again."""
+
+    def __init__(self, text: str) -> None:
+        if not (row := lookup(text)):
+            raise TriggerError(f"{reprlib.repr(text)} is no code of table 8-1, such as 12")
+        self._code = row.text
+        self._status = ""
+
+    def item(self, item: Item) -> str:
+        if not isinstance(item, FrameSeen):
+            return ""
+        value, said = item.value, None
+        if isinstance(value, Acceptance | Outcome):
+            said = value.code
+        elif item.name == "get_status" and isinstance(value, str):
+            said = value if value != self._status else None
+            self._status = value
+        return f"{item.name}: {wording.frame_text(item)}" if said == self._code else ""
+
+
+class _Refusal(Watcher):
+    def item(self, item: Item) -> str:
+        if not isinstance(item, FrameSeen) or wording.part_of(item) != "reply":
+            return ""
+        value = item.value
+        refused = value is False or (isinstance(value, Acceptance) and not value.accepted)
+        return f"{item.name}: {wording.frame_text(item)}" if refused else ""
+
+
+class _Found(Watcher):
+    def __init__(self, text: str) -> None:
+        verdicts = [verdict.value for verdict in _GIVEN]
+        self._verdicts = {Verdict(text)} if text in verdicts else {Verdict.FAIL, Verdict.ERROR}
+        self._requirement = ""
+        if text not in verdicts:
+            try:
+                self._requirement = requirement(text).id
+            except UnknownRequirementError as error:
+                raise TriggerError(f"{error} Or name a verdict: {', '.join(verdicts)}.") from None
+
+    def item(self, item: Item) -> str:
+        if not isinstance(item, Finding) or item.verdict not in self._verdicts:
+            return ""
+        wanted = self._requirement in ("", item.requirement)
+        return f"{item.verdict.value} {item.requirement}: {item.message}" if wanted else ""
+
+
+class _Silence(Watcher):
+    """Counts from the first tick or byte, so that a connection told of late is not taken for old.
+
+    Each silence fires once: at a tick, or where the next byte shows how long it was.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._limit_ns = parse_duration(text)
+        self._heard_ns: dict[str, int | None] = {}
+        self._fired: set[str] = set()
+
+    def event(self, event: WireEvent) -> str:
+        connection, why = event.connection, ""
+        if event.kind is Kind.OPENED:
+            self._heard_ns[connection] = None
+        elif event.kind in (Kind.BYTES, Kind.GAP):
+            why = self._check(connection, event.time_ns)
+            self._heard_ns[connection] = event.time_ns
+        elif event.kind in (Kind.CLOSED, Kind.RESET):
+            why = self._check(connection, event.time_ns)
+            del self._heard_ns[connection]
+        if event.kind is not Kind.HALF_CLOSED:
+            self._fired.discard(connection)
+        return why
+
+    def clock(self, now_ns: int) -> str:
+        return "; ".join(filter(None, (self._check(c, now_ns) for c in self._heard_ns)))
+
+    def _check(self, connection: str, now_ns: int) -> str:
+        heard_ns = self._heard_ns.get(connection)
+        if heard_ns is None:
+            self._heard_ns[connection] = now_ns
+        elif now_ns - heard_ns >= self._limit_ns and connection not in self._fired:
+            self._fired.add(connection)
+            return f"nothing on connection {connection} for {(now_ns - heard_ns) / SECOND_NS:.1f} s"
+        return ""
+
+
+class _Late(Watcher):
+    """Fires when a reply is due no longer, or when it shows that it was late; not twice."""
+
+    def __init__(self, text: str) -> None:
+        self._limit_ns = parse_duration(text)
+        self._due: dict[str, dict[str, deque[int]]] = {}  # by connection and command: when asked
+
+    def item(self, item: Item) -> str:
+        if isinstance(item, FrameSeen):
+            return self._frame(item)
+        if isinstance(item, LinkChange | Lost):
+            self._due.pop(item.event.connection, None)
+        return ""
+
+    def _frame(self, seen: FrameSeen) -> str:
+        part = wording.part_of(seen)
+        due = self._due.setdefault(seen.place.connection, {})
+        if part == "request":
+            due.setdefault(seen.name, deque(maxlen=_MOST_DUE)).append(seen.place.time_ns)
+        elif part == "reply" and (asked := due.get(seen.name)):
+            took_ns = seen.begun_ns - asked.popleft()
+            if took_ns > self._limit_ns:
+                return f"{seen.name} answered after {took_ns / 1e6:.0f} ms"
+        return ""
+
+    def clock(self, now_ns: int) -> str:
+        late = []
+        for due in self._due.values():
+            for name, asked in due.items():
+                while asked and now_ns - asked[0] > self._limit_ns:
+                    late.append(
+                        f"{name} not answered for {(now_ns - asked.popleft()) / 1e6:.0f} ms"
+                    )
+        return "; ".join(late)
+
+
+class _Malformed(Watcher):
+    """What a gap may have torn is not malformed."""
+
+    def item(self, item: Item) -> str:
+        if isinstance(item, Undecodable) and item.certain:
+            line = wording.line(item)
+            return line.text if line else ""
+        if isinstance(item, FrameSeen) and item.certain and (found := wording.complaints(item)):
+            return f"{item.name}: {'; '.join(found)}"
+        return ""
+
+
+class _Disconnect(Watcher):
+    """A connection that was lost from sight is closed by the recorder, in the same instant."""
+
+    def __init__(self) -> None:
+        self._unseen: tuple[str, int] | None = None  # the last connection lost from sight, and when
+
+    def event(self, event: WireEvent) -> str:
+        instant = (event.connection, event.time_ns)
+        if event.kind is Kind.GAP and event.length_bytes < 0:
+            self._unseen = instant
+        elif event.kind in (Kind.CLOSED, Kind.RESET) and instant != self._unseen:
+            return f"connection {event.connection} {event.kind.value}"
+        return ""
+
+
+_GIVEN: Final = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.TOLERATED, Verdict.ERROR)
+
+_PLAIN: Final[dict[str, Callable[[], Watcher]]] = {
+    "refusal": _Refusal,
+    "malformed": _Malformed,
+    "disconnect": _Disconnect,
+    SIGNAL: Pressed,
+}
+_WITH_ARGUMENT: Final[dict[str, Callable[[str], Watcher]]] = {
+    "code": _Code,
+    "finding": _Found,
+    "silence": _Silence,
+    "late": _Late,
+}
+
+
+def parse_trigger(text: str) -> Watcher:
+    """Return what watches a condition.
+
+    Raises:
+        TriggerError: It is none.
+    """
+    word, colon, argument = text.strip().partition(":")
+    try:
+        if make := _WITH_ARGUMENT.get(word):
+            return make(argument)
+        if not colon and (simple := _PLAIN.get(word)):
+            return simple()
+    except QuantityError as error:
+        raise TriggerError(f"{reprlib.repr(text)} is no trigger: {error}") from None
+    raise TriggerError(
+        f"{reprlib.repr(text)} is no trigger: take code:12, refusal, finding:4.15/3, "
+        "finding:fail, silence:30s, late:500ms, malformed, disconnect or signal"
+    )

@@ -1,0 +1,127 @@
+"""Accounts: per direction of a connection, bytes received = bytes recorded + bytes lost.
+
+Law: only raw events are counted, so that anybody can count again what a file says of itself.
+"""
+
+from collections import defaultdict, deque
+from collections.abc import Iterable
+from hashlib import sha256
+from typing import Final
+
+from scaraspec.protocol.direction import Direction
+from scaraspec.traffic.wire import Kind, WireEvent
+
+STREAM: Final = "stream"
+"""Metadata of one stream are named ``stream/<connection>/<direction>``."""
+
+Entries = dict[str, str]
+_Key = tuple[str, Direction]
+
+
+class _Stream:
+    """One direction of a connection, as far as this file holds it."""
+
+    def __init__(self, offset_bytes: int) -> None:
+        self.begin_bytes = self.end_bytes = offset_bytes
+        self.recorded_bytes = self.lost_bytes = self.gaps = self.unknown_gaps = 0
+        self.sha256 = sha256()
+
+    def add(self, event: WireEvent) -> None:
+        length_bytes = 0
+        if event.kind is Kind.BYTES:
+            length_bytes = len(event.data)
+            self.recorded_bytes += length_bytes
+            self.sha256.update(event.data)
+        elif event.kind is Kind.GAP:
+            length_bytes = max(event.length_bytes, 0)
+            self.gaps += 1
+            self.unknown_gaps += event.length_bytes < 0
+            self.lost_bytes += length_bytes
+        else:
+            return
+        self.end_bytes = event.offset_bytes + length_bytes
+
+    def entries(self) -> Entries:
+        return {
+            "first_offset_bytes": str(self.begin_bytes),
+            "received_bytes": str(self.end_bytes - self.begin_bytes),
+            "recorded_bytes": str(self.recorded_bytes),
+            "lost_bytes": str(self.lost_bytes),
+            "gaps": str(self.gaps),
+            "gaps_of_unknown_length": str(self.unknown_gaps),
+            "sha256_recorded": self.sha256.hexdigest(),
+        }
+
+
+class Accounts:
+    """The accounts of all streams whose connection has not ended yet."""
+
+    def __init__(self) -> None:
+        self._streams: dict[_Key, _Stream] = {}
+
+    def add(self, event: WireEvent) -> dict[str, Entries]:
+        """Count an event; give the accounts that it closes, by the names of their metadata."""
+        key = (event.connection, event.direction)
+        stream = self._streams.get(key)
+        if stream is None:
+            stream = self._streams[key] = _Stream(event.offset_bytes)
+        stream.add(event)
+        if event.kind not in (Kind.CLOSED, Kind.RESET):
+            return {}
+        return self._pop((event.connection, direction) for direction in Direction)
+
+    def close(self) -> dict[str, Entries]:
+        """Give the accounts that are left."""
+        return self._pop(list(self._streams))
+
+    def _pop(self, keys: Iterable[_Key]) -> dict[str, Entries]:
+        ended = ((key, self._streams.pop(key, None)) for key in keys)
+        return {
+            f"{STREAM}/{connection}/{direction.value}": stream.entries()
+            for (connection, direction), stream in ended
+            if stream
+        }
+
+
+class Audit:
+    """Holds the accounts that a file gives of its streams against its raw events.
+
+    A stream may have several, one for each time that its connection ended; they come in order.
+
+    Attributes:
+        wrong: Accounts that are not what the events amount to, or missing, or of no stream.
+    """
+
+    def __init__(self) -> None:
+        self.wrong = 0
+        self._counted = Accounts()
+        self._due: defaultdict[str, deque[Entries]] = defaultdict(deque)
+        self._given: defaultdict[str, deque[Entries]] = defaultdict(deque)
+
+    def count(self, event: WireEvent) -> None:
+        """Take a raw event of the file."""
+        self._count(self._counted.add(event))
+
+    def give(self, name: str, entries: Entries) -> None:
+        """Take metadata of the file; what is no account is passed over."""
+        if name.startswith(f"{STREAM}/"):
+            self._given[name].append(entries)
+            self._match(name)
+
+    def close(self) -> None:
+        """The file has ended: what has no counterpart is wrong."""
+        self._count(self._counted.close())
+        self.wrong += sum(len(left) for side in (self._due, self._given) for left in side.values())
+
+    def _count(self, accounts: dict[str, Entries]) -> None:
+        for name, entries in accounts.items():
+            self._due[name].append(entries)
+            self._match(name)
+
+    def _match(self, name: str) -> None:
+        due, given = self._due[name], self._given[name]
+        if due and given:
+            self.wrong += due.popleft() != given.popleft()
+        for side in (self._due, self._given):
+            if not side[name]:
+                del side[name]

@@ -1,0 +1,158 @@
+"""Live: a viewer draws the recording while it is made.
+
+Law: drawing may lag, lose and die, and the recording never waits for it: it runs in a process of
+its own, behind a queue that is bounded and drops what does not fit. What is drawn after a loss has
+a gap in it, as the offsets of the streams tell.
+"""
+
+import logging
+import multiprocessing
+import os
+import queue
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any, Final
+
+from scaraspec.judge.judge import Judge
+from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.children import ignore_signals
+from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.sinks import Folder
+
+PATIENCE_S: Final = 30.0
+"""How long a viewer may take nothing before it gets no more."""
+
+CLOSE_S: Final = 5.0
+"""How long the drawing may take to catch up when the recording has ended."""
+
+_BATCH_BYTES: Final = 64 << 10
+_EVENT_BYTES: Final = 200  # what an event without bytes counts
+_MOST_BATCHES: Final = 128
+
+_log = logging.getLogger(__name__)
+_processes = multiprocessing.get_context("spawn")
+
+_Batch = tuple[int, list[WireEvent]]
+
+
+def live_sink(folder: Folder, *, url: str, needs_login: bool = True) -> "LiveSink":  # noqa: ARG001 - a `SinkFactory`
+    """Make the sink that draws in a viewer (a `SinkFactory`); it writes no file.
+
+    Args:
+        folder: Not used.
+        url: The viewer, for example ``rerun+http://127.0.0.1:9876/proxy``.
+        needs_login: False for a serial link (L83).
+    """
+    return LiveSink(draw, url, needs_login)
+
+
+class LiveSink:
+    """A sink that hands everything to another process, if that can keep up.
+
+    Args:
+        run: The process's function: takes the line from which it receives batches, as `draw` does,
+            and `arguments`.
+        arguments: Whatever else it needs.
+        most_batches: How many batches may wait, each of 64 KiB and one event at most.
+
+    Attributes:
+        lost_events: How many were dropped.
+    """
+
+    def __init__(
+        self, run: Callable[..., None], *arguments: Any, most_batches: int = _MOST_BATCHES
+    ) -> None:
+        self.lost_events = 0
+        self._events: list[WireEvent] = []
+        self._size_bytes = 0
+        self._now_ns = 0
+        self._queue: queue.Queue[_Batch | None] = queue.Queue(most_batches)
+        far, self._near = _processes.Pipe(duplex=False)
+        self._process = _processes.Process(target=run, args=(far, *arguments), daemon=True)
+        self._pump = threading.Thread(target=self._send, daemon=True)
+        try:
+            self._process.start()
+            self._pump.start()
+        except OSError as error:  # no more processes, for now
+            _log.warning("nothing is drawn live: %s", error)
+        far.close()
+
+    def write(self, event: WireEvent) -> None:
+        """Take the next event."""
+        self._events.append(event)
+        self._size_bytes += _EVENT_BYTES + len(event.data)
+        if self._size_bytes >= _BATCH_BYTES:
+            self._hand_over()
+
+    def tick(self, now_ns: int) -> None:
+        """Have drawn what was taken; nothing is durable here."""
+        self._now_ns = now_ns
+        self._hand_over()
+
+    def close(self) -> None:
+        """Wait for the drawing, but not for long."""
+        self._hand_over()
+        if not self._pump.ident:
+            return
+        try:
+            self._queue.put(None, timeout=CLOSE_S)
+        except queue.Full:
+            pass  # it has not moved for so long
+        else:
+            self._process.join(CLOSE_S)
+        if self._process.is_alive():
+            _log.warning("the viewer does not show the end of the recording: it took too long")
+        if self.lost_events:
+            _log.warning(
+                "the viewer was too slow for %d events; all are recorded", self.lost_events
+            )
+        self._process.kill()
+        self._process.join()
+
+    def _hand_over(self) -> None:
+        batch = self._now_ns, self._events
+        try:
+            if self._pump.is_alive():
+                self._queue.put_nowait(batch)
+        except queue.Full:
+            self.lost_events += len(self._events)
+        self._events, self._size_bytes = [], 0
+
+    def _send(self) -> None:
+        """Be the thread that waits for the process."""
+        try:
+            while batch := self._queue.get():
+                self._near.send(batch)
+        except OSError:
+            _log.warning("the viewer is gone: recording goes on, drawing does not")
+        self._near.close()
+
+
+def draw(line: Connection, url: str, needs_login: bool) -> None:  # noqa: FBT001 - passed on to a process
+    """Be the process that draws: until the line is closed, or the viewer is gone."""
+    ignore_signals()
+    from scaraspec_recorder.sinks.rerun.rerun_view import RerunSink  # noqa: PLC0415 - an optional extra
+
+    drawing = RerunSink.to_viewer(url)
+    deriver = Deriver([drawing], Judge(needs_login=needs_login))
+    try:
+        with suppress(EOFError):
+            while True:
+                now_ns, events = line.recv()
+                for event in events:
+                    deriver.write(event)
+                deriver.tick(now_ns)
+                drawing.wait(PATIENCE_S)
+        _exit_after(PATIENCE_S)
+        deriver.close()
+    except RuntimeError:  # a flush failed: the viewer was closed, or hangs
+        _exit_after(0)
+
+
+def _exit_after(delay_s: float) -> None:
+    """End this process then, whatever the viewer's library still waits for."""
+    timer = threading.Timer(delay_s, os._exit, (0,))
+    timer.daemon = True
+    timer.start()

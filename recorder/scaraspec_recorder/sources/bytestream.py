@@ -1,0 +1,208 @@
+"""One direction of one TCP connection: segments in any order in, bytes and gaps in order out.
+
+Law: sequence arithmetic and nothing else. Positions count bytes, are unwrapped from 32 bits and may
+be negative until the stream's start is known. When to stop waiting for a missing byte is decided by
+`reassembly`; nothing here delivers a byte at an offset that is not its own.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from heapq import heappop, heappush
+from typing import Final, NamedTuple
+
+from scaraspec.protocol.direction import Direction
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.tcp_segment import FIN, SYN, Segment
+
+ITEM_BYTES: Final = 256  # what a held segment or event costs in memory besides its data
+_MODULUS: Final = 1 << 32
+
+
+UNHEARD: Final = -(1 << 63)  # before every position
+
+
+class Moment(NamedTuple):
+    """When something happened: by the observer's clock and, where that stands, by the capture.
+
+    Attributes:
+        time_ns: Nanoseconds since the Unix epoch.
+        number: Three times the number of the packet in the capture; less is just before it.
+    """
+
+    time_ns: int
+    number: int
+
+
+class Ready(NamedTuple):
+    """An event in its place.
+
+    Attributes:
+        at: Its moment.
+        heard: Position up to which its sender had heard the other stream by then.
+        end: Position up to which this stream has passed with it.
+        event: The event.
+    """
+
+    at: Moment
+    heard: int
+    end: int
+    event: WireEvent
+
+
+class ByteStream:
+    """The bytes that one endpoint sends.
+
+    Attributes:
+        connection: Name of the connection.
+        direction: Set before the first event is made.
+        start: Position of the stream's first byte; None while it is not known.
+        next: Position of the next byte to deliver; the lowest one known while `start` is None.
+        acknowledged: Position up to which the receiver has said that it has the bytes.
+        last: Moment of the latest event; no later one is earlier.
+        ready: Events that are in order and not told yet.
+        told: Position up to which events have been told.
+        ended: The end (FIN) has been delivered.
+        held_bytes: Memory taken by segments that wait for a missing byte.
+        beginning: Why the start was not seen, in words.
+    """
+
+    def __init__(self, connection: str) -> None:
+        self.connection = connection
+        self.direction = Direction.A2C
+        self.start: int | None = None
+        self.next = 0
+        self.acknowledged = 0
+        self.last = Moment(0, 0)
+        self.ready: deque[Ready] = deque()
+        self.told = UNHEARD
+        self.ended = False
+        self.held_bytes = 0
+        self.beginning = ""
+        self._origin: int | None = None  # sequence number of position 0: the first one seen
+        self._seen = 0  # up to here bytes passed, captured or not
+        self._fin: int | None = None
+        self._fin_at = self.last
+        self._waiting: list[tuple[int, Moment, int, bytes]] = []  # position, moment, heard, data
+
+    @property
+    def known_end(self) -> int:
+        """Position up to which bytes are known to have been sent."""
+        end = max(self.acknowledged, self._seen)
+        return end if self._fin is None else min(end, self._fin)
+
+    @property
+    def offset_bytes(self) -> int:
+        """Stream offset of the next byte to deliver; -1 while the start is not known."""
+        return -1 if self.start is None else self.next - self.start
+
+    @property
+    def leaning(self) -> int:
+        """Of the waiting segments, how many more begin with 0xAA than with 0xCC."""
+        starts = [data[0] for *_, data in self._waiting]
+        return starts.count(Direction.A2C.start) - starts.count(Direction.C2A.start)
+
+    def may_begin(self, isn: int) -> bool:
+        """Whether a SYN with this initial sequence number can belong to this stream."""
+        if self.start is not None:
+            return self._position(isn + 1) == self.start
+        return self._origin is None or self._position(isn + 1) <= self.next
+
+    def begin(self, isn: int) -> None:
+        """Take the start of the stream from a SYN that `may_begin`."""
+        if self.start is None:
+            self.start = self.next = self.told = self._position(isn + 1)
+
+    def acknowledge(self, ack: int) -> int:
+        """The receiver has every byte before this sequence number, whose position is returned."""
+        position = self._position(ack)
+        self.acknowledged = max(self.acknowledged, position)
+        return position
+
+    def put(self, segment: Segment, at: Moment, heard: int) -> None:
+        """Take a segment of this stream, in whatever order they were captured.
+
+        Args:
+            segment: The segment.
+            at: When it was captured.
+            heard: Position of the other stream that it acknowledges.
+        """
+        data, fin = segment.payload, segment.flags & FIN
+        if self.ended or not (data or segment.cut_bytes or fin):
+            return
+        position = self._position(segment.seq + bool(segment.flags & SYN))
+        if self.start is None:
+            self.next = min(self.next, position)
+        captured_end = position + len(data)
+        end = captured_end + segment.cut_bytes
+        self._seen = max(self._seen, end)
+        if fin and self._fin is None:
+            self._fin, self._fin_at = end, at
+        if data and captured_end > self.next:
+            self.held_bytes += len(data) + ITEM_BYTES
+            heappush(self._waiting, (position, at, heard, data))
+
+    def advance(self) -> Iterator[Ready]:
+        """Deliver what now is in order. Where segments overlap, the one that begins first wins."""
+        if self.start is None or self.ended:
+            return
+        while self._waiting and self._waiting[0][0] <= self.next:
+            position, at, heard, data = heappop(self._waiting)
+            self.held_bytes -= len(data) + ITEM_BYTES
+            if fresh := data[self.next - position :]:
+                end = self.next + len(fresh)
+                yield self._ready(Kind.BYTES, at, end, heard, data=fresh)
+                self.next = end
+        if self._fin is not None and self.next >= self._fin:
+            self.ended = True
+            self._waiting.clear()
+            self.held_bytes = 0
+            yield self._ready(Kind.HALF_CLOSED, self._fin_at, self.next)
+
+    def doubt(self, at: Moment, note: str) -> Ready:
+        """A gap of no bytes: nothing is missing, but what came before is not to be relied on."""
+        return self._ready(Kind.GAP, at, self.next, note=note)
+
+    def concede(self, limit: int, since: Moment) -> Iterator[Ready]:
+        """Give up the bytes missing before position `limit`: gaps take their place.
+
+        Args:
+            limit: What is missing from here on is still waited for.
+            since: When the first of these gaps showed.
+        """
+        if self.start is None:
+            self.start = self.next
+            yield self._ready(Kind.GAP, since, self.next, length_bytes=-1, note=self.beginning)
+            yield from self.advance()
+        while self.next < (end := min(limit, self.known_end)):
+            if self._waiting:
+                end = min(end, self._waiting[0][0])
+            note = "not captured"
+            if end == self.acknowledged > self._seen:
+                note += "; the last byte may have been the end of the stream (FIN)"
+            yield self._ready(Kind.GAP, since, end, length_bytes=end - self.next, note=note)
+            self.next = end
+            yield from self.advance()
+
+    def _position(self, number: int) -> int:
+        """Position of a sequence number: of those it may mean, the one nearest to `next`."""
+        if self._origin is None:
+            self._origin = number - self.next
+        ahead = (number - self._origin - self.next + _MODULUS // 2) % _MODULUS - _MODULUS // 2
+        return self.next + ahead
+
+    def _ready(  # noqa: PLR0913 - an event has so many sides
+        self,
+        kind: Kind,
+        at: Moment,
+        end: int,
+        heard: int = UNHEARD,
+        *,
+        data: bytes = b"",
+        length_bytes: int = 0,
+        note: str = "",
+    ) -> Ready:
+        self.last = max(self.last, at)
+        offset_bytes = 0 if kind is Kind.HALF_CLOSED else self.offset_bytes
+        where = (self.last.time_ns, self.connection, self.direction, kind)
+        event = WireEvent(*where, data, offset_bytes, length_bytes, note)
+        return Ready(self.last, heard, end, event)

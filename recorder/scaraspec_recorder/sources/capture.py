@@ -1,0 +1,33 @@
+"""A capture file of any kind as wire events: its first bytes say what it is."""
+
+from pathlib import Path
+
+from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
+from scaraspec_recorder.sources.mcap_reading import McapCapture, read_mcap
+from scaraspec_recorder.sources.pcap_reading import Capture, read_capture
+
+__all__ = ["Capture", "McapCapture", "open_capture"]
+
+
+def open_capture(path: Path, *, port: int | None) -> McapCapture | Capture:
+    """Open an MCAP, pcap or pcapng file.
+
+    Args:
+        path: The file.
+        port: TCP port of the controller in packet captures; None for every connection.
+
+    Returns:
+        The capture: it yields wire events, and sums up when it has.
+
+    Raises:
+        CaptureError: The file cannot be read, or is none of these.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(len(MAGIC))
+    except OSError as error:
+        raise CaptureError(f"{path} cannot be read: {error.strerror or error}") from None
+    if not head:
+        raise CaptureError(f"{path} is empty: nothing was recorded")
+    return read_mcap(path) if head == MAGIC else read_capture(path, port=port)

@@ -1,0 +1,415 @@
+"""The spool: the bounded hand-over from the process that forwards to the one that writes.
+
+Lives here: the folder of segment files, and the two ends that write and read it. Nothing in this
+file knows a socket, an event loop or a capture format. The writer never raises and never waits:
+what it cannot write it owes, bytes as gaps, and pays as soon as it can.
+
+A segment is a run of blocks (see `records`). Every writer begins segments of its own, and begins
+another after each refused write: only the end of a segment can be torn.
+"""
+
+import errno
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, BinaryIO, Final, NamedTuple
+
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.spool import asking
+from scaraspec_recorder.spool.records import (
+    CODES,
+    HEAD_BYTES,
+    MAX_BLOCK_BYTES,
+    Block,
+    Mark,
+    Record,
+    gap,
+    is_torn,
+    pack_head,
+    read_blocks,
+)
+
+LIMIT_BYTES: Final = 256 << 20
+"""How far the reader may lag before recording is dropped."""
+
+FLUSH_S: Final = 0.02
+"""How long a record may wait in the writer: what SIGKILL of the forwarder can cost."""
+
+RETRY_S: Final = 0.1
+"""How often a refused write is tried again."""
+
+READER_LOCK: Final = "reader.lock"
+"""Whoever reads a spool holds this file of it."""
+
+_FLUSH_BYTES: Final = 64 << 10  # with the largest read of an event loop, well within a block
+_MAX_SEGMENT_BYTES: Final = 8 << 20
+_MAX_OWED: Final = 10_000
+_SUFFIX: Final = ".spool"
+_CHECKPOINT: Final = "checkpoint.json"
+_BINARY: Final = getattr(os, "O_BINARY", 0)  # Windows would write CR LF for LF
+
+
+def lock(path: Path, *, wait: bool) -> int:
+    """Take the lock `path` until the returned descriptor is closed or the process ends.
+
+    Raises:
+        BlockingIOError: Another process holds it, and `wait` is false.
+    """
+    descriptor = os.open(path, os.O_CREAT | os.O_RDWR, 0o600)
+    if sys.platform != "win32":  # no such lock there: two recorders in one folder go unnoticed
+        import fcntl  # noqa: PLC0415 - absent on Windows
+
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(descriptor)
+            raise
+    return descriptor
+
+
+class Trouble(NamedTuple):
+    """Why nothing is acknowledged.
+
+    Attributes:
+        since_ns: Since when, in nanoseconds since the Unix epoch.
+        reason: Why, in the system's words.
+    """
+
+    since_ns: int
+    reason: str
+
+
+class SpoolWriter:
+    """The forwarder's end: append, and never mind.
+
+    Args:
+        directory: The spool; made when the first block is written.
+        call_later: Runs a callback after so many seconds, as an event loop does.
+        limit_bytes: How much may lie in the spool.
+        write: Writes to a descriptor and returns how many bytes, as `os.write` does.
+        now_ns: The clock.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        call_later: Callable[[float, Callable[[], None]], object],
+        *,
+        limit_bytes: int = LIMIT_BYTES,
+        write: Callable[[int, bytearray], int] = os.write,
+        now_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._directory = directory
+        self._call_later = call_later
+        self._limit_bytes = limit_bytes
+        self._segment_limit_bytes = min(limit_bytes // 16, _MAX_SEGMENT_BYTES)
+        self._write = write
+        self._segment: int | None = None  # its descriptor
+        self._segment_bytes = 0
+        self._spooled_bytes = 0  # never less than what lies there: deletions are seen late
+        self._block = Block()
+        self._add = self._block.parts.append
+        self._timed = False
+        self._refusal = ""
+        self._owed: list[Record] = []
+        self._owed_gaps: dict[int, int] = {}  # by stream: the index of its last gap in `_owed`
+        self.append(Mark.SEAM, 0, now_ns(), 0, b"the forwarding process started")
+
+    def append(  # noqa: PLR0913, PLR0917 - a record's fields, for the fewest calls
+        self,
+        kind: Kind | Mark,
+        stream: int,
+        time_ns: int,
+        offset_bytes: int,
+        payload: bytes = b"",
+        forwarded_ns: int = 0,
+        kernel_time: bool = False,  # noqa: FBT001, FBT002 - as above
+    ) -> None:
+        """Take one record (fields as in `Record`); it is written within `FLUSH_S`."""
+        block, add, size_bytes = self._block, self._add, len(payload)
+        # What follows is `Block.add` without a call, for every byte passes here.
+        add(
+            pack_head(
+                size_bytes, CODES[kind], stream, time_ns, offset_bytes, forwarded_ns, kernel_time
+            )
+        )
+        add(payload)
+        block.size_bytes += HEAD_BYTES + size_bytes
+        if not self._timed:
+            self._timed = True
+            self._call_later(FLUSH_S, self._on_time)
+        if block.size_bytes > _FLUSH_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what was appended, or owe it."""
+        if self._block.empty:
+            return
+        if not self._owed:
+            try:
+                self._append_block(self._block)
+            except OSError as error:
+                self._refusal = error.strerror or str(error)
+                self._call_later(RETRY_S, self._pay_on_time)
+                self._owe(self._block)
+        else:
+            self._owe(self._block)
+        self._block.clear()
+
+    def close(self) -> None:
+        """Write what is left, as far as that can be done now."""
+        self._limit_bytes = sys.maxsize  # what is owed is little, and this its last chance
+        self.flush()
+        self._pay()
+        self._end_segment()
+
+    def _on_time(self) -> None:
+        self._timed = False
+        self.flush()
+
+    def _owe(self, block: Block) -> None:
+        """Keep a block's records for later: bytes as gaps, each joined to the one before it."""
+        for record in block.records():
+            kind, stream, time_ns, offset_bytes, payload, *_ = record
+            if kind is not Kind.BYTES:
+                self._owed.append(record)
+            elif (index := self._owed_gaps.get(stream)) is not None:
+                _, _, time_ns, begin_bytes, *_ = self._owed[index]
+                length_bytes = offset_bytes + len(payload) - begin_bytes
+                self._owed[index] = gap(stream, time_ns, begin_bytes, length_bytes, self._refusal)
+            else:
+                self._owed_gaps[stream] = len(self._owed)
+                self._owed.append(gap(stream, time_ns, offset_bytes, len(payload), self._refusal))
+            if len(self._owed) > _MAX_OWED:
+                self._owed_gaps.clear()
+                self._owed = [Record(Mark.SEAM, 0, time_ns, 0, self._refusal.encode())]
+
+    def _pay_on_time(self) -> None:
+        self.flush()
+        self._pay()
+        if self._owed:
+            self._call_later(RETRY_S, self._pay_on_time)
+
+    def _pay(self) -> None:
+        """Write what is owed, as far as that can be done now."""
+        while self._owed:
+            paid, block = 0, Block()
+            while paid < len(self._owed) and block.size_bytes < _FLUSH_BYTES:
+                block.add(self._owed[paid])
+                paid += 1
+            try:
+                self._append_block(block)
+            except OSError:
+                return  # still owed
+            del self._owed[:paid]
+            self._owed_gaps.clear()  # the indices have moved, and what is written grows no more
+
+    def _append_block(self, block: Block) -> None:
+        """Append one block by one write.
+
+        Raises:
+            OSError: It was refused. The segment is given up, for its end may be torn; an empty one
+                is kept, so that a refusing disk does not fill with empty files.
+        """
+        data = block.seal()
+        size_bytes = len(data)
+        self._make_room(size_bytes)
+        try:
+            if self._segment is None:
+                self._segment = self._begin_segment()
+            while data:
+                data = data[self._write(self._segment, data) :]
+        except OSError:
+            if self._segment_bytes or len(data) < size_bytes:
+                self._end_segment()
+            raise
+        self._segment_bytes += size_bytes
+        self._spooled_bytes += size_bytes
+        if self._segment_bytes >= self._segment_limit_bytes:
+            self._end_segment()
+
+    def _make_room(self, size_bytes: int) -> None:
+        if self._owed:
+            size_bytes += self._segment_limit_bytes  # having dropped, go on where it is worth it
+        if self._spooled_bytes + size_bytes <= self._limit_bytes:
+            return
+        self._spooled_bytes = backlog_bytes(self._directory)
+        if self._spooled_bytes + size_bytes > self._limit_bytes:
+            raise OSError(errno.EDQUOT, f"the recording is {self._limit_bytes} bytes behind")
+
+    def _begin_segment(self) -> int:
+        self._directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        path = _path(self._directory, max(_segments(self._directory), default=0) + 1)
+        self._segment_bytes = 0
+        return os.open(path, os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_WRONLY | _BINARY, 0o600)
+
+    def _end_segment(self) -> None:
+        if self._segment is not None:
+            os.close(self._segment)
+            self._segment = None
+
+
+class SpoolReader:
+    """The writing process's end: follows the spool, and goes on where it last acknowledged.
+
+    Waits until no other reader is left.
+
+    Args:
+        directory: The spool; made where it is not there.
+
+    Attributes:
+        state: What was last acknowledged along with the position; empty in a new spool.
+        trouble: Why nothing was acknowledged since then, see `note_trouble`.
+
+    Raises:
+        OSError: The folder cannot be made, read or locked.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)
+        self._directory = directory
+        self._lock = lock(directory / READER_LOCK, wait=True)
+        checkpoint = read_checkpoint(directory)
+        self.state: dict[str, Any] = checkpoint.get("state", {})
+        self.trouble = trouble_of(checkpoint)
+        self._number, self._at = checkpoint.get("segment", 0), checkpoint.get("offset_bytes", 0)
+        self._file: BinaryIO | None = None
+        if self._number in _segments(directory):
+            self._file = _path(directory, self._number).open("rb", buffering=0)
+        else:
+            self._number = self._at = 0
+        self._damaged = False
+
+    def read(self) -> list[Record]:
+        """Return the next records, up to about a mebibyte of them; none where none is there yet.
+
+        Raises:
+            OSError: The spool cannot be read.
+        """
+        while True:
+            # Looked up first: where a newer segment is there, this one is complete when it is read.
+            newer = min((n for n in _segments(self._directory) if n > self._number), default=None)
+            rest = self._rest()
+            records, size_bytes = read_blocks(rest)
+            self._at += size_bytes
+            if records:
+                if self._damaged:
+                    seam = Record(Mark.SEAM, 0, records[0].time_ns, 0, b"the spool is damaged")
+                    records.insert(0, seam)
+                    self._damaged = False
+                return records
+            if newer is None:
+                return []
+            self._damaged |= newer != self._number + 1 or not is_torn(rest)
+            self._close_file()
+            self._file = _path(self._directory, newer).open("rb", buffering=0)
+            self._number, self._at = newer, 0
+
+    def acknowledge(self, state: Mapping[str, Any]) -> None:
+        """Keep the position, and with it `state` (JSON): all that was read is durable elsewhere.
+
+        Segments that lie wholly before the position are deleted.
+
+        Raises:
+            OSError: The position cannot be written.
+        """
+        checkpoint = {"segment": self._number, "offset_bytes": self._at, "state": state}
+        _write_checkpoint(self._directory, checkpoint)
+        self.trouble = None
+        for number in _segments(self._directory):
+            if number < self._number:
+                _path(self._directory, number).unlink()
+
+    def asked(self) -> int:
+        """Return how often the user has asked for a mark, see `asking`."""
+        return asking.asked(self._directory)
+
+    def close(self) -> None:
+        """Let another reader have the spool."""
+        self._close_file()
+        os.close(self._lock)
+
+    def _close_file(self) -> None:
+        if self._file:
+            self._file.close()
+            self._file = None
+
+    def _rest(self) -> bytes:
+        """What follows the present position in this segment, as far as it is there."""
+        if self._file is None:
+            return b""
+        self._file.seek(self._at)
+        return self._file.read(MAX_BLOCK_BYTES)
+
+
+def read_checkpoint(directory: Path) -> dict[str, Any]:
+    """Return what the reader of a spool last acknowledged; nothing where there is no such thing."""
+    try:
+        checkpoint = json.loads((directory / _CHECKPOINT).read_bytes())
+    except (FileNotFoundError, ValueError):  # a loss of power may leave it unreadable
+        return {}
+    return checkpoint if isinstance(checkpoint, dict) else {}
+
+
+def note_trouble(directory: Path, time_ns: int, reason: str) -> bool:
+    """Note why nothing is acknowledged, for as long as nothing is; return whether it is news."""
+    checkpoint = read_checkpoint(directory)
+    known = trouble_of(checkpoint)
+    if known and known.reason == reason:
+        return False
+    checkpoint["trouble"] = (known.since_ns if known else time_ns, reason)
+    with suppress(OSError):  # the spool itself may be in trouble
+        _write_checkpoint(directory, checkpoint)
+    return True
+
+
+def trouble_of(checkpoint: Mapping[str, Any]) -> Trouble | None:
+    """Return what was noted in a checkpoint by `note_trouble`."""
+    noted = checkpoint.get("trouble")
+    return Trouble(*noted) if noted else None
+
+
+def _write_checkpoint(directory: Path, checkpoint: Mapping[str, Any]) -> None:
+    beside = directory / (_CHECKPOINT + ".new")
+    beside.write_text(json.dumps(checkpoint), "utf-8")
+    beside.replace(directory / _CHECKPOINT)
+
+
+def backlog_bytes(directory: Path) -> int:
+    """Return how many bytes of segments lie in a spool, read or not."""
+    return _size_bytes(directory, _segments(directory))
+
+
+def unread_bytes(directory: Path) -> int:
+    """Return how many bytes lie in a spool behind what its reader last acknowledged."""
+    checkpoint = read_checkpoint(directory)
+    numbers, read_bytes = _segments(directory), 0
+    if (partly_read := checkpoint.get("segment")) in numbers:
+        numbers = [number for number in numbers if number >= partly_read]
+        read_bytes = checkpoint.get("offset_bytes", 0)
+    return max(_size_bytes(directory, numbers) - read_bytes, 0)
+
+
+def _size_bytes(directory: Path, numbers: Iterable[int]) -> int:
+    total = 0
+    for number in numbers:
+        with suppress(FileNotFoundError):  # taken and deleted meanwhile
+            total += _path(directory, number).stat().st_size
+    return total
+
+
+def _segments(directory: Path) -> list[int]:
+    """The numbers of the segments in a spool, in order."""
+    try:
+        names = [path.name for path in directory.iterdir()]
+    except FileNotFoundError:
+        return []
+    return sorted(int(name.removesuffix(_SUFFIX)) for name in names if name.endswith(_SUFFIX))
+
+
+def _path(directory: Path, number: int) -> Path:
+    return directory / f"{number}{_SUFFIX}"

@@ -1,0 +1,379 @@
+"""The tap: a transparent TCP relay that tells what passes. Forward first.
+
+Lives here: connections and what happens on them, passed on unchanged: bytes, half-close, reset,
+back-pressure. On the path of a byte stand one write to the other socket and one append to the
+spool, and nothing else: no decoding, no waiting. Nothing in this file knows a frame or a capture.
+"""
+
+import asyncio
+import gc
+import os
+import socket
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, cast
+
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.traffic.wire import Kind
+from scaraspec_recorder.children import ignore_signals
+from scaraspec_recorder.spool.records import UNREACHED, Mark, stream_number
+from scaraspec_recorder.spool.spool import SpoolWriter
+from scaraspec_recorder.tap import stamps, tcp
+from scaraspec_recorder.tap.routes import Route
+
+BUFFER_BYTES: Final = 256 << 10
+"""How much may wait, plus one read, for a socket that takes nothing, before its peer is paused."""
+
+STOP_S: Final = 2.0
+"""How long connections may take to pass on what is queued when the tap stops."""
+
+_READ_SIZE: Final = "max_size"  # asyncio's name for it; uvloop's transports have none
+_DESCRIPTORS: Final = os.name == "posix"  # elsewhere a socket is no file
+
+_write: Final = os.write  # these two are looked up for every chunk
+_BYTES: Final = Kind.BYTES
+
+Append = Callable[..., None]
+"""Takes the fields of a `records.Record`; never raises and never waits."""
+
+Connect = Callable[["Tap", int], "Connection"]
+"""Makes the tap's connection of a number, counted from 1."""
+
+
+class Tap:
+    """Relays every connection that is made to a listening socket.
+
+    Args:
+        route: Where to.
+        append: Takes what happens.
+        connect: Makes connections that are not to be passed on unchanged; None for those that are.
+        kernel_time: Whether to ask the system when bytes came in, see `stamps`.
+        now_ns: The clock.
+    """
+
+    def __init__(
+        self,
+        route: Route,
+        append: Append,
+        connect: Connect | None = None,
+        *,
+        kernel_time: bool = False,
+        now_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self.route = route
+        self.append = append
+        self.kernel_time = kernel_time
+        self.now_ns = now_ns
+        self.resets = tcp.ResetWatch()
+        self._connect = connect or Connection
+        self._connections: set[Connection] = set()
+        self._accepted = 0
+        self._server: asyncio.Server | None = None
+        self._gone = asyncio.Event()
+
+    async def start(self, listener: socket.socket) -> None:
+        """Begin to accept; `listener` is closed by `stop`."""
+        self.kernel_time = self.kernel_time and stamps.ask(listener)
+        loop = asyncio.get_running_loop()
+        self._server = await loop.create_server(self._accept, sock=listener, backlog=tcp.BACKLOG)
+
+    async def stop(self) -> None:
+        """Accept no more and end every connection: in order within `STOP_S`, else by reset."""
+        if self._server:
+            self._server.close()
+        for connection in tuple(self._connections):
+            connection.close("the recorder stopped")
+        try:
+            await asyncio.wait_for(self._wait_gone(), STOP_S)
+        except TimeoutError:
+            for connection in self._connections:
+                connection.cut()
+            await self._wait_gone()
+        self.resets.close()
+
+    def forget(self, connection: "Connection") -> None:
+        """Both sockets of this connection are closed."""
+        self._connections.discard(connection)
+        self._gone.set()
+
+    async def _wait_gone(self) -> None:
+        while self._connections:
+            self._gone.clear()
+            await self._gone.wait()
+
+    def _accept(self) -> "End":
+        self._accepted += 1
+        connection = self._connect(self, self._accepted)
+        self._connections.add(connection)
+        return connection.client
+
+
+def new_event_loop() -> asyncio.AbstractEventLoop:
+    """Return uvloop's event loop, the nearest to what the system can do; asyncio's without it."""
+    if sys.platform == "win32":
+        return asyncio.new_event_loop()
+    import uvloop  # noqa: PLC0415 - absent on Windows
+
+    return uvloop.new_event_loop()
+
+
+def run(  # noqa: PLR0913, PLR0917 - all that a process is given
+    listener: socket.socket,
+    route: Route,
+    spool: Path,
+    limit_bytes: int,
+    connect: Connect | None,
+    kernel_time: bool,  # noqa: FBT001 - as above
+    _scribe_line: socket.socket,
+    line: socket.socket,
+) -> None:
+    """Be the tap's process: relay until the line is closed.
+
+    The scribe's line is only held: it closes when this process ends, and the scribe reads on till
+    then.
+    """
+    ignore_signals()
+    tcp.allow_many_sockets()
+
+    async def relay() -> None:
+        loop = asyncio.get_running_loop()
+        writer = SpoolWriter(spool, loop.call_later, limit_bytes=limit_bytes)
+        tap = Tap(route, writer.append, connect, kernel_time=kernel_time)
+        await tap.start(listener)
+        gc.freeze()  # what was imported lives on: no collection need look at it
+        line.settimeout(0)
+        await loop.sock_recv(line, 1)
+        await tap.stop()
+        writer.close()
+
+    with asyncio.Runner(loop_factory=new_event_loop) as runner:
+        runner.run(relay())
+
+
+class End(asyncio.Protocol):
+    """One socket of a connection: what is read here is written to the other one, then recorded."""
+
+    peer: "End"
+
+    def __init__(self, connection: "Connection", number: int, direction: Direction) -> None:
+        self.connection = connection
+        self.stream = stream_number(number, direction)
+        self.received_bytes = 0
+        self.finished = False  # its sender sends no more
+        self.closed = False
+        self.transport: asyncio.Transport | None = None
+        self.descriptor = -1
+        self.early: list[tuple[bytes, int, bool]] = []  # read before the peer was connected
+        self._reader: asyncio.Transport | stamps.StampedReader | None = None
+        self._append = connection.tap.append
+        self._now_ns = connection.tap.now_ns
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The socket is connected."""
+        transport = cast("asyncio.Transport", transport)  # uvloop's is none by inheritance
+        sock = transport.get_extra_info("socket")
+        tcp.tune(sock)
+        transport.set_write_buffer_limits(high=BUFFER_BYTES)
+        if hasattr(transport, _READ_SIZE):  # 256 KiB, which glibc maps and unmaps for every read
+            setattr(transport, _READ_SIZE, stamps.READ_BYTES)
+        self.descriptor = sock.fileno()
+        self.transport = self._reader = transport
+        if self.connection.tap.kernel_time and stamps.ask(sock):
+            # Not now: the event loop begins to read when this returns.
+            asyncio.get_running_loop().call_soon(self._read_stamped, transport)
+        self.connection.connected(self)
+
+    def data_received(self, data: bytes, time_ns: int = 0, kernel_time: bool = False) -> None:  # noqa: FBT001, FBT002 - an event loop gives the data alone
+        """Pass bytes on, then tell of them.
+
+        Args:
+            data: The bytes.
+            time_ns: When they came in; 0 for now.
+            kernel_time: Whether the system says so.
+        """
+        time_ns = time_ns or self._now_ns()
+        peer = self.peer
+        transport = peer.transport
+        if transport is None:
+            self.early.append((data, time_ns, kernel_time))
+            self.pause()
+            return
+        if transport.get_write_buffer_size() or not _DESCRIPTORS:
+            transport.write(data)
+        elif not transport.is_closing():
+            # At once: uvloop's own write would wait for the end of its turn.
+            try:
+                sent = _write(peer.descriptor, data)
+            except OSError:
+                sent = 0  # it is full or dead; the transport will find out which
+            if sent < len(data):
+                transport.write(memoryview(data)[sent:])
+        offset_bytes, forwarded_ns = self.received_bytes, self._now_ns()
+        self._append(_BYTES, self.stream, time_ns, offset_bytes, data, forwarded_ns, kernel_time)
+        self.received_bytes += len(data)
+
+    def eof_received(self) -> bool:
+        """The sender sends no more."""
+        self.finished = True
+        if self.peer.transport:
+            self.connection.finished(self)
+        return True  # the other direction lives on
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The socket is closed."""
+        if isinstance(self._reader, stamps.StampedReader):
+            self._reader.close()
+            exc = exc or self._reader.failure
+        self.connection.lost(self, _reason(exc) if exc else "reset")
+
+    def pause_writing(self) -> None:
+        """The socket takes nothing for now."""
+        self.peer.pause()
+
+    def resume_writing(self) -> None:
+        """The socket takes something again."""
+        self.peer.resume()
+
+    def pause(self) -> None:
+        """Read no more for now: the other socket takes nothing."""
+        if self._reader and not self._reader.is_closing():
+            self._reader.pause_reading()
+
+    def resume(self) -> None:
+        """Read on."""
+        if self._reader and not self._reader.is_closing() and not self.finished:
+            self._reader.resume_reading()
+
+    def _read_stamped(self, transport: asyncio.Transport) -> None:
+        """Read with the system's times from now on."""
+        if transport.is_closing() or self.finished:
+            return
+        try:
+            reader = stamps.StampedReader(transport, self.data_received, self.eof_received)
+        except OSError:  # too many open files: as it is
+            return
+        reading = transport.is_reading()
+        transport.pause_reading()
+        self._reader = reader
+        if reading:
+            reader.resume_reading()
+
+
+class Connection:
+    """A client, its upstream, and how their link begins and ends."""
+
+    end_type: type[End] = End
+
+    def __init__(self, tap: Tap, number: int) -> None:
+        self.tap = tap
+        self.client = self.end_type(self, number, A2C)
+        self.upstream = self.end_type(self, number, C2A)
+        self.client.peer, self.upstream.peer = self.upstream, self.client
+        self._ends = (self.client, self.upstream)
+        self._finished = 0  # of its ends, those whose finish was passed on
+        self._ended = False
+        self._dialling: asyncio.Task[None] | None = None
+
+    def connected(self, end: End) -> None:
+        """A socket is there: the client's, then the upstream's."""
+        assert end.transport
+        if self._ended:
+            end.transport.abort()
+        elif end is self.client:
+            self._record(Kind.OPENED, end, self._way(end.transport))
+            self._dialling = asyncio.get_running_loop().create_task(self._dial(end.transport))
+        else:
+            self.client.resume()
+            for early in self.client.early:
+                self.client.data_received(*early)
+            self.client.early.clear()
+            if self.client.finished:
+                self.finished(self.client)
+
+    def finished(self, end: End) -> None:
+        """A sender sends no more: pass that on; when both have, the connection is over."""
+        transport, peer_transport = end.transport, end.peer.transport
+        assert transport
+        assert peer_transport
+        self._record(Kind.HALF_CLOSED, end)
+        if not peer_transport.is_closing():
+            peer_transport.write_eof()
+        self._finished += 1
+        if self._finished == len(self._ends):
+            self._close(end)
+        else:
+            self.tap.resets.add(end.descriptor, transport.abort)
+
+    def lost(self, end: End, why: str) -> None:
+        """A socket is closed. Where we did not close it, its peer did: pass that on."""
+        end.closed = True
+        self.tap.resets.discard(end.descriptor)
+        if not self._ended:
+            self._end(Kind.RESET, end, why)
+            if end.peer.transport:
+                tcp.reset_when_flushed(end.peer.transport)
+            else:
+                self._hang_up()
+        if end.peer.closed:
+            self.tap.forget(self)
+
+    def close(self, note: str) -> None:
+        """End in order, once what is queued has left."""
+        if not self._ended:
+            self._close(self.client, note)
+
+    def cut(self) -> None:
+        """End now: what is queued is lost, and both sides are told by reset."""
+        for end in self._ends:
+            if end.transport and not end.closed:
+                tcp.reset(end.transport)
+
+    def _way(self, client: asyncio.Transport) -> str:
+        """Who is connected to whom, in words."""
+        address = client.get_extra_info("peername")  # None where it has gone already
+        target = self.tap.route.target(client.get_extra_info("socket"))
+        return f"{tcp.address_text(address) if address else 'unknown'} > {target}"
+
+    def _close(self, last: End, note: str = "") -> None:
+        self._end(Kind.CLOSED, last, note)
+        for end in self._ends:
+            if end.transport:
+                end.transport.close()
+        self._hang_up()
+
+    async def _dial(self, client: asyncio.Transport) -> None:
+        """Connect the upstream socket, or tell the client that there is none."""
+        sock = client.get_extra_info("socket")
+        loop = asyncio.get_running_loop()
+        try:
+            connected = await self.tap.route.dial(sock)
+            await loop.create_connection(lambda: self.upstream, sock=connected)
+            if self.upstream.closed:
+                connected.detach()  # uvloop has closed its number, which may be another's by now
+        except OSError as error:
+            self.lost(self.upstream, f"{UNREACHED}{_reason(error)}")
+
+    def _hang_up(self) -> None:
+        """Stop dialling, if that is where the connection still is."""
+        if self._dialling and not self.upstream.transport:
+            self._dialling.cancel()
+            self.upstream.closed = True
+
+    def _end(self, kind: Kind, end: End, note: str) -> None:
+        self._ended = True
+        for each in self._ends:
+            each.pause()
+            self._record(Mark.TOTAL, each)
+        self._record(kind, end, note)
+
+    def _record(self, kind: Kind | Mark, end: End, note: str = "") -> None:
+        now_ns = self.tap.now_ns()
+        self.tap.append(kind, end.stream, now_ns, end.received_bytes, note.encode())
+
+
+def _reason(error: Exception) -> str:
+    """The system's words, where an event loop has put its own."""
+    number = getattr(error, "errno", None) or 0
+    return os.strerror(number) if number > 0 else str(error)

@@ -1,0 +1,236 @@
+"""Faults on purpose on real sockets, in the tap."""
+
+import asyncio
+import gc
+import socket
+import struct
+from collections.abc import Awaitable, Callable
+from functools import partial
+from typing import Any
+
+import pytest
+
+import tapped
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.protocol.frames import Frame
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.fault_injection import connection as connection_module
+from scaraspec_recorder.fault_injection.connection import InjectedConnection
+from scaraspec_recorder.fault_injection.rules import Injection
+from scaraspec_recorder.spool.unspool import Count, Unspooler
+from scaraspec_recorder.tap import tap as tap_module
+from scaraspec_recorder.tap.tap import Connection
+from tapped import at_end, receive, run_on, send, turn
+
+ASK = Frame(A2C, 0x09).encode()  # get_status
+IDLE = Frame(C2A, 0x09, b"00").encode()
+STOP = Frame(A2C, 0x32).encode()
+
+Load = Callable[[str], Injection]
+
+
+class Bench(tapped.Bench):
+    """A tap with faults."""
+
+    def __init__(self, injection: Injection | None) -> None:
+        super().__init__(connect=partial(InjectedConnection, injection) if injection else None)
+
+    def events(self) -> list[WireEvent]:
+        """What a recording makes of all that was told."""
+        return Unspooler({direction: Count() for direction in Direction}, {}).take(self.records)
+
+
+@pytest.fixture(params=["uvloop", "asyncio"])
+def run(request: pytest.FixtureRequest) -> Callable[[Callable[[], Awaitable[None]]], None]:
+    """Run a test's coroutine on an event loop, for a bounded time."""
+    return partial(run_on, request.param)
+
+
+HOLD = """
+[[rule]]
+fault = "hold-back"
+part = "reply"
+until_command = "emergency_stop"
+at_most_ms = 3_600_000
+"""
+
+
+def test_off_is_the_plain_tap(run: Any) -> None:
+    """Without a file no connection knows of faults."""
+
+    async def test() -> None:
+        async with Bench(None) as bench:
+            client, server = await bench.pair()
+            await send(client, ASK)
+            assert await receive(server, len(ASK)) == ASK
+            (connection,) = bench.tap._connections
+            assert type(connection) is Connection
+            assert type(connection.client) is tap_module.End
+
+    run(test)
+
+
+def test_recorded_is_what_came_and_what_was_done_to_it(run: Any, load: Load) -> None:
+    """The fault stands behind the bytes, and no byte counts as lost."""
+    injection = load(
+        '[[rule]]\nfault = "drop"\ncommand = "get_status"\npart = "request"\nnth = 2\n'
+    )
+
+    async def test() -> None:
+        async with Bench(injection) as bench:
+            client, server = await bench.pair()
+            await send(client, ASK + ASK + STOP)
+            assert await receive(server, 8) == ASK + STOP
+            await send(server, IDLE)
+            assert await receive(client, len(IDLE)) == IDLE
+            for sock in (client, server):
+                sock.shutdown(socket.SHUT_WR)
+            await bench.until(Kind.CLOSED)
+            events = bench.events()
+            assert b"".join(e.data for e in events if e.direction is A2C) == ASK + ASK + STOP
+            assert Kind.GAP not in {event.kind for event in events}
+            (fault,) = (event for event in events if event.kind is Kind.INJECTED)
+            assert (fault.connection, fault.direction, fault.offset_bytes) == ("1", A2C, 12)
+            assert fault.note == "get_status request at bytes 4-7: rule 1: not passed on"
+
+    run(test)
+
+
+def test_a_delayed_frame_arrives_in_its_order(run: Any, load: Load) -> None:
+    """By timers of the event loop, in both directions, every byte."""
+    injection = load(
+        '[[rule]]\nfault = "jitter"\njitter_ms = 3\n[[rule]]\nfault = "fragment"\nsize_bytes = 2\n'
+    )
+
+    async def test() -> None:
+        async with Bench(injection) as bench:
+            client, server = await bench.pair()
+            asked = [Frame(A2C, 0x0C, b"%d" % n).encode() for n in range(20)]
+            for frame in asked:
+                await send(client, frame)
+                await send(server, IDLE)
+            whole = b"".join(asked)
+            assert await receive(server, len(whole)) == whole
+            assert await receive(client, 20 * len(IDLE)) == 20 * IDLE
+
+    run(test)
+
+
+def test_a_frame_is_held_until_the_other_side_has_spoken(run: Any, load: Load) -> None:
+    """No time passes: the condition alone lets it go."""
+
+    async def test() -> None:
+        async with Bench(load(HOLD)) as bench:
+            client, server = await bench.pair()
+            await send(client, ASK)
+            await receive(server, len(ASK))
+            await send(server, IDLE)
+            await bench.until(Kind.INJECTED)
+            with pytest.raises(BlockingIOError):
+                client.recv(1)
+            await send(client, STOP)
+            assert await receive(client, len(IDLE)) == IDLE
+            assert await receive(server, len(STOP)) == STOP
+
+    run(test)
+
+
+def test_an_end_waits_behind_what_is_held_up(run: Any, load: Load) -> None:
+    """The other side has ended meanwhile; still the connection lives until all has been passed."""
+
+    async def test() -> None:
+        async with Bench(load(HOLD)) as bench:
+            client, server = await bench.pair()
+            await send(server, IDLE)
+            server.shutdown(socket.SHUT_WR)
+            await bench.until(Kind.INJECTED)
+            await send(client, STOP)
+            client.shutdown(socket.SHUT_WR)
+            assert await receive(client, len(IDLE)) == IDLE
+            assert await at_end(client)
+            assert await receive(server, len(STOP)) == STOP
+            assert await at_end(server)
+            assert (await bench.until(Kind.CLOSED)).connection == 1
+
+    run(test)
+
+
+def test_stopping_passes_on_what_waits(run: Any, load: Load) -> None:
+    """A recorder that ends leaves nothing behind, and says that it went early."""
+
+    async def test() -> None:
+        async with Bench(load(HOLD)) as bench:
+            client, server = await bench.pair()
+            await send(server, IDLE)
+            await bench.until(Kind.INJECTED)
+            await bench.stop()
+            assert await receive(client, len(IDLE)) == IDLE
+            assert await at_end(client)
+            told = [r.note for r in bench.records if r.kind is Kind.INJECTED]
+            assert told[-1] == "the connection ends: 6 bytes that waited are passed on at once"
+
+    run(test)
+
+
+def test_a_sender_that_resets_takes_nothing_with_it(run: Any, load: Load) -> None:
+    """What was held up is passed on before the reset is."""
+
+    async def test() -> None:
+        async with Bench(load(HOLD)) as bench:
+            client, server = await bench.pair()
+            await send(server, IDLE)
+            await bench.until(Kind.INJECTED)
+            server.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            server.close()
+            assert await receive(client, len(IDLE)) == IDLE
+            with pytest.raises(ConnectionResetError):
+                await at_end(client)
+            assert (await bench.until(Kind.RESET)).direction is C2A
+
+    run(test)
+
+
+def test_a_reset_on_purpose_reaches_both_sides(run: Any, load: Load) -> None:
+    """Neither takes it for an orderly end; the capture says whose doing it was."""
+
+    async def test() -> None:
+        async with Bench(load('[[rule]]\nfault = "reset"\ncommand = "emergency_stop"\n')) as bench:
+            client, server = await bench.pair()
+            await send(client, ASK + STOP)
+            assert await receive(server, len(ASK)) == ASK
+            for sock in (client, server):
+                with pytest.raises(ConnectionResetError):
+                    await at_end(sock)
+            await bench.tap._wait_gone()
+            gc.collect()  # complains of a socket that somebody forgot, and then closes another's
+            kinds = [event.kind for event in bench.events()]
+            assert kinds == [Kind.OPENED, Kind.BYTES, Kind.INJECTED, Kind.RESET]
+            assert (await bench.until(Kind.RESET)).note == "cut by an injected fault"
+
+    run(test)
+
+
+def test_a_sender_is_paused_where_too_much_is_held_up(
+    run: Any, load: Load, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Memory is bounded, and when it goes on nothing is missing."""
+    monkeypatch.setattr(connection_module, "HELD_BYTES", 1000)
+    data = IDLE + Frame(C2A, 0x0D, b"a.rob").encode() * 20_000
+
+    async def test() -> None:
+        async with Bench(load(HOLD)) as bench:
+            client, server = await bench.pair()
+            sending = asyncio.create_task(send(server, data))
+            await bench.until(Kind.INJECTED)
+            (connection,) = bench.tap._connections
+            while connection.upstream.transport.is_reading():
+                await turn()
+            assert connection._injector.waiting_bytes(C2A) <= 1000 + (256 << 10)
+            receiving = asyncio.create_task(receive(client, len(data)))
+            while not receiving.done():
+                await send(client, STOP)
+                await receive(server, len(STOP))
+            assert receiving.result() == data
+            await sending
+
+    run(test)

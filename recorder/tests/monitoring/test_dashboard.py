@@ -1,0 +1,144 @@
+"""What is shown of recordings: little in plain lines, everything on a terminal."""
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from scaraspec_recorder.monitoring.dashboard import QUIET_S, Dashboard, Lines
+from scaraspec_recorder.monitoring.status import LATE_S, Status
+from scaraspec_recorder.sinks.runner import Progress
+from scaraspec_recorder.spool.spool import Trouble
+from scaraspec_recorder.spool.unspool import Count
+
+CALM = Status(
+    name="line-3",
+    listen=("127.0.0.1", 8877),
+    out_dir=Path("captures"),
+    time_s=1000,
+    progress=Progress(3, Count(7000), Count(500_000), ["capture.mcap"]),
+    waiting_bytes=0,
+    silent_s=0.2,
+    free_bytes=2 * 10**12,
+)
+
+
+def at(time_s: float, progress: Progress | None = None, silent_s: float = 0.2) -> Status:
+    """The recording at a later time."""
+    return replace(
+        CALM,
+        time_s=CALM.time_s + time_s,
+        progress=progress or CALM.progress,
+        silent_s=silent_s,
+        waiting_bytes=1_500_000,
+    )
+
+
+def gaps(count: int) -> Progress:
+    """A progress with so many gaps."""
+    return replace(CALM.progress, a2c=Count(7000, 100 * count, count))
+
+
+def test_as_long_as_all_is_well_nothing_is_said() -> None:
+    """An hour of it."""
+    said: list[str] = []
+    with Lines(said.append) as lines:
+        for second in range(3600):
+            lines.update([at(second)], ending=False)
+    assert said == []
+
+
+def test_gaps_are_not_told_every_second() -> None:
+    """A gap each second for a minute: told at once, and then every `QUIET_S`."""
+    said: list[str] = []
+    with Lines(said.append) as lines:
+        for second in range(60):
+            lines.update([at(second, gaps(second + 1))], ending=False)
+    assert said[0] == "line-3: 1 gaps so far, 100 B not recorded"
+    assert said[1] == "line-3: 11 gaps so far, 1.1 kB not recorded"
+    assert len(said) == 60 / QUIET_S
+
+
+def test_trouble_is_told_with_its_reason() -> None:
+    """At once, whether or not anything was written a moment ago; and when it is over."""
+    full = replace(at(0), trouble=Trouble(995 * 10**9, "No space left on device"))
+    said: list[str] = []
+    with Lines(said.append) as lines:
+        lines.update([full], ending=False)
+        lines.update([at(20)], ending=False)
+    assert said == [
+        "line-3: nothing is written, 1.5 MB wait: No space left on device",
+        "line-3: the writing goes on",
+    ]
+    console = Console(file=io.StringIO(), width=160)
+    with Dashboard(console) as dashboard:
+        dashboard.update([replace(full, silent_s=5)], ending=False)
+    shown = console.file.getvalue()
+    assert "line-3: nothing was written for 5 s: No space left on device" in shown
+
+
+def test_problems_and_silence_are_told_with_their_end() -> None:
+    """Each problem once; that the writing waits, and that it goes on."""
+    said: list[str] = []
+    trouble = replace(CALM.progress, problems=["McapSink is given up"])
+    with Lines(said.append) as lines:
+        lines.update([at(0, trouble)], ending=False)
+        lines.update([at(20, trouble)], ending=False)
+        lines.update([at(40, trouble, LATE_S + 1)], ending=False)
+        lines.update([at(60, trouble)], ending=False)
+    assert said == [
+        "line-3: McapSink is given up",
+        "line-3: nothing is written, 1.5 MB wait",
+        "line-3: the writing goes on",
+    ]
+
+
+def test_a_robot_that_cannot_be_reached_is_told_until_it_is() -> None:
+    """With the reason, on a terminal too."""
+    said: list[str] = []
+    gone = replace(CALM.progress, unreached="Connection refused")
+    with Lines(said.append) as lines:
+        for second in range(40):
+            lines.update([at(second, gone if second < 20 else None)], ending=False)
+    assert said == [
+        "line-3: the robot cannot be reached: Connection refused",
+        "line-3: the robot is reached again",
+    ]
+    console = Console(file=io.StringIO(), width=160)
+    with Dashboard(console) as dashboard:
+        dashboard.update([at(0, gone)], ending=False)
+    assert said[0] in console.file.getvalue()
+
+
+def test_ending_says_that_it_takes_its_time() -> None:
+    """At once, then every `QUIET_S`, and no more when all is finished."""
+    said: list[str] = []
+    with Lines(said.append) as lines:
+        for second in range(25):
+            lines.update([at(second)], ending=True)
+        for second in range(25, 60):
+            lines.update([at(second, replace(CALM.progress, finished=True))], ending=True)
+    assert said[0].startswith("ending: ")
+    assert said[1:] == ["line-3: still at it, 1.5 MB to be written"] * 2
+
+
+def test_the_dashboard_shows_everything() -> None:
+    """Connections, rates, bytes, gaps, what waits, free space, the file, what is wrong: at 80."""
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=80, color_system=None)
+    busy = replace(gaps(2), a2c=Count(9000, 200, 2), problems=["out of luck"])
+    with Dashboard(console) as dashboard:
+        dashboard.update([CALM], ending=False)
+        dashboard.update([at(2, busy, LATE_S + 7)], ending=True)
+    last = screen.getvalue().rpartition("robot ")[2]
+    row = "line-3 3 1.1 kB 0 B 509 kB 2 1.5 MB 2 TB"
+    assert row in " ".join(last.split())
+    for shown in (
+        "line-3: clients at 127.0.0.1:8877, capture.mcap",
+        "line-3: out of luck",
+        "line-3: 200 B not recorded in 2 gaps",
+        "line-3: nothing was written for 12 s",
+        "ending: ",
+    ):
+        assert shown in last, last

@@ -1,0 +1,68 @@
+"""Metrics tell what recordings are doing, to this machine alone."""
+
+import socket
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from scaraspec_recorder.monitoring.status import Status
+from scaraspec_recorder.sinks.runner import Progress
+from scaraspec_recorder.spool.unspool import Count
+
+metrics = pytest.importorskip("scaraspec_recorder.monitoring.metrics")
+
+STATUS = Status(
+    name="line-3",
+    listen=("127.0.0.1", 8877),
+    out_dir=Path("captures"),
+    time_s=0,
+    progress=Progress(3, Count(70, 30, 2), Count(500), ["a.mcap"], ["disk full"]),
+    waiting_bytes=4096,
+    silent_s=1.5,
+    free_bytes=123_456,
+)
+
+
+def test_a_scrape_tells_everything() -> None:
+    """Counters by robot and sender, gauges by robot; read at the scrape, not before."""
+    statuses: list[Status] = []
+    with metrics.serve("127.0.0.1", 0, lambda: statuses) as (host, port):
+        statuses.append(STATUS)
+        with urllib.request.urlopen(f"http://{host}:{port}/metrics", timeout=30) as answer:
+            lines = answer.read().decode().splitlines()
+    for line in (
+        'scaraspec_received_bytes_total{robot="line-3",sender="client"} 100.0',
+        'scaraspec_recorded_bytes_total{robot="line-3",sender="client"} 70.0',
+        'scaraspec_gap_bytes_total{robot="line-3",sender="client"} 30.0',
+        'scaraspec_gaps_total{robot="line-3",sender="client"} 2.0',
+        'scaraspec_received_bytes_total{robot="line-3",sender="controller"} 500.0',
+        'scaraspec_connections_total{robot="line-3"} 3.0',
+        'scaraspec_files_total{robot="line-3"} 1.0',
+        'scaraspec_problems{robot="line-3"} 1.0',
+        'scaraspec_waiting_bytes{robot="line-3"} 4096.0',
+        'scaraspec_silent_seconds{robot="line-3"} 1.5',
+        'scaraspec_free_bytes{robot="line-3"} 123456.0',
+    ):
+        assert line in lines
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "example.invalid"])
+def test_nobody_else_is_served(host: str) -> None:
+    """An address that others could reach is refused."""
+    with (
+        pytest.raises(metrics.MetricsError, match="for this machine alone"),
+        metrics.serve(host, 0, list),
+    ):
+        pass
+
+
+def test_a_taken_port_is_one_sentence() -> None:
+    """It is told before anything is recorded."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with (
+            pytest.raises(metrics.MetricsError, match=f"127.0.0.1:{port}: Address already in use"),
+            metrics.serve("127.0.0.1", port, list),
+        ):
+            pass

@@ -1,0 +1,211 @@
+"""A recorder that is left running for weeks: rotation and room on the disk together."""
+
+import errno
+import gc
+import json
+import os
+import pickle
+from collections import Counter
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from scaraspec.protocol.direction import A2C
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.quantities import SECOND_NS, parse_limits
+from scaraspec_recorder.recordings import contents
+from scaraspec_recorder.recordings.archive import Archive, archive_sink
+from scaraspec_recorder.recordings.retention import PERIOD_NS
+from scaraspec_recorder.recordings.rotation import parse_rotate
+from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
+from scaraspec_recorder.sinks.rerun.rerun_view import RerunSink
+from scaraspec_recorder.sinks.sinks import Folder, Sink, SinkFailed
+from scaraspec_recorder.sources.mcap_reading import read_mcap
+
+GB = 10**9
+
+
+class Recorder:
+    """A sink with a clock and a disk, fed as the scribe does."""
+
+    def __init__(self, folder: Path, archive: Archive, now_ns: int, free_bytes: int = GB) -> None:
+        self.folder = folder
+        self.now_ns = now_ns
+        self.free_bytes = free_bytes
+        self.out = Folder(folder, [])
+        self.sink: Sink = archive_sink(
+            self.out,
+            archive=archive,
+            now_ns=lambda: self.now_ns,
+            free_bytes=lambda: self.free_bytes,
+        )
+
+    def feed(self, events: Iterable[WireEvent]) -> None:
+        """Write events, with a tick after each quarter of a second."""
+        for event in events:
+            while self.now_ns + SECOND_NS // 4 <= event.time_ns:
+                self.now_ns += SECOND_NS // 4
+                self.sink.tick(self.now_ns)
+            self.sink.write(event)
+
+    @property
+    def listed(self) -> list[dict[str, Any]]:
+        lines = (self.folder / "contents.jsonl").read_text().splitlines()
+        return [json.loads(line) for line in lines]
+
+
+def sinks() -> list[McapSink | RerunSink]:
+    """Those that there are in this process."""
+    return [each for each in gc.get_objects() if type(each) in (McapSink, RerunSink)]
+
+
+def payload(paths: Iterable[Path]) -> bytes:
+    return b"".join(event.data for path in paths for event in read_mcap(path))
+
+
+def test_one_file_after_another_is_whole(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Together they hold all that passed, and each is listed."""
+    archive = Archive("cell 2", draw=False, rotate=parse_rotate("1s"), triggers=("refusal",))
+    recorder = Recorder(tmp_path, archive, shift[0].time_ns)
+    recorder.feed(shift)
+    recorder.sink.close()
+    files = [line["name"] for line in recorder.listed]
+    assert len(files) > 2
+    assert payload(tmp_path / name for name in files) == b"".join(event.data for event in shift)
+
+
+def test_a_file_that_has_ended_is_forgotten_at_once(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Nothing waits for the collector, which a scribe seldom runs."""
+    recorder = Recorder(tmp_path, Archive("cell 2", rotate=parse_rotate("1s")), shift[0].time_ns)
+    gc.collect()
+    gc.disable()
+    try:
+        others = sinks()
+        recorder.feed(shift)
+        kinds = Counter(type(sink) for sink in sinks() if sink not in others)
+    finally:
+        gc.enable()
+    recorder.sink.close()
+    assert len(list(tmp_path.glob("*.mcap"))) > 2
+    assert kinds == {McapSink: 1, RerunSink: 1}
+
+
+def test_passwords_are_nowhere(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Redaction is in front of all files."""
+    archive = Archive("cell 2", draw=False, redact=True)
+    recorder = Recorder(tmp_path, archive, shift[0].time_ns)
+    recorder.feed(shift)
+    recorder.sink.close()
+    (line,) = recorder.listed
+    data = payload([tmp_path / line["name"]])
+    assert b"***********" in data
+    assert b"open sesame" not in data
+
+
+def test_a_killed_recorder_goes_on(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """Its file is repaired and listed at the next start, before anything new is written."""
+    archive = Archive("cell 2", draw=False)
+    recorder = Recorder(tmp_path, archive, shift[0].time_ns)
+    recorder.feed(shift)
+    recorder.sink.close()
+    (name,) = (line["name"] for line in recorder.listed)
+    (tmp_path / name).write_bytes((tmp_path / name).read_bytes()[:-9])
+    (tmp_path / "contents.jsonl").unlink()
+    again = Recorder(tmp_path, archive, shift[-1].time_ns)
+    (line,) = again.listed
+    assert line["notes"]
+    assert payload([tmp_path / name]) == b"".join(event.data for event in shift)
+    again.sink.close()
+
+
+def test_room_is_made_before_a_file_is_repaired(
+    tmp_path: Path, shift: list[WireEvent], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a full disk the oldest recording goes first, or the recorder would wait for ever."""
+    for _ in range(2):
+        recorder = Recorder(tmp_path, Archive("cell 2", draw=False), shift[0].time_ns)
+        recorder.feed(shift)
+        recorder.sink.close()
+    old, torn = sorted(tmp_path.glob("*.mcap"), key=lambda path: path.stat().st_mtime_ns)
+    torn.write_bytes(torn.read_bytes()[:-9])
+    lines = (tmp_path / "contents.jsonl").read_text().splitlines(keepends=True)
+    (tmp_path / "contents.jsonl").write_text(lines[0])
+    repair = contents.recover
+
+    def repair_where_there_is_room(path: Path) -> Any:
+        if old.exists():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return repair(path)
+
+    monkeypatch.setattr(contents, "recover", repair_where_there_is_room)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
+    wanted = Archive("cell 2", draw=False, min_free_bytes=GB + 1)
+    again = Recorder(tmp_path, wanted, shift[-1].time_ns)
+    assert [line.get("removed", line.get("name")) for line in again.listed] == [old.name, torn.name]
+    again.sink.close()
+
+
+def test_room_is_made_while_it_runs(tmp_path: Path, talk: Any) -> None:
+    """Looked for every few seconds, and what is being written stays."""
+    keep = parse_limits("30s")
+    archive = Archive("x", draw=False, rotate=parse_rotate("5s"), keep=keep)
+    talk.mark(A2C, Kind.OPENED)
+    for _ in range(90):
+        talk.time_ns += SECOND_NS
+        talk.ask("get_status", None, "00")
+    recorder = Recorder(tmp_path, archive, talk.events[0].time_ns)
+    recorder.feed(talk.events)
+    recorder.sink.close()
+    begun = sorted(line["begin_ns"] for line in recorder.listed if "removed" not in line)
+    left = sorted(tmp_path.glob("*.mcap"))
+    removed = {line["removed"] for line in recorder.listed if "removed" in line}
+    assert len(left) + len(removed) == len(begun)
+    assert not removed & {path.name for path in left}
+    assert 6 <= len(left) <= 10
+
+
+def test_a_disk_without_room_ends_the_files_and_stops(tmp_path: Path, talk: Any) -> None:
+    """In order, so that what was taken is safe; the next one begins when there is room again."""
+    archive = Archive("x", draw=False, min_free_bytes=2 * GB)
+    talk.mark(A2C, Kind.OPENED)
+    talk.ask("get_status", None, "00")
+    recorder = Recorder(tmp_path, archive, talk.time_ns, free_bytes=3 * GB)
+    recorder.feed(talk.events[:2])
+    recorder.free_bytes = GB
+    recorder.sink.tick(talk.time_ns + PERIOD_NS)
+    (line,) = recorder.listed
+    sentence = "less than 2 GB is free on the disk, and no recording is left that may be removed"
+    with pytest.raises(SinkFailed, match=sentence):
+        recorder.sink.write(talk.events[2])
+    with pytest.raises(SinkFailed, match=sentence):
+        recorder.sink.tick(talk.time_ns + 2 * PERIOD_NS)
+    recorder.sink.close()
+    assert line["a2c_bytes"] == len(talk.events[1].data)
+    with pytest.raises(SinkFailed, match=sentence):
+        Recorder(tmp_path, archive, talk.time_ns, free_bytes=GB)
+    Recorder(tmp_path, archive, talk.time_ns, free_bytes=3 * GB).sink.close()
+
+
+def test_it_can_be_handed_to_another_process() -> None:
+    """Which the scribe is."""
+    archive = Archive(
+        "x", rotate=parse_rotate("1h"), keep=parse_limits("30d"), triggers=("refusal",)
+    )
+    make = pickle.loads(pickle.dumps(partial(archive_sink, archive=archive)))
+    assert make.keywords == {"archive": archive}
+
+
+def test_what_is_drawn_belongs_to_its_file(tmp_path: Path, shift: list[WireEvent]) -> None:
+    """A picture for each, which goes when its file goes."""
+    rotate, keep = parse_rotate("connection"), parse_limits("1h")
+    recorder = Recorder(tmp_path, Archive("x", rotate=rotate, keep=keep), shift[0].time_ns)
+    recorder.feed(shift)
+    recorder.sink.close()
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".jsonl", ".mcap", ".rrd"]
+    archive = Archive("x", rotate=rotate, keep=keep)
+    Recorder(tmp_path, archive, shift[-1].time_ns + 3601 * SECOND_NS).sink.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["contents.jsonl"]

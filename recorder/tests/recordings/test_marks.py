@@ -1,0 +1,269 @@
+"""A trigger marks its moment in the log of the recording."""
+
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from mcap.reader import make_reader
+
+from scaraspec.judge.judge import Judge
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.payloads import Acceptance
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.quantities import SECOND_NS
+from scaraspec_recorder.recordings.archive import Archive, archive_sink
+from scaraspec_recorder.recordings.capture import capture_sink
+from scaraspec_recorder.recordings.marks import LOGGED_A_MINUTE, SOURCE, with_marks
+from scaraspec_recorder.recordings.rotation import parse_rotate
+from scaraspec_recorder.sinks.deriver import Deriver, Item
+from scaraspec_recorder.sinks.sinks import Folder
+from scaraspec_recorder.sinks.wording import Line
+from scaraspec_recorder.sources.mcap_reading import read_mcap
+
+REFUSED = Acceptance(accepted=False, code="01")
+
+Marks = list[tuple[int, str]]
+
+
+class Tape:
+    """An output that keeps what it is given, in order."""
+
+    def __init__(self) -> None:
+        self.told: list[Any] = []
+        self.marks: Marks = []
+
+    def write(self, event: WireEvent) -> None:
+        self.told.append(event)
+
+    def take(self, item: Item, number: int, line: Line | None) -> None:  # noqa: ARG002 - an `Output`
+        self.told.append(item)
+
+    def mark(self, time_ns: int, line: Line) -> None:
+        assert line.source == SOURCE
+        self.told.append(line)
+        self.marks.append((time_ns, line.text))
+
+    def tick(self, now_ns: int) -> None:
+        self.told.append(now_ns)
+
+    def close(self, summary: Mapping[str, str]) -> None:
+        self.told.append(summary)
+
+
+class Watched:
+    """A sink with triggers."""
+
+    def __init__(self, *triggers: str) -> None:
+        self.tape, self.folder = Tape(), Folder(Path(), [])
+        self.sink = Deriver(with_marks([self.tape], triggers, self.folder), Judge())
+
+    def feed(self, events: Iterable[WireEvent]) -> Marks:
+        for event in events:
+            self.sink.write(event)
+        return self.tape.marks
+
+
+def marks(path: Path) -> Marks:
+    """Those that an MCAP file holds."""
+    with path.open("rb") as file:
+        found = [
+            (message.log_time, Log.FromString(message.data))
+            for _, _, message in make_reader(file).iter_messages(topics=["/log"])
+        ]
+    assert all(log.timestamp.ToNanoseconds() == time_ns for time_ns, log in found)
+    return [(time_ns, log.message) for time_ns, log in found if log.name == SOURCE]
+
+
+@pytest.fixture
+def session(talk: Any) -> Any:
+    """A conversation after its login."""
+    talk.mark(A2C, Kind.OPENED, "10.0.0.1:5 to 10.0.0.2:8877")
+    talk.ask("login", b"password", reply=True)
+    talk.ask("get_status", None, "00")
+    return talk
+
+
+def test_a_mark_has_the_time_and_the_reason(session: Any, caplog: pytest.LogCaptureFixture) -> None:
+    """In the recording, and in the log of the process, as `scaraspec view --at` takes it."""
+    session.ask("reset", None, REFUSED)
+    session.mark(A2C, Kind.CLOSED)
+    watched = Watched("refusal", "disconnect", "code:12")
+    assert watched.feed(session.events) == [
+        (session.time_ns, "refusal: reset: refused 01 running a program"),
+        (session.time_ns, "disconnect: connection 1 closed"),
+    ]
+    assert [record.message for record in caplog.records] == [
+        "trigger refusal at 2026-11-20T22:58:37 UTC: reset: refused 01 running a program",
+        "trigger disconnect at 2026-11-20T22:58:37 UTC: connection 1 closed",
+    ]
+
+
+def test_everything_else_passes_as_without_triggers(shift: list[WireEvent]) -> None:
+    """A mark comes behind what brought it about, and before the tick that makes it durable."""
+    plain, watched = Watched(), Watched("refusal", "signal")
+    for each in (plain, watched):
+        each.feed(shift)
+        each.folder.ask()
+        each.sink.tick(shift[-1].time_ns)
+        each.sink.close()
+    told = watched.tape.told
+    refusal, signal = (number for number, each in enumerate(told) if isinstance(each, Line))
+    assert told[refusal - 1].name == "run_program"
+    assert told[signal + 1] == shift[-1].time_ns
+    del told[signal], told[refusal]
+    assert list(map(type, told)) == list(map(type, plain.tape.told))
+
+
+def test_time_alone_fires(session: Any) -> None:
+    """Ticks are all there is: silence is noticed, once, and at its time."""
+    watched = Watched("silence:4s")
+    assert watched.feed(session.events) == []
+    quiet_ns = session.time_ns
+    for quarter in range(4 * 20):
+        watched.sink.tick(quiet_ns + quarter * SECOND_NS // 4)
+    noticed_ns = quiet_ns + 4 * SECOND_NS
+    assert watched.tape.marks == [(noticed_ns, "silence:4s: nothing on connection 1 for 4.0 s")]
+
+
+def test_a_writer_that_lags_takes_nothing_for_silence(session: Any) -> None:
+    """Its clock is that of what it gets: late is not silent."""
+    watched = Watched("silence:4s", "late:1s")
+    for event in session.events:
+        watched.sink.write(event)
+        watched.sink.tick(event.time_ns + 3600 * SECOND_NS)
+    assert watched.tape.marks == []
+
+
+def test_the_user_gets_a_mark_at_the_next_tick(session: Any) -> None:
+    """Also while nothing happens at all."""
+    watched = Watched("signal")
+    watched.folder.ask()
+    watched.sink.tick(session.events[0].time_ns - 1)
+    watched.feed(session.events)
+    watched.folder.ask()
+    watched.sink.tick(session.time_ns + SECOND_NS)
+    assert watched.tape.marks == [
+        (session.events[0].time_ns - 1, "signal: asked for by SIGUSR1"),
+        (session.time_ns, "signal: asked for by SIGUSR1"),
+    ]
+
+
+def test_the_log_of_the_process_gets_only_so_many(
+    session: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The recording gets all; the next line that is logged says how many were left out."""
+    begin_ns = session.time_ns
+    for _ in range(40):
+        session.time_ns += 2 * SECOND_NS
+        session.ask("reset", None, REFUSED)
+    assert len(Watched("refusal", "silence:1h").feed(session.events)) == 40
+    logged = [record.message for record in caplog.records]
+    assert len(logged) == LOGGED_A_MINUTE + 40 - 30 - 4
+    assert logged[LOGGED_A_MINUTE].endswith("(24 marks before this one were not logged)")
+    assert session.time_ns - begin_ns == pytest.approx(80 * SECOND_NS, rel=0.01)
+
+
+def test_a_clock_that_is_set_back_silences_nothing(
+    session: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Else nothing would be logged until that clock has come so far again."""
+    for _ in range(LOGGED_A_MINUTE):
+        session.ask("reset", None, REFUSED)
+    session.time_ns -= 3600 * SECOND_NS
+    session.ask("reset", None, REFUSED)
+    Watched("refusal").feed(session.events)
+    assert len(caplog.records) == LOGGED_A_MINUTE + 1
+
+
+@pytest.mark.parametrize("redact", [False, True])
+def test_a_capture_in_one_file_is_marked(
+    tmp_path: Path, shift: list[WireEvent], *, redact: bool
+) -> None:
+    """The file is the same but for the marks, and no password is in them."""
+    sink = capture_sink(
+        Folder(tmp_path, []), draw=False, redact=redact, triggers=("refusal", "malformed")
+    )
+    for event in shift:
+        sink.write(event)
+    sink.close()
+    path = tmp_path / "capture.mcap"
+    assert [text.partition(":")[0] for _, text in marks(path)] == ["refusal", "malformed"]
+    assert b"".join(e.data for e in read_mcap(path) if e.direction is C2A) == b"".join(
+        e.data for e in shift if e.direction is C2A
+    )
+    assert "open sesame" not in f"{marks(path)}"
+
+
+class Files:
+    """Files that rotate, with triggers, fed by hand."""
+
+    def __init__(self, folder: Path, rotate: str, *triggers: str, draw: bool = False) -> None:
+        archive = Archive("x", draw=draw, rotate=parse_rotate(rotate), triggers=triggers)
+        self.path, self.folder = folder, Folder(folder, [])
+        self.sink = archive_sink(self.folder, archive=archive, free_bytes=lambda: 10**9)
+
+    @property
+    def marks(self) -> list[Marks]:
+        """Of each file, by name."""
+        return [marks(path) for path in sorted(self.path.glob("*.mcap"))]
+
+
+def test_a_mark_is_in_the_file_of_its_moment(tmp_path: Path, talk: Any) -> None:
+    """Also that which the last event of a file brings about."""
+    files = Files(tmp_path, "connection", "disconnect")
+    for number in range(3):
+        talk.connection = f"{number}"
+        talk.mark(A2C, Kind.OPENED)
+        talk.time_ns += SECOND_NS
+        talk.mark(A2C, Kind.CLOSED)
+    for event in talk.events:
+        files.sink.write(event)
+    files.sink.close()
+    assert [[text for _, text in found] for found in files.marks] == [
+        [f"disconnect: connection {number} closed"] for number in range(3)
+    ]
+
+
+def test_a_mark_between_two_files_has_one(tmp_path: Path, session: Any) -> None:
+    """It begins the next file, drawing and all; events then go on in there."""
+    files = Files(tmp_path, "1s", "signal", draw=True)
+    now_ns = session.events[0].time_ns - SECOND_NS
+    files.folder.ask()
+    files.sink.tick(now_ns)
+    for event in session.events:
+        files.sink.write(event)
+    files.sink.close()
+    assert files.marks == [[(now_ns, "signal: asked for by SIGUSR1")]]
+    (path,) = tmp_path.glob("*.mcap")
+    assert [e for e in read_mcap(path) if e.data] == [e for e in session.events if e.data]
+    assert path.with_suffix(".rrd").stat().st_size
+
+
+def test_a_file_that_holds_only_a_mark_is_whole(
+    tmp_path: Path, new_talk: Callable[[], Any]
+) -> None:
+    """The user asked for it while nothing happened at all."""
+    files = Files(tmp_path, "1h", "signal")
+    files.folder.ask()
+    files.sink.tick(new_talk().time_ns)
+    files.sink.close()
+    assert [len(found) for found in files.marks] == [1]
+    (path,) = tmp_path.glob("*.mcap")
+    assert list(read_mcap(path)) == []
+    again = Files(tmp_path, "1h")
+    again.sink.close()
+    assert path.exists()
+
+
+def test_a_wrong_condition_makes_no_output() -> None:
+    """It is found before anything is recorded."""
+    with pytest.raises(ValueError, match="'bang' is no trigger"):
+        Watched("bang")
+
+
+@pytest.fixture(autouse=True)
+def _warnings(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.WARNING)

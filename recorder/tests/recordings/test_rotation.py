@@ -1,0 +1,354 @@
+"""A recording in several files is the same recording: no byte, no finding more or less."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from scaraspec.judge.judge import Judge
+from scaraspec.judge.verdicts import Finding, Verdict
+from scaraspec.protocol.direction import A2C, C2A, Direction
+from scaraspec.protocol.payloads import Acceptance, Outcome
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError
+from scaraspec_recorder.recordings.contents import Contents
+from scaraspec_recorder.recordings.file_sets import Shelf
+from scaraspec_recorder.recordings.rotation import PATIENCE_TICKS, Rotate, Rotation, parse_rotate
+from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.mcap import schemas
+from scaraspec_recorder.sinks.mending import Mender
+from scaraspec_recorder.sinks.seams import Links
+from scaraspec_recorder.sinks.sinks import TICK_NS, Folder
+from scaraspec_recorder.sources.mcap_reading import read_mcap
+from scaraspec_recorder.sources.pcap_reading import read_capture
+
+FIELD = sorted((Path(__file__).parents[3] / "fixtures" / "captures" / "field").glob("*.pcapng"))
+AT_EVERY_TICK = Rotate(Limits(duration_ns=1))
+
+
+def recorder(folder: Path, rotate: Rotate) -> Deriver:
+    contents = Contents(folder)
+    contents.save()
+    judge = Judge()
+    shelf = Shelf(Folder(folder, []), contents, "line 3", draw=False)
+    return Deriver([Rotation(shelf, judge, rotate)], judge)
+
+
+def cut(folder: Path, events: Iterable[WireEvent], cuts: set[int]) -> list[Path]:
+    """Record in several files, each of which ends behind so many events."""
+    sink = recorder(folder, AT_EVERY_TICK)
+    for number, event in enumerate(events, start=1):
+        sink.write(event)
+        if number in cuts:
+            for later_ns in range(PATIENCE_TICKS + 2):
+                sink.tick(event.time_ns + later_ns)
+    sink.close()
+    return [folder / name for name in Contents(folder).entries]
+
+
+def judge_all(events: Iterable[WireEvent]) -> list[Finding]:
+    """What is found in events that are read from a file alone."""
+    judge, mender = Judge(), Mender()
+    items = [i for event in events for e in mender.mend(event) for i in judge.feed(e)]
+    return [item for item in (*items, *judge.close()) if isinstance(item, Finding)]
+
+
+def messages(path: Path, topic: str, kind: type[Any]) -> list[Any]:
+    with path.open("rb") as file:
+        found = make_reader(file).iter_messages(topics=[topic], log_time_order=False)
+        return [schemas.decode(kind, message.data) for _, _, message in found]
+
+
+def metadata(path: Path, name: str) -> dict[str, str]:
+    with path.open("rb") as file:
+        return next(m.metadata for m in make_reader(file).iter_metadata() if m.name == name)
+
+
+def listed(folder: Path) -> int:
+    """How many files are complete; a new table of contents would repair the one being written."""
+    return len((folder / "contents.jsonl").read_text().splitlines())
+
+
+def streams(events: Iterable[WireEvent]) -> dict[tuple[str, Direction], bytes]:
+    joined: dict[tuple[str, Direction], bytes] = {}
+    for event in events:
+        key = (event.connection, event.direction)
+        joined[key] = joined.get(key, b"") + event.data
+    return joined
+
+
+@pytest.fixture(scope="module")
+def unrotated(tmp_path_factory: pytest.TempPathFactory, shift: list[WireEvent]) -> Path:
+    """The shift in one file."""
+    (path,) = cut(tmp_path_factory.mktemp("one"), shift, set())
+    return path
+
+
+@settings(max_examples=10)
+@given(st.data())
+def test_files_cut_anywhere_are_the_recording(
+    tmp_path_factory: pytest.TempPathFactory,
+    shift: list[WireEvent],
+    unrotated: Path,
+    data: st.DataObject,
+) -> None:
+    """Joined, the bytes are those of the streams, and what was judged is what was judged in one."""
+    cuts = data.draw(st.sets(st.integers(1, len(shift) - 1), max_size=4))
+    paths = cut(tmp_path_factory.mktemp("cut"), shift, cuts)
+    captures = [read_mcap(path) for path in paths]
+    assert streams(event for capture in captures for event in capture) == streams(shift)
+    assert [capture.summary.whole for capture in captures] == [True] * (len(cuts) + 1)
+    for topic, kind in (
+        ("/findings", schemas.Finding),
+        ("/exchanges", schemas.Exchange),
+        ("/transfers", schemas.Transfer),
+        ("/frames", schemas.Frame),
+    ):
+        together = [message for path in paths for message in messages(path, topic, kind)]
+        assert together == messages(unrotated, topic, kind)
+
+
+def beginnings(events: list[WireEvent], step: int) -> Iterable[list[WireEvent]]:
+    """The events from here, from there … on, as a file that begins there holds them."""
+    links = Links()
+    for number, event in enumerate(events):
+        if number % step == 0:
+            yield [*links.reopened(event.time_ns), *events[number:]]
+        links.follow(event)
+
+
+def test_a_file_alone_shows_nothing_that_is_not_there(shift: list[WireEvent]) -> None:
+    """Read without those before it, wherever it begins: what it says of certain is what was so."""
+    sure = {Verdict.FAIL, Verdict.TOLERATED}
+    there = {(f.requirement, f.evidence) for f in judge_all(shift) if f.verdict in sure}
+    for events in beginnings(shift, 11):
+        found = [f for f in judge_all(events) if f.verdict in sure]
+        assert {(f.requirement, f.evidence) for f in found} <= there
+
+
+@pytest.mark.parametrize("path", FIELD, ids=lambda path: path.stem)
+def test_a_capture_from_the_field_fails_nobody_for_being_cut(path: Path) -> None:
+    """Other implementations, other dialects, a torn beginning: a seam invents no violation."""
+    events = list(read_capture(path))
+    there = {(f.requirement, f.verdict) for f in judge_all(events)}
+    for part in beginnings(events, len(events) // 12 + 1):
+        for finding in judge_all(part):
+            if finding.verdict is not Verdict.INCONCLUSIVE:
+                assert (finding.requirement, finding.verdict) in there
+
+
+def test_what_is_in_flight_at_a_seam_comes_whole(
+    tmp_path: Path, talk: Any, program_file: bytes
+) -> None:
+    """A transfer and a two-stage command begin in one file and are complete in the next."""
+    talk.mark(A2C, Kind.OPENED)
+    talk.ask("login", b"password", reply=True)
+    talk.ask("run_program", b"old.rob", Acceptance(accepted=True))
+    talk.upload(b"pick.rob", program_file)
+    seam = len(talk.events) - 2
+    talk.result("run_program", Outcome(done=True))
+    _, second = cut(tmp_path, talk.events, {seam})
+    (transfer,) = messages(second, "/transfers", schemas.Transfer)
+    assert (transfer.state, transfer.received_bytes) == ("done", len(program_file))
+    with second.open("rb") as file:
+        (attachment,) = make_reader(file).iter_attachments()
+    assert attachment.data == program_file
+    (run,) = [x for x in messages(second, "/exchanges", schemas.Exchange) if x.result]
+    assert (run.command, run.ending, run.number) == ("run_program", "answered", 2)
+    assert messages(second, "/findings", schemas.Finding) == []
+    assert metadata(second, "summary")["conclusion"] == "conformant"
+
+
+def test_a_file_begins_with_its_connections(tmp_path: Path, talk: Any) -> None:
+    """They are opened again, at the seam's time, with the offsets they had come to."""
+    talk.mark(A2C, Kind.OPENED, "10.0.0.1:5 to 10.0.0.2:8877")
+    talk.ask("login", b"password", reply=True)
+    talk.ask("get_status", None, "00")
+    _, second = cut(tmp_path, talk.events, {3})
+    opened, *pieces, _, _ = [e for e in read_mcap(second) if e.kind is not Kind.GAP]
+    assert (opened.kind, opened.time_ns) == (Kind.OPENED, talk.events[3].time_ns)
+    assert opened.note == "10.0.0.1:5 to 10.0.0.2:8877, since 2026-11-20 22:58:37 UTC"
+    sent = {
+        direction: sum(len(e.data) for e in talk.events[:3] if e.direction is direction)
+        for direction in Direction
+    }
+    assert [(e.direction, e.offset_bytes, e.data) for e in pieces] == [
+        (A2C, sent[A2C], b""),
+        (C2A, sent[C2A], b""),
+    ]
+    account = metadata(second, "stream/1/A2C")
+    assert account["first_offset_bytes"] == str(sent[A2C])
+    assert account["received_bytes"] == account["recorded_bytes"] == "4"
+    assert account["lost_bytes"] == "0"
+
+
+def test_a_beginning_that_nobody_saw_stays_unseen(tmp_path: Path, talk: Any) -> None:
+    """A gap of unknown length before all else is told again, for no offset shows it."""
+    talk.mark(A2C, Kind.OPENED)
+    talk.mark(C2A, Kind.GAP, "its beginning is not recorded", length=-1)
+    talk.mark(A2C, Kind.GAP, "its beginning is not recorded", length=-1)
+    talk.ask("get_status", None, "00")
+    _, second = cut(tmp_path, talk.events, {3})
+    kinds = [(event.kind, event.direction, event.length_bytes) for event in read_mcap(second)]
+    assert kinds[1:3] == [(Kind.GAP, C2A, -1), (Kind.GAP, A2C, -1)]
+
+
+def test_each_file_sums_up_itself(tmp_path: Path, talk: Any) -> None:
+    """What is wrong in the first is not held against the second."""
+    talk.mark(A2C, Kind.OPENED)
+    talk.ask("login", b"password", reply=True)
+    talk.send(C2A, b"\x00noise")
+    talk.ask("get_status", None, "00")
+    talk.ask("get_status", None, "00")
+    first, second = cut(tmp_path, talk.events, {6})
+    assert metadata(first, "summary")["conclusion"] == "nonconformant"
+    summary = metadata(second, "summary")
+    assert (summary["conclusion"], summary["exchanges"]) == ("conformant", "1")
+
+
+def test_a_file_lasts_as_long_as_asked(tmp_path: Path, talk: Any) -> None:
+    """By the clock of the ticks; a clock that is set back ends it too, and silence begins none."""
+    sink = recorder(tmp_path, parse_rotate("10s"))
+    talk.mark(A2C, Kind.OPENED)
+    now_ns = talk.time_ns
+    sink.write(talk.events[0])
+    for second in range(10):
+        sink.tick(now_ns + second * SECOND_NS)
+    assert listed(tmp_path) == 0
+    sink.tick(now_ns + 10 * SECOND_NS)
+    assert listed(tmp_path) == 1
+    for second in range(11, 40):
+        sink.tick(now_ns + second * SECOND_NS)
+    assert listed(tmp_path) == 1
+    talk.ask("get_status", None, "00")
+    for event in talk.events[1:]:
+        sink.write(event)
+    sink.tick(now_ns + 40 * SECOND_NS)
+    sink.tick(now_ns - 3600 * SECOND_NS)
+    assert listed(tmp_path) == 2
+    sink.close()
+
+
+def test_a_file_ends_behind_an_answer(tmp_path: Path, talk: Any) -> None:
+    """Where one comes soon, so that each file is conclusive when it is read alone."""
+    talk.mark(A2C, Kind.OPENED)
+    talk.ask("login", b"password", reply=True)
+    for _ in range(20):
+        talk.ask("get_status", None, "00")
+    sink = recorder(tmp_path, AT_EVERY_TICK)
+    for event in talk.events:
+        sink.write(event)
+        if event.direction is A2C:
+            sink.tick(event.time_ns)
+    sink.close()
+    entries = Contents(tmp_path).entries.values()
+    assert len(entries) > 3
+    for entry in entries:
+        assert judge_all(read_mcap(tmp_path / entry.name)) == []
+
+
+def test_a_file_grows_as_large_as_asked(
+    tmp_path: Path, talk: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It ends at the first tick at which it has the size."""
+    monkeypatch.setattr("os.fdatasync", lambda _: None)
+    sink = recorder(tmp_path, Rotate(Limits(size_bytes=60_000)))
+    talk.mark(A2C, Kind.OPENED)
+    for _ in range(400):
+        talk.ask("get_status", None, "00")
+    for event in talk.events:
+        sink.write(event)
+        sink.tick(event.time_ns)
+    sink.close()
+    entries = list(Contents(tmp_path).entries.values())
+    assert len(entries) > 2
+    assert all(60_000 <= entry.size_bytes < 120_000 for entry in entries[:-1])
+
+
+@pytest.fixture
+def sessions(new_talk: Callable[..., Any]) -> Callable[..., list[list[WireEvent]]]:
+    """Short sessions, so far apart."""
+
+    def make(count: int, apart_ns: int) -> list[list[WireEvent]]:
+        talks = [new_talk(str(number)) for number in range(1, count + 1)]
+        for number, talk in enumerate(talks):
+            talk.time_ns += number * apart_ns
+            talk.mark(A2C, Kind.OPENED)
+            talk.ask("login", b"password", reply=True)
+            talk.mark(A2C, Kind.CLOSED)
+        return [talk.events for talk in talks]
+
+    return make
+
+
+def test_a_connection_may_have_a_file_of_its_own(
+    tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]]
+) -> None:
+    """Those that overlap share one; it ends with the last of them, at the next tick."""
+    sink = recorder(tmp_path, parse_rotate("connection"))
+    one, two, three = sessions(3, 1)
+    for event in (*one[:2], *two[:2], *one[2:], *two[2:]):
+        sink.write(event)
+    sink.tick(two[-1].time_ns)
+    for event in three:
+        sink.write(event)
+    sink.close()
+    contents = Contents(tmp_path)
+    assert [entry.connections for entry in contents.entries.values()] == [2, 1]
+    assert [entry.exchanges for entry in contents.entries.values()] == [2, 1]
+
+
+@pytest.mark.parametrize(("apart_ns", "files"), [(TICK_NS // 10, 10), (TICK_NS, 50)])
+def test_short_connections_share_a_file(
+    tmp_path: Path, sessions: Callable[..., list[list[WireEvent]]], apart_ns: int, files: int
+) -> None:
+    """Else who connects all the time would hold up the writing; also where no tick comes between.
+
+    The first that ends a tick after its file began is the last in it.
+    """
+    sink = recorder(tmp_path, parse_rotate("connection"))
+    for session in sessions(100, apart_ns):
+        for event in session:
+            sink.write(event)
+    sink.close()
+    entries = Contents(tmp_path).entries.values()
+    assert len(entries) == files
+    assert sum(entry.connections for entry in entries) == 100
+
+
+def test_a_recording_without_events_leaves_no_file(tmp_path: Path) -> None:
+    """A file begins with its first event."""
+    sink = recorder(tmp_path, Rotate())
+    sink.tick(1)
+    sink.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["contents.jsonl"]
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "'' is neither a duration such as 1h nor a size such as 512MB, nor connection"),
+        (
+            "daily",
+            "'daily' is neither a duration such as 1h nor a size such as 512MB, nor connection",
+        ),
+        ("1ms", "1ms is too little for a file: take 1s or 1MB at least"),
+        ("1h,10kB", "1h,10kB is too little for a file: take 1s or 1MB at least"),
+    ],
+)
+def test_a_rotation_that_makes_no_sense_is_one_sentence(text: str, sentence: str) -> None:
+    """What was wrong, and what to write instead."""
+    with pytest.raises(QuantityError) as caught:
+        parse_rotate(text)
+    assert str(caught.value) == sentence
+
+
+def test_rotations_are_read() -> None:
+    """By time, by size, by both, by connection."""
+    assert parse_rotate("1h") == Rotate(Limits(3600 * SECOND_NS))
+    assert parse_rotate("512MB,1h") == Rotate(Limits(3600 * SECOND_NS, 512_000_000))
+    assert parse_rotate("connection") == Rotate(each_connection=True)

@@ -1,0 +1,259 @@
+"""Each condition fires on what it is about, once, and on nothing else."""
+
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from datetime import datetime
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scaraspec.judge.judge import Judge
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import A2C, C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Acceptance, Outcome
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.quantities import SECOND_NS
+from scaraspec_recorder.recordings.triggers import Pressed, TriggerError, Watcher, parse_trigger
+
+
+def reply(name: str, data: bytes) -> bytes:
+    return Frame(C2A, BY_NAME[name].opcode, data).encode()
+
+
+def feed(watcher: Watcher, events: Iterable[WireEvent], judge: Judge | None = None) -> list[str]:
+    """Why it fires, each time it does."""
+    judge = judge or Judge()
+    said = []
+    for event in events:
+        said.append(watcher.event(event))
+        said += [watcher.item(item) for item in judge.feed(event)]
+    return [why for why in said if why]
+
+
+def fires(text: str, events: Iterable[WireEvent]) -> list[str]:
+    return feed(parse_trigger(text), events)
+
+
+@pytest.fixture
+def session(talk: Any) -> Any:
+    """A conversation after its login."""
+    talk.mark(A2C, Kind.OPENED)
+    talk.ask("login", b"password", reply=True)
+    return talk
+
+
+def test_a_code_fires_in_a_refusal_a_result_and_a_new_status(session: Any) -> None:
+    """A status that stays fires once, however often it is asked for."""
+    for status in ("00", "12", "12", "12", "00", "12"):
+        session.ask("get_status", None, status)
+    session.ask("reset", None, Acceptance(accepted=False, code="12"))
+    session.ask("reset", None, Acceptance(accepted=True))
+    session.result("reset", Outcome(done=False, code="12"))
+    assert fires("code:12", session.events) == [
+        "get_status: 12 motor fault: outer arm",
+        "get_status: 12 motor fault: outer arm",
+        "reset: refused 12 motor fault: outer arm",
+        "reset: failed 12 motor fault: outer arm",
+    ]
+    assert fires("code:13", session.events) == []
+
+
+def test_a_code_is_found_in_either_case(session: Any) -> None:
+    """1a is 1A (A-T-7)."""
+    session.ask("get_status", None, "1A")
+    assert len(fires("code:1a", session.events)) == 1
+
+
+def test_a_refusal_is_a_first_reply_that_says_no(session: Any) -> None:
+    """Of any command; a failed result is none."""
+    session.ask("set_time", datetime(2026, 11, 20), reply=False)  # noqa: DTZ001 - the robot's clock knows no zone
+    session.ask("reset", None, Acceptance(accepted=False, code="01"))
+    session.ask("reset", None, Acceptance(accepted=True))
+    session.result("reset", Outcome(done=False, code="12"))
+    assert fires("refusal", session.events) == [
+        "set_time: refused",
+        "reset: refused 01 running a program",
+    ]
+
+
+def test_a_finding_fires_by_requirement_or_by_verdict(session: Any) -> None:
+    """Only a violation of the named requirement; any of the named verdict."""
+    session.send(C2A, b"\x00noise")
+    session.ask("get_status", None, "00")
+    (why,) = fires("finding:fail", session.events)
+    assert why.startswith("fail 3/32: ")
+    assert fires("finding:3/32", session.events) == [why]
+    assert fires("finding:4.15/3", session.events) == []
+    assert fires("finding:inconclusive", session.events) == []
+
+
+def test_malformed_is_what_is_no_frame_or_has_a_wrong_payload(session: Any) -> None:
+    """What a gap has torn is not."""
+    session.send(C2A, b"\x00noise")
+    session.ask("get_status", None, "00")
+    session.ask("get_status")
+    session.send(C2A, reply("get_status", b"ZZ"))
+    found = fires("malformed", session.events)
+    assert len(found) == 2
+    assert "00 6E 6F 69 73 65" in found[0]
+    assert found[1] == "get_status: code 'ZZ' is no code of table 8-1"
+
+
+def test_a_frame_torn_by_a_gap_is_not_malformed(session: Any) -> None:
+    """The recording is to blame for it."""
+    whole = reply("get_status", b"00")
+    session.send(C2A, whole[:2])
+    session.mark(C2A, Kind.GAP, "overflow", length=2)
+    session.send(C2A, whole[4:])
+    session.ask("get_status", None, "00")
+    assert fires("malformed", session.events) == []
+
+
+@pytest.mark.parametrize("kind", [Kind.CLOSED, Kind.RESET])
+def test_a_disconnect_is_the_end_of_a_connection(session: Any, kind: Kind) -> None:
+    """In order or not; half of it is none."""
+    session.mark(A2C, Kind.HALF_CLOSED)
+    session.mark(C2A, kind)
+    assert fires("disconnect", session.events) == [f"connection 1 {kind.value}"]
+
+
+def test_a_connection_that_the_recorder_lost_from_sight_is_no_disconnect(session: Any) -> None:
+    """When the recording ends, all that is open is closed, with gaps of unknown length."""
+    for direction in (A2C, C2A):
+        session.mark(direction, Kind.GAP, "the recording ended", length=-1)
+    session.mark(A2C, Kind.CLOSED, "the recording ended")
+    assert fires("disconnect", session.events) == []
+
+
+def test_silence_fires_once_and_again_after_the_next_byte(session: Any) -> None:
+    """At a tick, for every connection that is open."""
+    watcher = parse_trigger("silence:30s")
+    feed(watcher, session.events)
+    quiet_ns = session.time_ns
+    ticks = [watcher.clock(quiet_ns + seconds * SECOND_NS) for seconds in (1, 29, 30, 31, 90)]
+    assert ticks == ["", "", "nothing on connection 1 for 30.0 s", "", ""]
+    session.time_ns += 100 * SECOND_NS
+    session.send(A2C, b"\xaa\x09\x00\xcc")
+    assert feed(watcher, session.events[-1:]) == []
+    assert watcher.clock(session.time_ns + 30 * SECOND_NS)
+    session.mark(A2C, Kind.CLOSED)
+    feed(watcher, session.events[-1:])
+    assert watcher.clock(session.time_ns + 300 * SECOND_NS) == ""
+
+
+def test_silence_shows_in_what_came_late(session: Any) -> None:
+    """Where no tick came in time, the next byte tells how long nothing had passed."""
+    session.time_ns += 31 * SECOND_NS
+    session.send(A2C, b"\xaa\x09\x00\xcc")
+    assert fires("silence:30s", session.events) == ["nothing on connection 1 for 31.0 s"]
+
+
+def test_a_connection_told_of_late_was_not_silent(talk: Any) -> None:
+    """What was opened long ago is silent from when it is first known of."""
+    talk.mark(A2C, Kind.OPENED)
+    watcher = parse_trigger("silence:30s")
+    feed(watcher, talk.events)
+    assert watcher.clock(talk.time_ns + 3600 * SECOND_NS) == ""
+    assert watcher.clock(talk.time_ns + 3630 * SECOND_NS)
+
+
+def test_a_late_reply_fires_when_it_comes(session: Any) -> None:
+    """Counted from the request's last byte to the reply's first; a timely one does not."""
+    session.ask("get_status", None, "00")
+    session.ask("get_status")
+    session.send(C2A, reply("get_status", b"00"), after_s=0.6)
+    assert fires("late:500ms", session.events) == ["get_status answered after 600 ms"]
+    assert fires("late:700ms", session.events) == []
+
+
+def test_a_late_reply_fires_before_it_comes(session: Any) -> None:
+    """At a tick, and then not again when it does come."""
+    session.ask("get_status")
+    asked_ns = session.time_ns
+    session.send(C2A, reply("get_status", b"00"), after_s=0.9)
+    watcher, judge = parse_trigger("late:500ms"), Judge()
+    assert feed(watcher, session.events[:-1], judge) == []
+    assert watcher.clock(asked_ns + 500_000_000) == ""
+    assert watcher.clock(asked_ns + 750_000_000) == "get_status not answered for 750 ms"
+    assert watcher.clock(asked_ns + 800_000_000) == ""
+    assert feed(watcher, session.events[-1:], judge) == []
+
+
+def test_a_reply_that_a_gap_or_the_end_took_is_not_late(session: Any) -> None:
+    """Nobody knows whether it came."""
+    for last in (Kind.GAP, Kind.CLOSED):
+        watcher = parse_trigger("late:500ms")
+        session.ask("get_status")
+        session.mark(C2A, last, length=3 if last is Kind.GAP else 0)
+        feed(watcher, session.events)
+        assert watcher.clock(session.time_ns + 9 * SECOND_NS) == ""
+
+
+def test_a_signal_fires_at_the_next_tick() -> None:
+    """Once for each time that somebody asks."""
+    watcher = parse_trigger("signal")
+    assert isinstance(watcher, Pressed)
+    assert watcher.clock(1) == ""
+    watcher.press()
+    assert [watcher.clock(2), watcher.clock(3)] == ["asked for by SIGUSR1", ""]
+
+
+def test_a_whole_shift_fires_what_is_in_it(shift: list[WireEvent]) -> None:
+    """One refusal, one fault, one run of noise, one end."""
+    counts = {
+        text: len(fires(text, shift))
+        for text in ("refusal", "code:12", "malformed", "disconnect", "finding:fail", "late:1s")
+    }
+    assert counts == {
+        "refusal": 1,
+        "code:12": 1,
+        "malformed": 1,
+        "disconnect": 1,
+        "finding:fail": 1,
+        "late:1s": 0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "'' is no trigger: take code:12, refusal, "),
+        ("refusal:now", "'refusal:now' is no trigger: take code:12, refusal, "),
+        ("code", "'' is no code of table 8-1, such as 12"),
+        ("code:ZZ", "'ZZ' is no code of table 8-1, such as 12"),
+        ("silence:soon", "'silence:soon' is no trigger: 'soon' is no duration such as 500ms"),
+        ("late", "'late' is no trigger: '' is no duration such as 500ms"),
+        ("finding:4.15/99", "There is no requirement '4.15/99'; "),
+        ("finding:pass", "There is no requirement 'pass'; "),
+    ],
+)
+def test_a_wrong_condition_is_one_sentence(text: str, sentence: str) -> None:
+    """What was wrong, and what there is."""
+    with pytest.raises(TriggerError) as caught:
+        parse_trigger(text)
+    assert str(caught.value).startswith(sentence)
+    assert "\n" not in str(caught.value)
+
+
+@given(
+    st.text() | st.tuples(st.sampled_from(["code:", "finding:", "late:"]), st.text()).map("".join)
+)
+def test_any_text_is_a_condition_or_an_error(text: str) -> None:
+    """Whatever a user types."""
+    with suppress(TriggerError):
+        assert isinstance(parse_trigger(text), Watcher)
+
+
+@given(st.lists(st.binary(max_size=12), max_size=12))
+def test_any_bytes_are_watched(new_talk: Callable[..., Any], pieces: list[bytes]) -> None:
+    """No condition minds what passes."""
+    talk = new_talk()
+    talk.mark(A2C, Kind.OPENED)
+    for number, piece in enumerate(pieces):
+        talk.send((A2C, C2A)[number % 2], piece)
+    talk.mark(A2C, Kind.CLOSED)
+    for text in ("code:12", "refusal", "finding:fail", "silence:1s", "late:1s", "malformed"):
+        fires(text, talk.events)
