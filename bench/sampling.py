@@ -28,9 +28,9 @@ class Samples:
     """Seconds by place.
 
     Args:
-        places: By the beginning of a dotted name, as `scaraspec.suite.engine.wire.Wire.wait` or
-            `scaraspec.suite`, what to call the place. Of several beginnings the longest counts.
-        clock: What is shared out.
+        places: The label of each prefix of a dotted name, such as `scaraspec.suite` or
+            `scaraspec.suite.engine.connection.Wire.wait`. The longest prefix counts.
+        clock: Returns the seconds that are shared among the labels.
 
     Attributes:
         innermost_s: By the innermost frame that has a place.

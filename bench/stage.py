@@ -22,7 +22,7 @@ from bench.peers import Peer
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from scaraspec_recorder.spool.claims import spool_folder
+from scaraspec_recorder.spool.locks import spool_folder
 
 DIRECT: Final = "direct"
 """The name of no forwarder at all."""

@@ -60,7 +60,7 @@ ROOMS: Final = {
 
 _AS_CLIENT: Final = "scaraspec.suite.controller.harness"
 WAITS: Final = {
-    "scaraspec.suite.engine.wire.Wire.wait": "time is let pass",
+    "scaraspec.suite.engine.connection.Wire.wait": "time is let pass",
     f"{_AS_CLIENT}.subject.Subject.pause": "time is let pass",
     f"{_AS_CLIENT}.access.UrlAccess.pause": "time is let pass",
     f"{_AS_CLIENT}.line.Line.result": "a final result is awaited",

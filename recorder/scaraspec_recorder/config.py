@@ -18,10 +18,10 @@ from scaraspec_recorder.fault_injection.rules import Injection
 from scaraspec_recorder.quantities import Limits, parse_limits, parse_size
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
-from scaraspec_recorder.recordings.leftovers import repairing_sink
+from scaraspec_recorder.recordings.recovery import repairing_sink
 from scaraspec_recorder.recordings.rotation import Rotate, parse_rotate
 from scaraspec_recorder.recordings.triggers import parse_trigger
-from scaraspec_recorder.sinks.seams import safe_name
+from scaraspec_recorder.sinks.restarts import safe_name
 from scaraspec_recorder.sinks.sinks import SinkFactory
 from scaraspec_recorder.tap.routes import Mode
 from scaraspec_recorder.toml_file import TomlError, read_toml

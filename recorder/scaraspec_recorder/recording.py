@@ -19,7 +19,7 @@ from scaraspec_recorder.sinks import runner as scribe
 from scaraspec_recorder.sinks.runner import Progress
 from scaraspec_recorder.sinks.sinks import SinkFactory
 from scaraspec_recorder.spool import asking
-from scaraspec_recorder.spool.claims import claimed_spool
+from scaraspec_recorder.spool.locks import claimed_spool
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, Trouble, read_checkpoint, trouble_of
 from scaraspec_recorder.tap import tap
 from scaraspec_recorder.tap.routes import Route

@@ -17,8 +17,8 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.traffic.dialogue import Dialogue
-from scaraspec.traffic.happenings import FrameSeen, Undecodable
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import FrameSeen, Undecodable
+from scaraspec.traffic.robot_state import Scene
 from scaraspec.traffic.wire import WireEvent
 
 _MOST_UNANSWERED: Final = 256

@@ -8,7 +8,7 @@ import pytest
 from scaraspec_recorder.config import ConfigError, Robot, read_config, read_robot
 from scaraspec_recorder.quantities import SECOND_NS
 from scaraspec_recorder.recordings.archive import archive_sink
-from scaraspec_recorder.recordings.leftovers import repairing_sink
+from scaraspec_recorder.recordings.recovery import repairing_sink
 from scaraspec_recorder.recordings.rotation import parse_rotate
 from scaraspec_recorder.tap.routes import Mode
 

@@ -20,7 +20,7 @@ import journal
 from scaraspec_recorder.children import Child
 from scaraspec_recorder.recording import Recording, record
 from scaraspec_recorder.sinks.sinks import SinkFactory
-from scaraspec_recorder.spool import claims
+from scaraspec_recorder.spool import locks as claims
 from scaraspec_recorder.tap.routes import Upstream
 
 TIMEOUT_S = 30
@@ -345,7 +345,7 @@ import journal
 from scaraspec_recorder import recording
 from scaraspec_recorder.tap.routes import Upstream
 from scaraspec_recorder.sinks.sinks import SinkFactory
-from scaraspec_recorder.spool import claims
+from scaraspec_recorder.spool import locks as claims
 
 async def main():
     claims._has_room = lambda _: False

@@ -10,8 +10,8 @@ from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.report import html, terminal
-from scaraspec.report.visible import visible
-from scaraspec.report.words import Language
+from scaraspec.report.sanitizing import visible
+from scaraspec.report.translations import Language
 from scaraspec_recorder.problems import CaptureError
 
 EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"

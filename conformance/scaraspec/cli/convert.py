@@ -11,7 +11,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recordings.capture import draw_capture
-from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.decoder import Deriver
 from scaraspec_recorder.sinks.mcap.mcap_file import LINK, SERIAL, McapSink
 from scaraspec_recorder.sinks.pcap_writing import PcapngWriter
 from scaraspec_recorder.sources.capture import Capture, McapCapture, open_capture

@@ -12,10 +12,10 @@ import traceback
 
 import click
 
-from scaraspec.cli.leaving import ending_alike, outliving_readers
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.stdio import ending_alike, outliving_readers
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.report.visible import visible
+from scaraspec.report.sanitizing import visible
 
 COMMANDS = {
     "audit": "Judge a capture: MCAP, pcap or pcapng.",

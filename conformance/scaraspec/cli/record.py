@@ -15,9 +15,9 @@ from typing import Any, Final
 import click
 from rich.console import Console
 
-from scaraspec.cli.grouped import GroupedCommand
-from scaraspec.cli.leaving import insists
+from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.problems import Problem, make_folder
+from scaraspec.cli.stdio import insists
 from scaraspec.cli.viewer import has_viewer, open_viewer
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import ending_signals
@@ -45,7 +45,7 @@ from scaraspec_recorder.monitoring.status import Status, Watch
 from scaraspec_recorder.recording import Recording, record
 from scaraspec_recorder.recordings.triggers import SIGNAL
 from scaraspec_recorder.sinks.rerun.live import live_sink
-from scaraspec_recorder.sinks.seams import safe_name
+from scaraspec_recorder.sinks.restarts import safe_name
 from scaraspec_recorder.sinks.sinks import SinkFactory
 from scaraspec_recorder.tap import relay
 from scaraspec_recorder.tap.routes import Mode, Route, route

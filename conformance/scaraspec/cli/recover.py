@@ -10,8 +10,8 @@ from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.recordings.leftovers import hold, is_drawn, redraw
 from scaraspec_recorder.recordings.recover import Report, recover
+from scaraspec_recorder.recordings.recovery import hold, is_drawn, redraw
 
 EXAMPLE = "Example: scaraspec recover captures/*.mcap"
 

@@ -20,11 +20,11 @@ from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.report.visible import visible
+from scaraspec.report.sanitizing import visible
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recordings.capture import draw_capture
-from scaraspec_recorder.recordings.leftovers import hold, is_drawn, redraw
 from scaraspec_recorder.recordings.recover import recover
+from scaraspec_recorder.recordings.recovery import hold, is_drawn, redraw
 from scaraspec_recorder.sources.capture import McapCapture, open_capture
 
 EXAMPLE = "Example: scaraspec view captures/capture.mcap"

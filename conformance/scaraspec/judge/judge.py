@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Final
 
-from scaraspec.judge.file_sightings import file_sightings
+from scaraspec.judge.dialect_detector import DialectSeen
+from scaraspec.judge.program_file_readings import file_sightings
 from scaraspec.judge.requirements import REQUIREMENTS, Strength
 from scaraspec.judge.rules import RULES
 from scaraspec.judge.rules.rule import (
@@ -23,12 +24,11 @@ from scaraspec.judge.rules.rule import (
     kind_of,
     places_of,
 )
-from scaraspec.judge.sightings import DialectSeen
 from scaraspec.judge.verdicts import Cause, Conclusion, Finding, Verdict, conclude, worst
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
-from scaraspec.traffic.happenings import Happening, Transfer
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Happening, Transfer
+from scaraspec.traffic.robot_state import Scene
 from scaraspec.traffic.wire import Kind, WireEvent
 
 _KEPT_FINDINGS: Final = 50

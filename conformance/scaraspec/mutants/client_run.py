@@ -18,11 +18,11 @@ from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.client.harness.access import LOOPBACK
+from scaraspec.suite.client.harness.adapter import ClientSetting
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.transports.simulated import SimulatedLink, SimulatedLoop
 
 _EPOCH_NS: Final = 1_767_225_600_000_000_000  # 2026-01-01

@@ -15,12 +15,12 @@ from scaraspec.mutants.controller import Fault
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
 from scaraspec.suite.controller.harness.own_files import TOKEN_LETTERS
-from scaraspec.suite.controller.harness.setting import ControllerSetting
 from scaraspec.suite.engine.hooks import HookError
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.transports.memory import MemoryNetwork
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.control import ControlError, obey

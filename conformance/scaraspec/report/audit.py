@@ -15,7 +15,7 @@ from scaraspec.judge.requirements import REQUIREMENTS, Method
 from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.readings import READINGS
-from scaraspec.report.exhibits import Exhibits
+from scaraspec.report.evidence import Exhibits
 from scaraspec.report.model import (
     Case,
     ReadingSeen,

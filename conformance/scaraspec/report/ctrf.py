@@ -11,7 +11,7 @@ from typing import Any, Final
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, Results
-from scaraspec.report.telling import cases_for_machines
+from scaraspec.report.ordering import cases_for_machines
 
 SPEC_VERSION: Final = "0.0.0"
 """The version that the specification gives itself; it is a draft."""

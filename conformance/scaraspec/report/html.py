@@ -22,14 +22,14 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.errors import TABLE_8_1
 from scaraspec.protocol.readings import READINGS
-from scaraspec.report import figures
+from scaraspec.report import formatting as figures
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, CommandSeen, RequirementResult, Results, Session
+from scaraspec.report.ordering import TELLING, UNSETTLED, most_telling_first, told_once
 from scaraspec.report.plots import WIDTH, LatencyPlot, timeline
+from scaraspec.report.sanitizing import visible
 from scaraspec.report.segments import segments
-from scaraspec.report.telling import TELLING, UNSETTLED, most_telling_first, told_once
-from scaraspec.report.visible import visible
-from scaraspec.report.words import CLAUSES, WORDS, Language, Words
+from scaraspec.report.translations import CLAUSES, WORDS, Language, Words
 
 _SIGNS: Final = {
     Verdict.FAIL: "✕",

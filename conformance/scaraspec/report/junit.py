@@ -13,8 +13,8 @@ from xml.etree import ElementTree as ET
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Case, Results
-from scaraspec.report.telling import cases_for_machines
-from scaraspec.report.visible import visible
+from scaraspec.report.ordering import cases_for_machines
+from scaraspec.report.sanitizing import visible
 
 _OUTCOMES: Final = {
     Verdict.FAIL: "failure",

@@ -10,7 +10,7 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.report.figures import duration
+from scaraspec.report.formatting import duration
 from scaraspec.report.model import CommandSeen, Results, Session, Timing
 
 WIDTH: Final = 400.0

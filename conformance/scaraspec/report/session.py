@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.fields import show
-from scaraspec.report.exhibits import Exhibits
+from scaraspec.report.evidence import Exhibits
 from scaraspec.report.histogram import Histogram
 from scaraspec.report.model import (
     CommandSeen,
@@ -21,7 +21,7 @@ from scaraspec.report.model import (
     Session,
     TransferSeen,
 )
-from scaraspec.traffic.happenings import (
+from scaraspec.traffic.events import (
     Ending,
     Exchange,
     FrameSeen,

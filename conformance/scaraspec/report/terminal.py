@@ -13,8 +13,8 @@ from rich.text import Text
 
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.report.model import Case, Results
-from scaraspec.report.telling import TELLING, most_telling_first, told_once
-from scaraspec.report.visible import visible
+from scaraspec.report.ordering import TELLING, most_telling_first, told_once
+from scaraspec.report.sanitizing import visible
 
 _STYLES: Final = {
     "conformant": "bold green",

@@ -19,14 +19,14 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import state_directory
 from scaraspec.report import terminal
 from scaraspec.suite.controller.harness.access import UrlAccess
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.engine.case import declare_mark
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.journal import ControllerBusyError, Journal, JournalError
 from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.transports.connect import resolved
 from scaraspec.transports.link import LinkError
 

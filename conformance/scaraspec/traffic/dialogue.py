@@ -11,8 +11,7 @@ from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import TAG, Why
 from scaraspec.protocol.readings import DEFAULT, Dialect
-from scaraspec.traffic.executing import Executing
-from scaraspec.traffic.happenings import (
+from scaraspec.traffic.events import (
     Ending,
     Exchange,
     FrameSeen,
@@ -23,10 +22,11 @@ from scaraspec.traffic.happenings import (
     Unasked,
     Undecodable,
 )
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.pending_requests import Waiting
+from scaraspec.traffic.pending_results import Executing
+from scaraspec.traffic.robot_state import Scene
 from scaraspec.traffic.stream import Stream
-from scaraspec.traffic.tracking import NAMES, TransferTracker, refuses_an_answer
-from scaraspec.traffic.waiting import Waiting
+from scaraspec.traffic.transfers import NAMES, TransferTracker, refuses_an_answer
 from scaraspec.traffic.wire import Kind, WireEvent
 
 _MOST_PARTS: Final = 256  # of one program list; of a longer one the last are kept

@@ -13,7 +13,7 @@ from typing import Final
 from scaraspec.protocol import commands
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.frames import Found, Frame, Framer, Skipped, Why
-from scaraspec.traffic.happenings import FrameSeen, Undecodable
+from scaraspec.traffic.events import FrameSeen, Undecodable
 from scaraspec.traffic.wire import Place, WireEvent
 
 _KEPT_UNDECODABLE_BYTES: Final = 4096

@@ -4,7 +4,7 @@ from scaraspec.protocol.commands import BY_OPCODE, Command
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Found, Frame, Skipped
-from scaraspec.protocol.secrecy import is_secret
+from scaraspec.protocol.redaction import is_secret
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
 
 _MASK = "••••"

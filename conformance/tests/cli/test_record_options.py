@@ -22,8 +22,8 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.sources.capture import open_capture
-from scaraspec_recorder.spool.claims import spool_folder
-from scaraspec_recorder.spool.passages import Passage
+from scaraspec_recorder.spool.chunks import Passage
+from scaraspec_recorder.spool.locks import spool_folder
 
 LOCAL = ("--listen", "127.0.0.1:0")
 DEADLINE_S = 60

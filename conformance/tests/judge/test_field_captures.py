@@ -8,7 +8,7 @@ import pytest
 
 from scaraspec.judge.verdicts import Conclusion, Verdict
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.traffic.events import FrameSeen
 from scaraspec_recorder.sources.pcap_reading import read_capture
 
 Judged = Callable[..., Any]

@@ -4,7 +4,7 @@ import pytest
 
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.secrecy import is_secret, mask, mask_loose
+from scaraspec.protocol.redaction import is_secret, mask, mask_loose
 
 
 @pytest.mark.parametrize(

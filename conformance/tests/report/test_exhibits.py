@@ -8,9 +8,9 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, Why
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
-from scaraspec.report.exhibits import Exhibits, exhibit
+from scaraspec.report.evidence import Exhibits, exhibit
 from scaraspec.report.model import FrameField
-from scaraspec.traffic.happenings import Ending, Exchange, FrameSeen, Undecodable
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, Undecodable
 from scaraspec.traffic.wire import Place
 
 

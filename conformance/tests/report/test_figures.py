@@ -2,7 +2,7 @@
 
 import pytest
 
-from scaraspec.report.figures import count, duration, instant
+from scaraspec.report.formatting import count, duration, instant
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ import pytest
 from scaraspec.judge.verdicts import Conclusion, Verdict
 from scaraspec.report import html
 from scaraspec.report.model import Case, Results, Role
-from scaraspec.report.words import WORDS, Language
+from scaraspec.report.translations import WORDS, Language
 
 _VOID = frozenset({"meta", "input", "br"})
 _IN_LINE = frozenset({"span", "code", "b", "bdi", "i", "a"})

@@ -10,7 +10,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import State
 from scaraspec.report.model import Results, Session
 from scaraspec.report.session import SessionStats
-from scaraspec.traffic.happenings import LinkChange, Lost, Transfer
+from scaraspec.traffic.events import LinkChange, Lost, Transfer
 from scaraspec.traffic.wire import Kind, WireEvent
 
 MS = 10**6

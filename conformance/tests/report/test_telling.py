@@ -6,7 +6,7 @@ import pytest
 
 from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.report.model import Case, Results
-from scaraspec.report.telling import cases_for_machines, most_telling_first, told_once
+from scaraspec.report.ordering import cases_for_machines, most_telling_first, told_once
 
 
 def test_failures_come_first_and_passes_last(full: Results) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.report.visible import visible
+from scaraspec.report.sanitizing import visible
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,10 @@ from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import State
-from scaraspec.report import words
+from scaraspec.report import translations as words
 from scaraspec.report.model import Role
-from scaraspec.report.words import CLAUSES, WORDS, Words
-from scaraspec.traffic.happenings import Ending
+from scaraspec.report.translations import CLAUSES, WORDS, Words
+from scaraspec.traffic.events import Ending
 from scaraspec.traffic.wire import Kind
 
 SETTLED = ("OPEN", "ANSWERED")

@@ -10,8 +10,8 @@ from scaraspec.mutants.controller_run import Robot, certified, hooks_of
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Case, Results
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.virtual_controller.brain import Brain
 
 _RUN_AND_WRONG = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)

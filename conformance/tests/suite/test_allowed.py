@@ -14,12 +14,12 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Session
 

@@ -6,9 +6,9 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller_run import Robot, certified
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options, why_not
 from scaraspec.suite.engine.run import collect
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.virtual_controller.brain import Brain
 
 

@@ -14,8 +14,8 @@ from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.emergency_stop import StopMonitor
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session

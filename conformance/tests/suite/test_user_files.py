@@ -27,13 +27,13 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
 from scaraspec.suite.controller.harness.guard import EVERYTHING, SETTINGS
-from scaraspec.suite.controller.harness.setting import ControllerSetting
 from scaraspec.suite.engine import journal as journal_module
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.transports.link import Arrival, Link
 from scaraspec.virtual_controller.brain import Brain
 

@@ -31,7 +31,7 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk
-from scaraspec.traffic.happenings import (
+from scaraspec.traffic.events import (
     Exchange,
     FrameSeen,
     Happening,
@@ -42,7 +42,7 @@ from scaraspec.traffic.happenings import (
     Unasked,
     Undecodable,
 )
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.robot_state import Scene
 from scaraspec.traffic.wire import Kind, WireEvent
 
 _LINE = re.compile(r"(?P<name>\w*)(?P<who>[<>])(?P<tag>90)? (?P<what>[^ =]+|=)(?: ?(?P<data>.*))?")

@@ -13,8 +13,8 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.readings import Dialect
 from scaraspec.traffic.dialogue import Dialogue
-from scaraspec.traffic.happenings import Ending, Exchange, Lost, Undecodable
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Ending, Exchange, Lost, Undecodable
+from scaraspec.traffic.robot_state import Scene
 from scaraspec.traffic.wire import Kind, WireEvent
 
 Judged = Callable[..., Any]

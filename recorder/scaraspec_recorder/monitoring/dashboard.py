@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from scaraspec_recorder.monitoring.status import Status
-from scaraspec_recorder.recordings.tally import DRAWN
+from scaraspec_recorder.recordings.recording_stats import DRAWN
 from scaraspec_recorder.tap.tcp import address_text
 
 QUIET_S: Final = 10.0

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.quantities import Limits, show_size
-from scaraspec_recorder.recordings.contents import Contents
-from scaraspec_recorder.recordings.file_sets import Shelf, facts
 from scaraspec_recorder.recordings.marks import with_marks
+from scaraspec_recorder.recordings.recording_files import Shelf, facts
+from scaraspec_recorder.recordings.recording_index import Contents
 from scaraspec_recorder.recordings.recover import sweep
 from scaraspec_recorder.recordings.retention import PERIOD_NS, Retention
 from scaraspec_recorder.recordings.rotation import Rotate, Rotation
-from scaraspec_recorder.sinks.deriver import Deriver
-from scaraspec_recorder.sinks.masking import Redactor
+from scaraspec_recorder.sinks.decoder import Deriver
+from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sinks import Folder, Sink, SinkFailed
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.recordings.file_sets import facts, make_files
 from scaraspec_recorder.recordings.marks import with_marks
-from scaraspec_recorder.sinks.deriver import Deriver
-from scaraspec_recorder.sinks.masking import Redactor
+from scaraspec_recorder.recordings.recording_files import facts, make_files
+from scaraspec_recorder.sinks.decoder import Deriver
+from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sinks import Folder
 
 

@@ -13,10 +13,10 @@ from typing import Final
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.quantities import SECOND_NS
 from scaraspec_recorder.recordings.triggers import Pressed, Watcher, parse_trigger
-from scaraspec_recorder.sinks.deriver import Item, Output
-from scaraspec_recorder.sinks.seams import moment
+from scaraspec_recorder.sinks.decoder import Item, Output
+from scaraspec_recorder.sinks.restarts import moment
 from scaraspec_recorder.sinks.sinks import Folder
-from scaraspec_recorder.sinks.wording import Level, Line
+from scaraspec_recorder.sinks.text import Level, Line
 
 LOGGED_A_MINUTE: Final = 6
 """How many lines a minute the process's log gets for one trigger; the recording gets all."""

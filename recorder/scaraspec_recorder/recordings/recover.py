@@ -14,7 +14,7 @@ from typing import BinaryIO, Final
 
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 
-from scaraspec_recorder.sinks.accounts import Accounts
+from scaraspec_recorder.sinks.byte_accounting import Accounts
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
 from scaraspec_recorder.sinks.rerun.optimizing import SUFFIX as OPTIMIZED
 from scaraspec_recorder.sources.mcap_reading import RawLayer, Summary, records

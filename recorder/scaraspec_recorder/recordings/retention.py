@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Final
 
 from scaraspec_recorder.quantities import SECOND_NS, Limits, show_size
-from scaraspec_recorder.recordings.contents import Contents
-from scaraspec_recorder.recordings.tally import Entry
+from scaraspec_recorder.recordings.recording_index import Contents
+from scaraspec_recorder.recordings.recording_stats import Entry
 
 PERIOD_NS: Final = 10 * SECOND_NS
 """How often it is looked whether something is to be removed."""

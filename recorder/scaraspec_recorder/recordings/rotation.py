@@ -14,14 +14,14 @@ from typing import Final
 
 from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import C2A
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError, parse_limits
-from scaraspec_recorder.recordings.file_sets import FileSet, Shelf
-from scaraspec_recorder.sinks.deriver import Item, judged
-from scaraspec_recorder.sinks.seams import Links
+from scaraspec_recorder.recordings.recording_files import FileSet, Shelf
+from scaraspec_recorder.sinks.decoder import Item, judged
+from scaraspec_recorder.sinks.restarts import Links
 from scaraspec_recorder.sinks.sinks import TICK_NS
-from scaraspec_recorder.sinks.wording import Line
+from scaraspec_recorder.sinks.text import Line
 
 PATIENCE_TICKS: Final = 4
 """For how many ticks an answer is waited for, to end a file behind it."""

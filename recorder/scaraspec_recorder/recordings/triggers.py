@@ -25,11 +25,11 @@ from scaraspec.judge.requirements import UnknownRequirementError, requirement
 from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.errors import lookup
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.traffic.happenings import FrameSeen, LinkChange, Lost, Undecodable
+from scaraspec.traffic.events import FrameSeen, LinkChange, Lost, Undecodable
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_duration
-from scaraspec_recorder.sinks import wording
-from scaraspec_recorder.sinks.deriver import Item
+from scaraspec_recorder.sinks import text as wording
+from scaraspec_recorder.sinks.decoder import Item
 
 SIGNAL: Final = "signal"
 """The condition that the user fires by a signal, see `Pressed`."""

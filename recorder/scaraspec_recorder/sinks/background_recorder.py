@@ -16,7 +16,7 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.children import spawn
 from scaraspec_recorder.sinks import runner as scribe
 from scaraspec_recorder.sinks.sinks import SinkFactory, SinkFailed
-from scaraspec_recorder.spool.claims import claimed_spool
+from scaraspec_recorder.spool.locks import claimed_spool
 from scaraspec_recorder.spool.records import stream_number
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, SpoolWriter, read_checkpoint, trouble_of
 

@@ -20,7 +20,7 @@ from typing import Any, Final
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.children import SAID, ignore_signals
-from scaraspec_recorder.sinks.seams import moment
+from scaraspec_recorder.sinks.restarts import moment
 from scaraspec_recorder.sinks.sinks import TICK_NS, Folder, Sink, SinkFactory, SinkFailed
 from scaraspec_recorder.spool.records import UNREACHED
 from scaraspec_recorder.spool.spool import SpoolReader, Trouble, note_trouble

@@ -21,12 +21,12 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.sinks.accounts import Audit
+from scaraspec_recorder.sinks.byte_accounting import Audit
+from scaraspec_recorder.sinks.gap_filler import Mender
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.mcap.mcap_file import LINK, SERIAL, SESSION
-from scaraspec_recorder.sinks.mending import Mender
-from scaraspec_recorder.spool.passages import Passage
+from scaraspec_recorder.spool.chunks import Passage
 
 _MAX_RECORD_BYTES: Final = 1 << 26  # far beyond a chunk or an attachment of ours: damage
 _SEQUENCES: Final = 1 << 32

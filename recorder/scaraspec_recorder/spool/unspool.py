@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from scaraspec.protocol.direction import A2C, Direction
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.spool.passages import Passage
+from scaraspec_recorder.spool.chunks import Passage
 from scaraspec_recorder.spool.records import Mark, Record, stream_number
 
 _HOLE: Final = "records are missing"

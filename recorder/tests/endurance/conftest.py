@@ -30,7 +30,7 @@ from scaraspec.protocol.transfer import Chunk
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.sinks.runner import Progress
 from scaraspec_recorder.sources.mcap_reading import read_mcap
-from scaraspec_recorder.spool.claims import spool_folder
+from scaraspec_recorder.spool.locks import spool_folder
 from scaraspec_recorder.spool.spool import read_checkpoint
 
 TIMEOUT_S = 60.0

@@ -15,12 +15,12 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.report.session import SessionStats
-from scaraspec.traffic.happenings import Injected
+from scaraspec.traffic.events import Injected
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.fault_injection.rules import Injection
 from scaraspec_recorder.recording import record
 from scaraspec_recorder.recordings.capture import capture_sink
-from scaraspec_recorder.sinks import wording
+from scaraspec_recorder.sinks import text as wording
 from scaraspec_recorder.sources.mcap_reading import read_mcap
 from scaraspec_recorder.tap.routes import Upstream
 

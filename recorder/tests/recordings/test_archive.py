@@ -17,7 +17,7 @@ import pytest
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.quantities import SECOND_NS, parse_limits
-from scaraspec_recorder.recordings import contents
+from scaraspec_recorder.recordings import recording_index as contents
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.retention import PERIOD_NS
 from scaraspec_recorder.recordings.rotation import parse_rotate

@@ -18,9 +18,9 @@ from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.marks import LOGGED_A_MINUTE, SOURCE, with_marks
 from scaraspec_recorder.recordings.rotation import parse_rotate
-from scaraspec_recorder.sinks.deriver import Deriver, Item
+from scaraspec_recorder.sinks.decoder import Deriver, Item
 from scaraspec_recorder.sinks.sinks import Folder
-from scaraspec_recorder.sinks.wording import Line
+from scaraspec_recorder.sinks.text import Line
 from scaraspec_recorder.sources.mcap_reading import read_mcap
 
 REFUSED = Acceptance(accepted=False, code="01")

@@ -14,7 +14,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recordings.recover import discard_empty, recover, sweep
-from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.decoder import Deriver
 from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
 from scaraspec_recorder.sources.mcap_reading import read_mcap
 
@@ -175,7 +175,7 @@ from pathlib import Path
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.protocol.direction import A2C
-from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.decoder import Deriver
 from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
 
 deriver = Deriver([McapSink(Path(sys.argv[1]).open("wb"))], Judge())

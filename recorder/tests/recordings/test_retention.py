@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scaraspec_recorder.quantities import SECOND_NS, Limits, parse_limits
-from scaraspec_recorder.recordings.contents import FILE_NAME, Contents
+from scaraspec_recorder.recordings.recording_index import FILE_NAME, Contents
+from scaraspec_recorder.recordings.recording_stats import Entry
 from scaraspec_recorder.recordings.retention import Retention
-from scaraspec_recorder.recordings.tally import Entry
 
 HOUR_NS = 3600 * SECOND_NS
 NOW_NS = 1_795_215_517 * SECOND_NS

@@ -15,13 +15,13 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError
-from scaraspec_recorder.recordings.contents import Contents
-from scaraspec_recorder.recordings.file_sets import Shelf
+from scaraspec_recorder.recordings.recording_files import Shelf
+from scaraspec_recorder.recordings.recording_index import Contents
 from scaraspec_recorder.recordings.rotation import PATIENCE_TICKS, Rotate, Rotation, parse_rotate
-from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.decoder import Deriver
+from scaraspec_recorder.sinks.gap_filler import Mender
 from scaraspec_recorder.sinks.mcap import schemas
-from scaraspec_recorder.sinks.mending import Mender
-from scaraspec_recorder.sinks.seams import Links
+from scaraspec_recorder.sinks.restarts import Links
 from scaraspec_recorder.sinks.sinks import TICK_NS, Folder
 from scaraspec_recorder.sources.mcap_reading import read_mcap
 from scaraspec_recorder.sources.pcap_reading import read_capture

@@ -6,7 +6,7 @@ Importable in the processes of a recorder, as no fixture is.
 import json
 
 from scaraspec.traffic.wire import WireEvent
-from scaraspec_recorder.sinks.accounts import Accounts
+from scaraspec_recorder.sinks.byte_accounting import Accounts
 from scaraspec_recorder.sinks.sinks import Folder
 
 

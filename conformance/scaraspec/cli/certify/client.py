@@ -20,16 +20,16 @@ from scaraspec.cli.certify.options import (
     told,
 )
 from scaraspec.cli.certify.running import Display, Files, end_in_order
-from scaraspec.cli.grouped import GroupedCommand
+from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
 from scaraspec.report.model import Role
 from scaraspec.suite.client.harness.access import DriverAccess
+from scaraspec.suite.client.harness.adapter import ClientSetting
 from scaraspec.suite.client.harness.attended import HELP, Attended
-from scaraspec.suite.client.harness.setting import ClientSetting
 from scaraspec.suite.engine.plan import Options
-from scaraspec.suite.engine.pulse import Pulse
 from scaraspec.suite.engine.run import Run, collect
+from scaraspec.suite.engine.stall_detector import Pulse
 from scaraspec.transports.url import split_host_port
 
 _GROUPS = {

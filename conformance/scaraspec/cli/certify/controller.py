@@ -23,16 +23,16 @@ from scaraspec.cli.certify.running import (
     end_in_order,
     show_plan,
 )
-from scaraspec.cli.grouped import GroupedCommand
+from scaraspec.cli.help import GroupedCommand
 from scaraspec.cli.options import DEFAULT_PASSWORD, Duration, Real, password_option
 from scaraspec.cli.problems import Problem
 from scaraspec.operating_system import state_directory
 from scaraspec.suite.controller.harness.access import UrlAccess
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.plan import Options, hazards
-from scaraspec.suite.engine.pulse import Pulse
 from scaraspec.suite.engine.run import Run, collect
+from scaraspec.suite.engine.stall_detector import Pulse
 from scaraspec.transports.connect import resolved
 
 _GROUPS = {

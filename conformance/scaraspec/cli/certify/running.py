@@ -16,20 +16,20 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from scaraspec.cli.leaving import insists
 from scaraspec.cli.problems import Problem
+from scaraspec.cli.stdio import insists
 from scaraspec.cli.viewer import has_viewer
 from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report import ctrf, html, junit
 from scaraspec.report.model import Results
-from scaraspec.report.visible import visible
-from scaraspec.suite.engine.bracket import Outcome
+from scaraspec.report.sanitizing import visible
 from scaraspec.suite.engine.case import Case
+from scaraspec.suite.engine.case_runner import Outcome
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, why_not
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.sinks.background_recorder import Aside

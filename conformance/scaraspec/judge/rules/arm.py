@@ -8,8 +8,8 @@ from typing import Final
 
 from scaraspec.judge.rules.rule import Judged, failed, places_of
 from scaraspec.judge.rules.text import observed
-from scaraspec.traffic.happenings import Exchange
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange
+from scaraspec.traffic.robot_state import Scene
 
 JOINTS: Final = "get_joint_angles"
 POSE: Final = "get_tool_coordinates"

@@ -7,9 +7,9 @@ from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, 
 from scaraspec.judge.rules.two_stage import NOT_STOP
 from scaraspec.protocol import errors
 from scaraspec.protocol.fields import show
-from scaraspec.traffic.happenings import Ending, Exchange
-from scaraspec.traffic.memory import answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Ending, Exchange
+from scaraspec.traffic.exchange_history import answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 STATE_OF: Final = {
     "run_program": "01",

@@ -6,8 +6,8 @@ from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.traffic.happenings import Ending, Exchange, FrameSeen, LinkChange, Undecodable
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, LinkChange, Undecodable
+from scaraspec.traffic.robot_state import Scene
 from scaraspec.traffic.wire import Kind, Place
 
 _TLS_RECORD = re.compile(rb"[\x14-\x17]\x03[\x00-\x04]")

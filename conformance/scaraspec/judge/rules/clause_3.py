@@ -11,9 +11,9 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG
 from scaraspec.protocol.payloads import FinalResult
-from scaraspec.traffic.happenings import Ending, Exchange, FrameSeen, Unasked, Undecodable
-from scaraspec.traffic.memory import answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, Unasked, Undecodable
+from scaraspec.traffic.exchange_history import answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 _SOON_NS: Final = 1_000_000_000
 """Within it a status tells how things were."""

@@ -4,8 +4,8 @@ from scaraspec.judge.rules.flag import one_flag
 from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule
 from scaraspec.judge.rules.settings import UNSEEN_NS
 from scaraspec.protocol.direction import A2C
-from scaraspec.traffic.happenings import Exchange, FrameSeen
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange, FrameSeen
+from scaraspec.traffic.robot_state import Scene
 
 _LOGIN = ("login",)
 

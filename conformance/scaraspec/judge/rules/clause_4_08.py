@@ -8,8 +8,8 @@ from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated, 
 from scaraspec.protocol import errors
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
-from scaraspec.traffic.happenings import Ending, Exchange, FrameSeen
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen
+from scaraspec.traffic.robot_state import Scene
 
 _STATUS: Final = ("get_status",)
 _REQUIREMENT_OF: Final = {"01": "4.8/4", "02": "4.8/5", "03": "4.8/6", "04": "4.8/7"}

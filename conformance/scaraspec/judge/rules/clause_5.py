@@ -13,9 +13,9 @@ from scaraspec.judge.rules.rule import (
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, State
-from scaraspec.traffic.happenings import Exchange, FrameSeen, Transfer, Unasked
-from scaraspec.traffic.scene import Scene
-from scaraspec.traffic.tracking import REFUSED_CHUNK, REFUSED_NAME, SILENCE
+from scaraspec.traffic.events import Exchange, FrameSeen, Transfer, Unasked
+from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.transfers import REFUSED_CHUNK, REFUSED_NAME, SILENCE
 
 _CHUNKS = ("upload_chunk", "download_chunk")
 _UPLOAD_CHUNK = ("upload_chunk",)

@@ -15,9 +15,9 @@ from scaraspec.judge.rules.rule import (
     unsure,
 )
 from scaraspec.judge.rules.settings import in_force
-from scaraspec.traffic.happenings import Exchange
-from scaraspec.traffic.memory import answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange
+from scaraspec.traffic.exchange_history import answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 _TOLERANCE_S: Final = 2.0
 _DRIFT: Final = 0.01

@@ -6,8 +6,8 @@ from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated
 from scaraspec.judge.rules.text import has_codes, observed
 from scaraspec.protocol import errors
 from scaraspec.protocol.direction import C2A
-from scaraspec.traffic.happenings import FrameSeen
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import FrameSeen
+from scaraspec.traffic.robot_state import Scene
 
 _CODE_BYTES: Final = 2
 

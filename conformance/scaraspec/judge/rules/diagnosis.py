@@ -6,9 +6,9 @@ from typing import Final, NamedTuple
 
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import TAG, Why
-from scaraspec.protocol.secrecy import mask_loose
+from scaraspec.protocol.redaction import mask_loose
 from scaraspec.protocol.wrong_lengths import recognise
-from scaraspec.traffic.happenings import Undecodable
+from scaraspec.traffic.events import Undecodable
 
 _SHORTEST_FRAME_BYTES: Final = 4
 _HEAD_BYTES: Final = 3  # start, opcode, length

@@ -3,8 +3,8 @@
 from scaraspec.judge.rules.rule import PASSED, Judged, failed
 from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.fields import Wrong
-from scaraspec.traffic.happenings import Exchange
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange
+from scaraspec.traffic.robot_state import Scene
 
 _OF_THE_TEXT = (Wrong.TRAILING_NUL, Wrong.QUOTES, Wrong.BINARY)
 

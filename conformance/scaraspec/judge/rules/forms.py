@@ -14,8 +14,8 @@ from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import Notes, Number, Wrong, show
 from scaraspec.protocol.payloads import tidy
-from scaraspec.traffic.happenings import Exchange, FrameSeen, Undecodable
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange, FrameSeen, Undecodable
+from scaraspec.traffic.robot_state import Scene
 
 _EMPTY_REQUEST: Final = {
     "get_network": "4.3/1",

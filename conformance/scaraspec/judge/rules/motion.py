@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Final
 
-from scaraspec.judge.places import STANDSTILL, farthest
 from scaraspec.judge.rules.arm import (
     JOG,
     JOINTS,
@@ -22,12 +21,13 @@ from scaraspec.judge.rules.busy import STATE_OF
 from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.settings import PROGRAMS, executed_since, in_force
 from scaraspec.judge.rules.text import observed
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.traffic.happenings import Exchange, FrameSeen
-from scaraspec.traffic.memory import answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange, FrameSeen
+from scaraspec.traffic.exchange_history import answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 _AXES: Final = {
     JogDirection.PLUS_Y: (1, 1),

@@ -10,9 +10,9 @@ from scaraspec.judge.rules.settings import (
     switched_off_since,
 )
 from scaraspec.protocol.direction import A2C
-from scaraspec.traffic.happenings import Exchange, FrameSeen
-from scaraspec.traffic.memory import KEPT_EXCHANGES, answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange, FrameSeen
+from scaraspec.traffic.exchange_history import KEPT_EXCHANGES, answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 _SET: Final = "set_digital_output"
 _GET: Final = ("get_digital_outputs",)

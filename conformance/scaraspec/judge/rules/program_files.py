@@ -14,8 +14,8 @@ from scaraspec.protocol.programs import Fault, Finding, Severity, lint
 from scaraspec.protocol.programs.layout import FOOTER, MAGIC
 from scaraspec.protocol.programs.lint import MAX_FINDINGS
 from scaraspec.protocol.transfer import State
-from scaraspec.traffic.happenings import Transfer
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Transfer
+from scaraspec.traffic.robot_state import Scene
 
 _UNREADABLE: Final = {fault.code for fault in Fault} - {Fault.SURPLUS.code, Fault.SECOND.code}
 """Faults behind which nothing else of the file can be judged."""

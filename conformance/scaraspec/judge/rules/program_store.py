@@ -11,9 +11,9 @@ from scaraspec.judge.rules.two_stage import TWO_STAGE
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Wrong, show
 from scaraspec.protocol.programs import MAX_FILE_BYTES, Severity, lint
 from scaraspec.protocol.programs.layout import MAGIC
-from scaraspec.traffic.happenings import Exchange, Transfer
-from scaraspec.traffic.memory import answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange, Transfer
+from scaraspec.traffic.exchange_history import answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 _LIST: Final = ("list_programs",)
 _RUNS: Final = ("run_program", "simulate_program")

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.payloads import Payload
-from scaraspec.traffic.happenings import (
+from scaraspec.traffic.events import (
     Exchange,
     FrameSeen,
     Happening,
@@ -23,7 +23,7 @@ from scaraspec.traffic.happenings import (
     Unasked,
     Undecodable,
 )
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.robot_state import Scene
 from scaraspec.traffic.wire import Place
 
 

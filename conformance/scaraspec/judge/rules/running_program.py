@@ -15,9 +15,9 @@ from scaraspec.judge.rules.rule import (
 from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Wrong, show
-from scaraspec.traffic.happenings import Exchange, FrameSeen
-from scaraspec.traffic.memory import answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange, FrameSeen
+from scaraspec.traffic.exchange_history import answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 _INFO: Final = ("get_running_program",)
 _STATUS: Final = ("get_status",)

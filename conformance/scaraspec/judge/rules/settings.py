@@ -9,9 +9,9 @@ from typing import Any, Final
 from scaraspec.judge.rounding import read_back
 from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.text import observed
-from scaraspec.traffic.happenings import Ending, Exchange
-from scaraspec.traffic.memory import answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Ending, Exchange
+from scaraspec.traffic.exchange_history import answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 UNSEEN_NS: Final = 60_000_000_000
 """Later the robot may have been switched off, or somebody whom the recording does not show may be

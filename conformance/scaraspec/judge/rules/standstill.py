@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Final
 
-from scaraspec.judge.places import STANDSTILL, farthest
 from scaraspec.judge.rules.arm import (
     JOINTS,
     LOCK,
@@ -20,9 +19,10 @@ from scaraspec.judge.rules.arm import (
     reading_before,
 )
 from scaraspec.judge.rules.rule import PASSED, Judged, rule, tolerated
-from scaraspec.traffic.happenings import Exchange
-from scaraspec.traffic.memory import answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.judge.tolerances import STANDSTILL, farthest
+from scaraspec.traffic.events import Exchange
+from scaraspec.traffic.exchange_history import answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 _SIMULATE: Final = "simulate_program"
 _OUTPUTS: Final = "get_digital_outputs"

@@ -5,9 +5,9 @@ from typing import Final
 from scaraspec.judge.rules.busy import BUSY, STATE_OF, surely_executes
 from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
 from scaraspec.protocol.fields import show
-from scaraspec.traffic.happenings import Exchange
-from scaraspec.traffic.memory import answered_ns
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange
+from scaraspec.traffic.exchange_history import answered_ns
+from scaraspec.traffic.robot_state import Scene
 
 _STOP: Final = "emergency_stop"
 _CLEARLY_NS: Final = 500_000_000

@@ -14,10 +14,10 @@ from scaraspec.protocol.payloads import (
     Payload,
     tidy,
 )
-from scaraspec.protocol.secrecy import is_secret
+from scaraspec.protocol.redaction import is_secret
 from scaraspec.protocol.transfer import FileData
-from scaraspec.traffic.happenings import FrameSeen
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import FrameSeen
+from scaraspec.traffic.robot_state import Scene
 
 
 def observed(seen: FrameSeen) -> str:

@@ -10,8 +10,8 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import Wrong, show
-from scaraspec.traffic.happenings import Exchange, FrameSeen, Unasked
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange, FrameSeen, Unasked
+from scaraspec.traffic.robot_state import Scene
 
 TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")

@@ -7,8 +7,8 @@ from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import Wrong
-from scaraspec.traffic.happenings import Exchange, FrameSeen
-from scaraspec.traffic.scene import Scene
+from scaraspec.traffic.events import Exchange, FrameSeen
+from scaraspec.traffic.robot_state import Scene
 
 _VERSION: Final = ("get_version",)
 _DEFAULT: Final = ("get_default_program",)

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
 from scaraspec.operating_system import LockedError, locked, make_private_folder, open_private
-from scaraspec.suite.engine.expect import Undecided
+from scaraspec.suite.engine.expectations import Undecided
 
 T = TypeVar("T")
 

@@ -16,9 +16,9 @@ from scaraspec.judge.rules.rule import sender_of
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.interruption import Interruption
-from scaraspec.suite.engine.statement import Statement
-from scaraspec.traffic.happenings import (
+from scaraspec.traffic.events import (
     Exchange,
     FrameSeen,
     Happening,

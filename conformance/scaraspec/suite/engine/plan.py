@@ -8,7 +8,7 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.engine.case import Case
-from scaraspec.suite.engine.statement import Statement
+from scaraspec.suite.engine.ics import Statement
 
 
 class HazardError(ValueError):

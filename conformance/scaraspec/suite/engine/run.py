@@ -23,17 +23,17 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import READINGS
 from scaraspec.report import model
 from scaraspec.report.audit import readings_of
-from scaraspec.report.exhibits import exhibit
+from scaraspec.report.evidence import exhibit
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
-from scaraspec.suite.engine.bracket import Bracket, Outcome, unless_disturbed
-from scaraspec.suite.engine.expect import Undecided, Unmet
+from scaraspec.suite.engine.case_runner import Bracket, Outcome, unless_disturbed
+from scaraspec.suite.engine.expectations import Undecided, Unmet
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import Observer, Sighting, Take, speaks
-from scaraspec.suite.engine.party import Party
 from scaraspec.suite.engine.plan import Options, wanted
-from scaraspec.suite.engine.statement import Statement
+from scaraspec.suite.engine.system_under_test import Party
 
 CASES: Final = {
     role: Path(__file__).parents[1] / role.value / "cases"

@@ -12,13 +12,13 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.programs import Layout, Node, Program, Variable, listing, parse
-from scaraspec.suite.controller.harness.asking.files import upload
-from scaraspec.suite.controller.harness.asking.motion import go_on_if_it_listens, listens, quieten
-from scaraspec.suite.controller.harness.asking.ports import Bits, digits, outputs, outputs_kept
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet, expect, expect_equal
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import upload
+from scaraspec.suite.controller.harness.requests.motion import go_on_if_it_listens, listens, quieten
+from scaraspec.suite.controller.harness.requests.ports import Bits, digits, outputs, outputs_kept
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet, expect, expect_equal
 from scaraspec.suite.program_files.layout import configured, find_layout
 from scaraspec.suite.program_files.model import Block, State, nodes_of, variables_of
 from scaraspec.suite.program_files.writing import program_file, wait

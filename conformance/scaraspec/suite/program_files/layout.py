@@ -10,11 +10,11 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.programs import LAYOUTS, Layout, Program
-from scaraspec.suite.controller.harness.asking.files import upload
-from scaraspec.suite.controller.harness.asking.motion import IDLE, release_latch, status_of
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import upload
+from scaraspec.suite.controller.harness.requests.motion import IDLE, release_latch, status_of
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
 from scaraspec.suite.program_files.writing import EMPTY, layout_of, wait_program
 
 CODE_20: Final = "8/5"

@@ -7,11 +7,11 @@ first list that has several.
 from typing import Final
 
 from scaraspec.protocol.payloads import NameListPart
-from scaraspec.suite.controller.harness.asking.files import upload
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, expect
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import upload
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, expect
 from scaraspec.suite.program_files.layout import short_program
 
 INHERITED: Final = b"__proto__"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.programs import Node, Opt, ValueType, Variable
-from scaraspec.suite.controller.harness.asking.ports import ALL_OUTPUTS, Bits, with_port
+from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, Bits, with_port
 from scaraspec.suite.program_files import writing as programs
 from scaraspec.suite.program_files.writing import Operand
 

@@ -11,10 +11,10 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.client_run import MemoryClient
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Case
-from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.client.harness.adapter import ClientSetting
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 
 Client = type[AsyncClient] | type[ClientCore]
 GOOD = (Verdict.PASS, Verdict.TOLERATED)

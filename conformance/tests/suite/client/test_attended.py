@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from scaraspec.suite.client.harness.attended import HELP, Attended
-from scaraspec.suite.engine.expect import NotRun
+from scaraspec.suite.engine.expectations import NotRun
 
 Sitting = tuple[Attended, Callable[[str], None], list[str]]
 

@@ -10,11 +10,11 @@ from scaraspec.mutants.client import faults
 from scaraspec.mutants.client_run import MemoryClient
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.client.harness.adapter import ClientSetting
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 
 ONLY = frozenset({"5.1/1", "5.1/2", "5.1/3", "5.1/4"})
 TRANSFERS = frozenset({"5.1/1", "5.1/4", "5.1/12", "5.2/5", "5.3/1", "5.3/5", "5.3/11"})

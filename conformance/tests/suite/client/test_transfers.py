@@ -23,10 +23,10 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FILE_DATA_BYTES, Chunk, Receiver, Sender, State
-from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.client.harness.adapter import ClientSetting
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 
 ONLY = frozenset(r.id for r in select("5")) - {"5.2/16"}  # which is large
 UPLOAD_CHUNK = 0x52

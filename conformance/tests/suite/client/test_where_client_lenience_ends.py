@@ -15,7 +15,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.client.harness.orders import VALUES
+from scaraspec.suite.client.harness.operations import VALUES
 
 _IDLE = Frame(C2A, BY_NAME["get_status"].opcode, b"00").encode()
 _LISTED = ("delete_program", "set_default_program", "run_program", "simulate_program")

@@ -20,11 +20,11 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case, Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
 from scaraspec.suite.controller.harness.other_clients import REASON
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Action, Request
 

@@ -21,14 +21,14 @@ from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report import html, terminal
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
 from scaraspec.suite.controller.harness.own_files import OwnFiles
-from scaraspec.suite.controller.harness.setting import ControllerSetting
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Action, Request
 

@@ -16,12 +16,12 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.asking.queries import QUERIES
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
 from scaraspec.suite.controller.harness.model import VALUES, Model, Step
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.requests.queries import QUERIES
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Request, Session
 

@@ -5,10 +5,10 @@ from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.virtual_controller.brain import Brain
 
 

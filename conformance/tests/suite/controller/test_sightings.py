@@ -10,12 +10,12 @@ from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.commands import Network, Point
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.asking.files import upload
-from scaraspec.suite.controller.harness.asking.poses import initial_of
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.requests.files import upload
+from scaraspec.suite.controller.harness.requests.poses import initial_of
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.suite.program_files.layout import short_program
 from scaraspec.virtual_controller.brain import Brain
 

@@ -17,10 +17,10 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.transports.link import Link
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
 from scaraspec.virtual_controller.brain import Brain

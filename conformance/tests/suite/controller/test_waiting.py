@@ -7,13 +7,13 @@ import pytest
 from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.setting import ControllerSetting
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, start_program
-from scaraspec.suite.engine.expect import NoAnswer
+from scaraspec.suite.engine.expectations import NoAnswer
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.transports.link import Link, LinkError
 from scaraspec.virtual_controller.brain import Brain
 

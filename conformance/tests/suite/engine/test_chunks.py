@@ -4,7 +4,7 @@ import pytest
 
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.engine.chunks import expect_position
-from scaraspec.suite.engine.expect import Unmet
+from scaraspec.suite.engine.expectations import Unmet
 
 _FILE = b"abcdabce"
 

@@ -10,11 +10,11 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.transports.link import Arrival, Link
 from scaraspec.virtual_controller.brain import Brain
 

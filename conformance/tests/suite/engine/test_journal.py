@@ -13,9 +13,10 @@ from scaraspec.judge.requirements import select
 from scaraspec.mutants.controller_run import Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.setting import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerSetting
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.engine import journal as journal_module
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.journal import (
     Changes,
     ControllerBusyError,
@@ -24,7 +25,6 @@ from scaraspec.suite.engine.journal import (
 )
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 from scaraspec.virtual_controller.brain import Brain
 
 URL = "tcp://127.0.0.1:8877"

@@ -19,24 +19,24 @@ from scaraspec.protocol.commands import JointValues, Pose
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.protocol.secrecy import mask_loose
+from scaraspec.protocol.redaction import mask_loose
 from scaraspec.protocol.transfer import State
-from scaraspec.traffic.happenings import (
+from scaraspec.traffic.events import (
     Exchange,
     FrameSeen,
     Transfer,
     Undecodable,
 )
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks import wording
-from scaraspec_recorder.sinks.accounts import Accounts
-from scaraspec_recorder.sinks.deriver import Item
+from scaraspec_recorder.sinks import text as wording
+from scaraspec_recorder.sinks.byte_accounting import Accounts
+from scaraspec_recorder.sinks.decoder import Item
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
 from scaraspec_recorder.sinks.mcap.schemas import foxglove, ros2
 from scaraspec_recorder.sinks.rerun import arm_model
-from scaraspec_recorder.sinks.wording import Line
-from scaraspec_recorder.spool.passages import Latencies, Passage
+from scaraspec_recorder.sinks.text import Line
+from scaraspec_recorder.spool.chunks import Latencies, Passage
 
 RAW_TOPICS: Final = {A2C: "/raw/a2c", C2A: "/raw/c2a"}
 CONNECTION_TOPIC: Final = "/connection"

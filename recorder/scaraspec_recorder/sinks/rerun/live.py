@@ -18,7 +18,7 @@ from typing import Any, Final
 from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.children import ignore_signals
-from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.decoder import Deriver
 from scaraspec_recorder.sinks.sinks import Folder
 
 PATIENCE_S: Final = 30.0

@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from scaraspec_recorder.sinks.rerun.arm_model import Box, Cylinder, Placement, Vector
-from scaraspec_recorder.sinks.wording import Line
+from scaraspec_recorder.sinks.text import Line
 
 TIMELINES: Final = ("time", "elapsed", "exchange")
 _BATCH_ROWS: Final = 512

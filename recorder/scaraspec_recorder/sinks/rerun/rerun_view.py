@@ -16,15 +16,15 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.programs import ProgramError, listing, parse
 from scaraspec.protocol.transfer import State
-from scaraspec.traffic.happenings import Exchange, FrameSeen, Transfer
+from scaraspec.traffic.events import Exchange, FrameSeen, Transfer
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks import wording
-from scaraspec_recorder.sinks.deriver import Item
+from scaraspec_recorder.sinks import text as wording
+from scaraspec_recorder.sinks.decoder import Item
 from scaraspec_recorder.sinks.rerun import arm_model
 from scaraspec_recorder.sinks.rerun.arm_model import Box
 from scaraspec_recorder.sinks.rerun.optimizing import optimize
-from scaraspec_recorder.sinks.wording import Line
-from scaraspec_recorder.spool.passages import Latencies
+from scaraspec_recorder.sinks.text import Line
+from scaraspec_recorder.spool.chunks import Latencies
 
 try:
     # Its native half tells on stderr what is told here in a sentence; a user may still ask for it.

@@ -30,14 +30,14 @@ from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.recover import recover
-from scaraspec_recorder.sinks.deriver import Deriver
-from scaraspec_recorder.sinks.masking import Redactor
+from scaraspec_recorder.sinks.decoder import Deriver
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
 from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
+from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sinks import Folder
 from scaraspec_recorder.sources.mcap_reading import read_mcap
-from scaraspec_recorder.spool.passages import Passage
+from scaraspec_recorder.spool.chunks import Passage
 
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
 KINDS: dict[str, type[schemas.Message]] = {

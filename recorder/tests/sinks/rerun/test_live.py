@@ -20,7 +20,7 @@ import spectators
 from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.decoder import Deriver
 from scaraspec_recorder.sinks.rerun import live
 from scaraspec_recorder.sinks.rerun.live import LiveSink, live_sink
 from scaraspec_recorder.sinks.sinks import Folder

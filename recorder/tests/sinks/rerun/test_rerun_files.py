@@ -12,7 +12,7 @@ import rerun as rr
 import rerun_bindings
 from rerun.chunk import RrdReader
 
-from scaraspec_recorder.recordings.leftovers import is_drawn
+from scaraspec_recorder.recordings.recovery import is_drawn
 from scaraspec_recorder.sinks.rerun import blueprint, rerun_files
 from scaraspec_recorder.sinks.rerun.optimizing import optimize
 from scaraspec_recorder.sinks.rerun.rerun_files import _Layout

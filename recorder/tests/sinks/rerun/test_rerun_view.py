@@ -19,13 +19,13 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.programs import listing, parse
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.recordings.capture import capture_sink, draw_capture
-from scaraspec_recorder.sinks.deriver import Deriver
+from scaraspec_recorder.sinks.decoder import Deriver
 from scaraspec_recorder.sinks.rerun import blueprint
 from scaraspec_recorder.sinks.rerun.arm_model import BASE, SEGMENTS
 from scaraspec_recorder.sinks.rerun.rerun_rows import TIMELINES
 from scaraspec_recorder.sinks.rerun.rerun_view import RerunSink
 from scaraspec_recorder.sinks.sinks import Folder, SinkFailed
-from scaraspec_recorder.sinks.wording import Level, Line
+from scaraspec_recorder.sinks.text import Level, Line
 from scaraspec_recorder.sources.mcap_reading import read_mcap
 
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"

@@ -1,9 +1,9 @@
 """Clause 2: who dials whom, and what comes first (L79-L83, L104)."""
 
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.engine.case import client_case
-from scaraspec.suite.engine.expect import NotRun, Unmet, expect_equal
+from scaraspec.suite.engine.expectations import NotRun, Unmet, expect_equal
 
 
 @client_case("2/1", attended=True)

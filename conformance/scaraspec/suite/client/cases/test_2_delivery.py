@@ -4,11 +4,13 @@ from typing import Final
 
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.frames import Frame
+from scaraspec.suite.client.harness.auto_responder import REPLIES
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside
 from scaraspec.suite.client.harness.files import serve, take
-from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.lists import fetches_parts, list_of, serve_list
-from scaraspec.suite.client.harness.orders import (
+from scaraspec.suite.client.harness.operations import (
     accomplished,
     answer,
     awaited,
@@ -16,11 +18,9 @@ from scaraspec.suite.client.harness.orders import (
     of_each,
     order,
 )
-from scaraspec.suite.client.harness.polls import REPLIES
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NotRun, Unmet
+from scaraspec.suite.engine.expectations import NotRun, Unmet
 
 _CUT_S: Final = 0.005  # longer than a segment waits to be joined with the next
 _SLOW_S: Final = 0.95

@@ -8,11 +8,13 @@ from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import TAG, Frame
 from scaraspec.protocol.transfer import chunks_of
+from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside
 from scaraspec.suite.client.harness.files import Upload, fetch, serve
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import (
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import (
     accomplished,
     answer,
     ask,
@@ -22,11 +24,9 @@ from scaraspec.suite.client.harness.orders import (
     order,
     sent_or_settled,
 )
-from scaraspec.suite.client.harness.polls import REPLIES
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NoAnswer, expect, expect_equal
+from scaraspec.suite.engine.expectations import NoAnswer, expect, expect_equal
 
 _TWO_STAGE: Final = tuple(c.name for c in BY_NAME.values() if c.two_stage)
 _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)

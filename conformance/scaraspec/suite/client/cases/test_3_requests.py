@@ -3,9 +3,11 @@
 from typing import Final
 
 from scaraspec.protocol.commands import BY_NAME, PasswordChange
+from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import (
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import (
     VALUES,
     answer,
     ask,
@@ -15,11 +17,9 @@ from scaraspec.suite.client.harness.orders import (
     refuses,
     sent_or_settled,
 )
-from scaraspec.suite.client.harness.polls import REPLIES
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NotRun, expect
+from scaraspec.suite.engine.expectations import NotRun, expect
 
 _OPERATIONS: Final = tuple(c.name for c in BY_NAME.values() if c.clause.startswith("4."))
 _WITHOUT_DATA: Final = tuple(name for name in _OPERATIONS if name not in VALUES)

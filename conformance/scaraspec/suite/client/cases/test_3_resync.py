@@ -10,13 +10,13 @@ from typing import Final
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import RUN, executing, fails_in_the_end, renewed
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import awaited
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import awaited
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NoAnswer, Unmet
+from scaraspec.suite.engine.expectations import NoAnswer, Unmet
 
 _TURN_S: Final = 0.02
 _PATIENCE_S: Final = 0.3

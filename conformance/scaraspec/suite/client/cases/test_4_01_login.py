@@ -5,17 +5,17 @@ from typing import Final
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import (
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import (
     awaited,
     expect_carries,
     order,
     sent_or_settled,
 )
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import Unmet, expect
+from scaraspec.suite.engine.expectations import Unmet, expect
 
 _PRINTABLE: Final = st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_characters="|")
 _LONG_BYTES: Final = (16, 17, 31, 32, 33, 64, 127, 128, 200, 255)

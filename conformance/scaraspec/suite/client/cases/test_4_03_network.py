@@ -5,10 +5,10 @@ from typing import Final
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import ask, tells
-from scaraspec.suite.client.harness.saying import same
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.driver_values import same
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import ask, tells
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 

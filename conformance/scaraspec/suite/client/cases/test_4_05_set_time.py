@@ -7,12 +7,12 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import Clock, Notes
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import ask, blame, sent_or_settled
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import ask, blame, sent_or_settled
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 
 _TIMES: Final = st.datetimes(datetime(2000, 1, 1), datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
 _IMPOSSIBLE: Final = (

@@ -3,12 +3,12 @@
 from typing import Any, Final
 
 from scaraspec.protocol.errors import TABLE_8_1, Code, Kind
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import ask
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect, expect_in
+from scaraspec.suite.engine.expectations import expect, expect_in
 
 _STATES: Final = {Kind.IDLE: "idle", Kind.RUNNING: "running"}
 _ENTRIES: Final = {Kind.RESERVED: "A-8-3", Kind.MISSING_FILE: "A-4.8-2"}

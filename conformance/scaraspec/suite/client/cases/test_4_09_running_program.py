@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES, RunTime
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import ask, tells
-from scaraspec.suite.client.harness.saying import spoken
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.driver_values import spoken
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import ask, tells
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.strategies import names

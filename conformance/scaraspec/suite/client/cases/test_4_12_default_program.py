@@ -7,12 +7,12 @@ from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import NAME_MAX_BYTES
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import ask
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, expect
+from scaraspec.suite.engine.expectations import NoAnswer, expect
 from scaraspec.suite.engine.strategies import names
 
 _NAME: Final = "get_default_program"

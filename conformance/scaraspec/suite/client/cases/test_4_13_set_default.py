@@ -4,9 +4,9 @@ from typing import Final
 
 from hypothesis import example
 
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import ask
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import names

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import ask, tells
-from scaraspec.suite.client.harness.saying import same
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.driver_values import same
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import ask, tells
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 
 _NAME: Final = "get_motor_temperatures"
 _SETTING: Final = "set_default_program"

@@ -2,9 +2,9 @@
 
 from hypothesis import example
 
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import Order, failed, finished, refused, run_at_will
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import names

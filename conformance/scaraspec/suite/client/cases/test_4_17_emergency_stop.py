@@ -3,6 +3,7 @@
 import pytest
 
 from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import (
     INTERRUPTIBLE,
     JOG,
@@ -18,12 +19,11 @@ from scaraspec.suite.client.harness.executing import (
     ordered,
     refused,
 )
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.sending import request_unless_refused
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NotRun, expect, expect_equal
+from scaraspec.suite.engine.expectations import NotRun, expect, expect_equal
 
 _WHILE_S = 1.0
 _FATES = ("first", "after", "together", "none")

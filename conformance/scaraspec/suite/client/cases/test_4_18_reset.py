@@ -1,8 +1,8 @@
 """4.18: the reset (0x33, L385-419)."""
 
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import failed, finished, refused
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.case import client_case
 
 

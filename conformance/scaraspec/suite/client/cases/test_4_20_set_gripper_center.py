@@ -4,9 +4,9 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Point
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.sending import expect_numbers
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.request_checks import expect_numbers
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 

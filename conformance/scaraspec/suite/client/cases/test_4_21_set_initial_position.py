@@ -4,12 +4,12 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.poses import expect_pose
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect_equal
+from scaraspec.suite.engine.expectations import expect_equal
 
 _DRAWN = Pose(200, 300, 324, 34.6, 34.5, 0)  # L450
 _tenths = st.integers(-9_999, 9_999).map(lambda tenths: tenths / 10)

@@ -5,10 +5,10 @@ from typing import Final
 from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME, Pose
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import MOVE, executing, finished
-from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.poses import gives_pose
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.strategies import payload_values

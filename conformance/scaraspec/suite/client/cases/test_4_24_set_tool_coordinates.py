@@ -4,15 +4,15 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import MOVE, executing, failed, finished, refused
-from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.poses import expect_pose
-from scaraspec.suite.client.harness.sending import request_unless_refused
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect_equal, expect_in
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import expect_equal, expect_in
 
 _MOVE = "set_tool_coordinates"
 _THERE = Pose(200, 300, 324, 34.6, 0, 0)

@@ -1,8 +1,8 @@
 """4.25: releasing the joints (0x3A, L518-549)."""
 
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import failed, finished
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 

@@ -1,8 +1,8 @@
 """4.26: locking the joints (0x3B, L551-582)."""
 
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import RELEASE, executing, finished, refused
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.case import client_case
 
 

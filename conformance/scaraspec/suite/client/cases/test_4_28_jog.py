@@ -3,12 +3,12 @@
 from typing import Final
 
 from scaraspec.protocol import payloads
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import RUN, executing, failed, finished, refused
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect, expect_equal, told
+from scaraspec.suite.engine.expectations import expect, expect_equal, told
 
 _DIRECTIONS: Final = {"+y": 1, "-y": 2, "+x": 3, "-x": 4}  # L605-608
 _JOG: Final = "jog"

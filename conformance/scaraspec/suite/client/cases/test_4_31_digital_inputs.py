@@ -1,9 +1,9 @@
 """4.31: the digital inputs (0x42, L639-651)."""
 
-from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.ports import expect_each_port, expect_ports
-from scaraspec.suite.client.harness.sending import expect_no_value
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.request_checks import expect_no_value
 from scaraspec.suite.engine.case import client_case
 
 _GET = "get_digital_inputs"

@@ -2,13 +2,13 @@
 
 from typing import Final
 
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.sending import numbers_of, request_unless_refused
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.request_checks import numbers_of, request_unless_refused
 from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect, expect_in, told
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import expect, expect_in, told
 
 _SET: Final = "set_digital_output"
 _PORTS: Final = range(1, 17)  # what 0x49 shows (L684)

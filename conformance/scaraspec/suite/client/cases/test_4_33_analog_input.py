@@ -6,12 +6,12 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.sending import expect_no_value, request_unless_refused
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.request_checks import expect_no_value, request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect, told
+from scaraspec.suite.engine.expectations import expect, told
 
 _GET: Final = "get_analog_input"
 _REPLY: Final = BY_NAME[_GET].reply

@@ -2,12 +2,12 @@
 
 import pytest
 
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import MOVE, executing, finished
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 
 _OFF = "shutdown"
 _READ_S = 1.0

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol import errors
 from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import (
     JOG,
     MOVE,
@@ -33,12 +34,11 @@ from scaraspec.suite.client.harness.executing import (
     shows,
     still,
 )
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.sending import request_unless_refused
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, expect
+from scaraspec.suite.engine.expectations import NoAnswer, expect
 
 _LATE_S: Final = 10.5
 _MOMENT_S: Final = 0.01

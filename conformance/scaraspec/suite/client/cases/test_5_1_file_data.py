@@ -12,6 +12,7 @@ from scaraspec.protocol.transfer import (
     Chunk,
     chunks_of,
 )
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.files import (
     Upload,
     cut,
@@ -20,8 +21,7 @@ from scaraspec.suite.client.harness.files import (
     fetch,
     serving,
 )
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import (
     chunk_of,
@@ -30,10 +30,10 @@ from scaraspec.suite.engine.chunks import (
     expect_position,
     expect_within,
 )
-from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect, expect_equal
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import expect, expect_equal
+from scaraspec.suite.engine.file_contents import content_of
 
 _SIZES = (1, 200, 201, 400, 450)
 _WHOLE = content_of(450)

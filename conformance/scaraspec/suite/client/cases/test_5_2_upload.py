@@ -19,6 +19,7 @@ from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, chunks_of
 from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.files import (
     Download,
     Upload,
@@ -33,17 +34,16 @@ from scaraspec.suite.client.harness.files import (
     serving,
     take,
 )
-from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.silences import given_up, given_up_meanwhile, survived
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
-from scaraspec.suite.engine.contents import content_of
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, expect, expect_equal, expect_in
-from scaraspec.suite.engine.limits import limits_of
+from scaraspec.suite.engine.expectations import NoAnswer, expect, expect_equal, expect_in
+from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.suite.engine.transfer_timeouts import limits_of
+from scaraspec.traffic.events import FrameSeen
 
 _WHOLE = content_of(650)
 _LAST = len(_WHOLE)  # a number that no chunk exceeds

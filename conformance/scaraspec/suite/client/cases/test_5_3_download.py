@@ -8,6 +8,7 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, chunks_of
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import renewed
 from scaraspec.suite.client.harness.files import (
     Download,
@@ -19,12 +20,11 @@ from scaraspec.suite.client.harness.files import (
     serve,
     serving,
 )
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.case import client_case
-from scaraspec.suite.engine.contents import content_of
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect, expect_equal
+from scaraspec.suite.engine.expectations import expect, expect_equal
+from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
 
 _WHOLE = content_of(650)

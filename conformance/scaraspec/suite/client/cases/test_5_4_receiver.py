@@ -6,6 +6,7 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, chunks_of
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.files import (
     Download,
     Upload,
@@ -16,14 +17,13 @@ from scaraspec.suite.client.harness.files import (
     serving,
     take,
 )
-from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.silences import given_up, given_up_meanwhile, survived
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
-from scaraspec.suite.engine.contents import content_of
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
+from scaraspec.suite.engine.file_contents import content_of
 
 _WHOLE = content_of(650)
 _CHUNKS = tuple(chunks_of(_WHOLE))

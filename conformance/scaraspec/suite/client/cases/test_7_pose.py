@@ -1,10 +1,10 @@
 """Clause 7: what the six values of a pose mean (L1004-1010)."""
 
 from scaraspec.protocol.commands import Pose
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import finished
-from scaraspec.suite.client.harness.line import Line
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.poses import expect_pose, gives_pose
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 

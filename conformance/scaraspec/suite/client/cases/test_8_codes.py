@@ -3,6 +3,7 @@
 from itertools import cycle
 from typing import Final
 
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import (
     REASONED,
     code_of,
@@ -12,11 +13,10 @@ from scaraspec.suite.client.harness.executing import (
     ordered,
     refused,
 )
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect_equal, expect_in
+from scaraspec.suite.engine.expectations import expect_equal, expect_in
 
 _MOTORS: Final = tuple(f"{0x10 + mask:02X}" for mask in range(1, 16))
 _LETTERS: Final = tuple(code for code in _MOTORS if not code.isdigit())

@@ -5,21 +5,21 @@ from typing import Any, Final
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS, JointValues
 from scaraspec.protocol.payloads import FLAG, NameListPart
+from scaraspec.suite.client.harness.auto_responder import REPLIES
+from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside, still
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import (
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import (
     accomplished,
     ask,
     of_each,
     sent_or_settled,
     tells,
 )
-from scaraspec.suite.client.harness.polls import REPLIES
-from scaraspec.suite.client.harness.sending import expect_no_value
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.request_checks import expect_no_value
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect, expect_in
+from scaraspec.suite.engine.expectations import expect, expect_in
 from scaraspec.suite.engine.strategies import payload_values
 
 _SETTINGS: Final = tuple(c.name for c in COMMANDS if c.reply is FLAG and c.clause.startswith("4."))

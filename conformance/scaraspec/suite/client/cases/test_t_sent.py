@@ -17,8 +17,9 @@ from scaraspec.protocol.commands import (
 )
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import Record
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import (
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import (
     VALUES,
     answer,
     ask,
@@ -29,12 +30,11 @@ from scaraspec.suite.client.harness.orders import (
     refuses,
     sent_or_settled,
 )
-from scaraspec.suite.client.harness.subject import Subject
 from scaraspec.suite.engine.case import client_case
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.engine.strategies import payload_values
-from scaraspec.suite.engine.wire import Answer
 
 _SEVERAL: Final = tuple(
     name

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.waiting import WatchedLink
-from scaraspec.suite.engine.expect import NotRun
+from scaraspec.suite.engine.expectations import NotRun
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Link
 from scaraspec.transports.tcp import ready_of

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
+from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.orders import OPENINGS, VALUES, arguments
-from scaraspec.suite.client.harness.polls import REPLIES
-from scaraspec.suite.client.harness.subject import Subject
-from scaraspec.suite.engine.expect import (
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.operations import OPENINGS, VALUES, arguments
+from scaraspec.suite.engine.expectations import (
     Declined,
     NoAnswer,
     NotRun,

@@ -14,13 +14,13 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, chunks_of
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.chunks import chunk_of, expect_next
-from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect, expect_equal
-from scaraspec.suite.engine.limits import limits_of
-from scaraspec.suite.engine.wire import Answer
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect, expect_equal
+from scaraspec.suite.engine.transfer_timeouts import limits_of
+from scaraspec.traffic.events import FrameSeen
 
 _TRANSFER: Final = range(0x50, 0x57)
 _SLICE_S: Final = 0.05  # between two looks at what the client says

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from typing import Final
 
+from scaraspec.suite.client.harness.auto_responder import FETCHES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.polls import FETCHES
-from scaraspec.suite.client.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.engine.expectations import NoAnswer
 
 _FETCH_S: Final = 1.0
 

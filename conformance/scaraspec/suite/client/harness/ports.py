@@ -3,8 +3,8 @@
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.subject import Subject
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.examples import given
 
 

@@ -9,11 +9,11 @@ from typing import Any, Final
 
 from scaraspec.protocol.commands import Pose
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.saying import same
-from scaraspec.suite.client.harness.sending import near, numbers_of
-from scaraspec.suite.client.harness.subject import Subject
-from scaraspec.suite.engine.expect import expect, told
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.driver_values import same
+from scaraspec.suite.client.harness.request_checks import near, numbers_of
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import expect, told
 
 USEFUL: Final = ("x", "y", "z", "theta_x")
 """What means something."""

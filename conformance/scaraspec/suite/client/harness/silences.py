@@ -4,12 +4,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final
 
+from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.line import Line
-from scaraspec.suite.client.harness.polls import REPLIES
-from scaraspec.suite.client.harness.subject import Subject
-from scaraspec.suite.engine.expect import Declined, NoAnswer, NotRun, Undecided, Unmet
-from scaraspec.suite.engine.limits import Silence, limits_of
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.engine.expectations import Declined, NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 
 _LOOK_S: Final = 0.02
 _GRACE_S: Final = 0.5  # until a client that has given up says so

@@ -5,10 +5,17 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import (
+    NoAnswer,
+    NotRun,
+    Undecided,
+    Unmet,
+    expect,
+    expect_equal,
+)
 
 _TIMES: Final = 100  # A-2-7
 _AGAIN: Final = 20

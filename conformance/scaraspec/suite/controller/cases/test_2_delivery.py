@@ -4,10 +4,8 @@ import itertools
 from collections.abc import Mapping
 from typing import Final
 
-from scaraspec.suite.controller.harness.asking.queries import Query, known_to, some_queries
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.carriers import GET_STATUS, GET_TIME, GET_VERSION
-from scaraspec.suite.controller.harness.spoiling.delivery import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.delivery import (
     SEGMENT_S,
     SLOWEST_S,
     ask_together,
@@ -16,10 +14,16 @@ from scaraspec.suite.controller.harness.spoiling.delivery import (
     some_cuts,
     takes_one_at_a_time,
 )
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.malformed.mutation_targets import (
+    GET_STATUS,
+    GET_TIME,
+    GET_VERSION,
+)
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.queries import Query, known_to, some_queries
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer
+from scaraspec.suite.engine.expectations import NoAnswer
 
 _BURST: Final = 250  # more than a kilobyte, which a small buffer holds; the judge follows 256
 _CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)

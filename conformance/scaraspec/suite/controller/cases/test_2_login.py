@@ -9,32 +9,32 @@ from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any, Final
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import PasswordChange, Point, PortValue
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.controller.harness.asking.clock import shifted
-from scaraspec.suite.controller.harness.asking.files import begin, upload
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.clock import shifted
+from scaraspec.suite.controller.harness.requests.files import begin, upload
+from scaraspec.suite.controller.harness.requests.motion import (
     SLOWEST_PERCENT,
     joints_of,
     pose_of,
     target,
 )
-from scaraspec.suite.controller.harness.asking.passwords import rotated
-from scaraspec.suite.controller.harness.asking.ports import expect_outputs, outputs, outputs_kept
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.requests.passwords import rotated
+from scaraspec.suite.controller.harness.requests.ports import expect_outputs, outputs, outputs_kept
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, stored
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, expect, expect_equal
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, expect, expect_equal
 from scaraspec.suite.program_files.layout import short_program
 
 if TYPE_CHECKING:
-    from scaraspec.traffic.happenings import FrameSeen
+    from scaraspec.traffic.events import FrameSeen
 
 _AHEAD: Final = timedelta(days=3000)
 _BETWEEN_S: Final = 0.02

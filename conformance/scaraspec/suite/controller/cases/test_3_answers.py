@@ -7,15 +7,15 @@ from hypothesis import settings
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.files import expect_round_trip
-from scaraspec.suite.controller.harness.asking.queries import Query, known_to, some_queries
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import expect_round_trip
+from scaraspec.suite.controller.harness.requests.queries import Query, known_to, some_queries
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect
+from scaraspec.suite.engine.file_contents import content_of
 
 _STATE: Final = (Hazard.STATE,)
 _LONG: Final = 60  # requests for each example that is asked for

@@ -12,22 +12,26 @@ from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.files import expect_round_trip, expect_stored, upload
-from scaraspec.suite.controller.harness.asking.queries import ask_all, known_to
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.carriers import (
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     GET_STATUS,
     GET_TIME,
     GET_VERSION,
     OPCODES,
     harmless,
 )
-from scaraspec.suite.controller.harness.subject import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import (
+    expect_round_trip,
+    expect_stored,
+    upload,
+)
+from scaraspec.suite.controller.harness.requests.queries import ask_all, known_to
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect
+from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect
 from scaraspec.suite.program_files.layout import short_program
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.traffic.events import FrameSeen
 
 _BLAME: Final[Mapping[Fault, str]] = {
     Fault.START: "3/4",

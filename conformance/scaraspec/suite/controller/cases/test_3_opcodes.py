@@ -4,27 +4,27 @@ import math
 from collections.abc import Iterable
 from typing import Any, Final
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import BY_OPCODE, Point
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG, Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import BUFFER_BYTES, chunks_of
-from scaraspec.suite.controller.harness.asking.files import again, begin, expect_stored, send
-from scaraspec.suite.controller.harness.asking.motion import await_rest, joints_of
-from scaraspec.suite.controller.harness.asking.ports import ALL_OUTPUTS, outputs_kept, set_output
-from scaraspec.suite.controller.harness.asking.queries import known_to
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.carriers import GET_STATUS
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import again, begin, expect_stored, send
+from scaraspec.suite.controller.harness.requests.motion import await_rest, joints_of
+from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, outputs_kept, set_output
+from scaraspec.suite.controller.harness.requests.queries import known_to
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
-from scaraspec.suite.controller.harness.state.keeping import kept
-from scaraspec.suite.controller.harness.subject import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, has, interrupted, lasting
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.contents import content_of
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, expect, expect_equal
-from scaraspec.suite.engine.limits import Silence, limits_of
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, expect, expect_equal
+from scaraspec.suite.engine.file_contents import content_of
+from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 from scaraspec.suite.program_files.listed import store_program
 
 _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)

@@ -12,24 +12,29 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.asking.clock import shifted
-from scaraspec.suite.controller.harness.asking.files import CHUNK_S, expect_stored
-from scaraspec.suite.controller.harness.asking.motion import quieten, returning, status_behind, stop
-from scaraspec.suite.controller.harness.asking.queries import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.clock import shifted
+from scaraspec.suite.controller.harness.requests.files import CHUNK_S, expect_stored
+from scaraspec.suite.controller.harness.requests.motion import (
+    quieten,
+    returning,
+    status_behind,
+    stop,
+)
+from scaraspec.suite.controller.harness.requests.queries import (
     Query,
     known_to,
     replies_to,
     some_queries,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.delivery import takes_one_at_a_time
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import finish, has, jog_somewhere
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import given
-from scaraspec.suite.engine.expect import NotRun, Undecided, expect, expect_equal
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import NotRun, Undecided, expect, expect_equal
+from scaraspec.suite.engine.file_contents import content_of
 
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)

@@ -13,15 +13,15 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import TAG
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import FinalResult
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     begin_step_somewhere,
     listens,
     returning,
 )
-from scaraspec.suite.controller.harness.asking.queries import ask_all
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.state.keeping import alive
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.requests.queries import ask_all
+from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.controller.harness.two_stage.performing import perform
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
@@ -41,8 +41,8 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect
-from scaraspec.traffic.happenings import FrameSeen, Undecodable
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect
+from scaraspec.traffic.events import FrameSeen, Undecodable
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
 _LATER_S: Final = 0.4  # for how long a second result is looked for

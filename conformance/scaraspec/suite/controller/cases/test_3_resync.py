@@ -16,8 +16,8 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.carriers import (
+from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     FLOOD,
     GET_STATUS,
     GET_TIME,
@@ -31,10 +31,10 @@ from scaraspec.suite.controller.harness.spoiling.carriers import (
     strays,
     survives,
 )
-from scaraspec.suite.controller.harness.subject import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect
 
 _LONG_BYTES: Final = 5000
 _HANGING: Final = 4

@@ -1,15 +1,15 @@
 """Clause 4.1: the login (0x01, L102-119)."""
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.passwords import altered, change, expect_changed
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.state.keeping import needs_login, password_kept
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.passwords import altered, change, expect_changed
+from scaraspec.suite.controller.harness.state.preserve import needs_login, password_kept
 from scaraspec.suite.controller.harness.suite_passwords import LONG_PASSWORD
 from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect
 
 _LOGINS = 5
 

@@ -2,20 +2,20 @@
 
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.fields import show
-from scaraspec.suite.controller.harness.asking.passwords import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.passwords import (
     altered,
     change,
     expect_changed,
     usable_passwords,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
-from scaraspec.suite.controller.harness.state.keeping import password_kept
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.state.preserve import password_kept
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect
 
 _EMPTY_FIELDS = ("empty in old", "empty in new")
 _TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)

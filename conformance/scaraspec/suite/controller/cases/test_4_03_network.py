@@ -1,10 +1,10 @@
 """Clause 4.3: the network settings as they are read (0x04, L143-153)."""
 
 from scaraspec.protocol.commands import Network
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import expect, expect_equal
+from scaraspec.suite.engine.expectations import expect, expect_equal
 
 
 @case("4.3/2", "4.3/3", "4.3/4")

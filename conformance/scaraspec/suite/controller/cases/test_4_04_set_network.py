@@ -13,13 +13,13 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Network
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
-from scaraspec.suite.controller.harness.state.keeping import alive, kept
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.state.preserve import alive, kept
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet, expect
 
 _MASKS: Final = ("255.255.255.0", "255.255.0.0")
 

@@ -6,20 +6,20 @@ from typing import Final
 from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.suite.controller.harness.asking.clock import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.clock import (
     Reading,
     expect_ran,
     read,
     set_to,
     shifted,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
-from scaraspec.suite.controller.harness.state.keeping import kept, patient
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.state.preserve import kept, patient
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.engine.strategies import payload_values
 from scaraspec.suite.program_files.bench import PROGRAMS, running
 

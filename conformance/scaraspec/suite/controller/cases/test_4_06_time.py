@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from scaraspec.suite.controller.harness.asking.clock import Reading, expect_ran, read
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.state.keeping import alive, patient
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.clock import Reading, expect_ran, read
+from scaraspec.suite.controller.harness.state.preserve import alive, patient
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 
 _STEPS: Final = 6
 _STEP_S: Final = 0.35

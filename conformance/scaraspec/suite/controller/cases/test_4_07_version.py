@@ -1,9 +1,9 @@
 """Clause 4.7: the version of the software (0x08, L191-203)."""
 
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import expect, expect_equal
+from scaraspec.suite.engine.expectations import expect, expect_equal
 
 _TIMES = 300
 

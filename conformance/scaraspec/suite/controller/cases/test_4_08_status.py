@@ -5,10 +5,10 @@ from typing import Final
 
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import quieten, status_behind
-from scaraspec.suite.controller.harness.asking.queries import known_to
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import quieten, status_behind
+from scaraspec.suite.controller.harness.requests.queries import known_to
 from scaraspec.suite.controller.harness.two_stage.executing import (
     begin,
     expect_status,
@@ -19,7 +19,7 @@ from scaraspec.suite.controller.harness.two_stage.executing import (
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import JOG, MOVE, RESET, lasting
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect, expect_equal
 
 _IDLE: Final = "00"
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)

@@ -4,12 +4,12 @@ from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
-from scaraspec.suite.controller.harness.asking.clock import Reading, expect_ran, read
-from scaraspec.suite.controller.harness.asking.motion import quieten
-from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.clock import Reading, expect_ran, read
+from scaraspec.suite.controller.harness.requests.motion import quieten
 from scaraspec.suite.controller.harness.state.defaults import default_kept
-from scaraspec.suite.controller.harness.state.keeping import patient
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.state.preserve import patient
 from scaraspec.suite.controller.harness.two_stage.executing import (
     ask_busy,
     begin,
@@ -20,8 +20,15 @@ from scaraspec.suite.controller.harness.two_stage.executing import (
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, finish, start_program
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet, expect, expect_equal
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import (
+    NoAnswer,
+    NotRun,
+    Undecided,
+    Unmet,
+    expect,
+    expect_equal,
+)
 from scaraspec.suite.program_files.bench import PROGRAMS
 from scaraspec.suite.program_files.listed import long_name, program_names, store_program
 

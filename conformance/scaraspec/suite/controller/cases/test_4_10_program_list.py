@@ -9,14 +9,14 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
-from scaraspec.suite.controller.harness.asking.files import NameRefused, upload
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import NameRefused, upload
 from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import given
-from scaraspec.suite.engine.expect import NotRun, Unmet, expect, expect_in
+from scaraspec.suite.engine.expectations import NotRun, Unmet, expect, expect_in
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
-from scaraspec.suite.engine.wire import Answer
 from scaraspec.suite.program_files.layout import layout_in_use
 from scaraspec.suite.program_files.listed import (
     list_parts,

@@ -8,15 +8,15 @@ from typing import Any, Final
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.files import NameRefused, expect_stored, upload
-from scaraspec.suite.controller.harness.asking.motion import quieten
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.malformed import Malformed, malformed, offer
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.payloads import Malformed, malformed, offer
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import NameRefused, expect_stored, upload
+from scaraspec.suite.controller.harness.requests.motion import quieten
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, offered
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NotRun, expect
+from scaraspec.suite.engine.expectations import NotRun, expect
 from scaraspec.suite.program_files.layout import short_program
 from scaraspec.suite.program_files.listed import INHERITED, long_name, program_names, store_program
 

@@ -2,7 +2,8 @@
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.state.defaults import (
     OPCODES,
     ask_default,
@@ -10,12 +11,11 @@ from scaraspec.suite.controller.harness.state.defaults import (
     expect_default,
     says_nothing,
 )
-from scaraspec.suite.controller.harness.state.keeping import alive
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import NotRun, expect
+from scaraspec.suite.engine.expectations import NotRun, expect
 from scaraspec.suite.program_files.listed import store_program
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.traffic.events import FrameSeen
 
 
 def _told(subject: Subject, line: Line) -> list[FrameSeen]:

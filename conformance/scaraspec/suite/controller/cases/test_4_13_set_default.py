@@ -1,13 +1,13 @@
 """Clause 4.13: setting the default program (0x0E, L277-287)."""
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import IDLE, joints_of, listens, quieten
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import IDLE, joints_of, listens, quieten
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
     find_out_whether_it_listens,
@@ -16,7 +16,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import Unmet, expect
+from scaraspec.suite.engine.expectations import Unmet, expect
 from scaraspec.suite.program_files.listed import long_name, program_names, store_program
 
 _SOON_S = 0.3

@@ -1,9 +1,9 @@
 """Clause 4.14: the temperatures of the motors (0x0F, L289-302)."""
 
 from scaraspec.protocol.commands import BY_NAME, JointValues
-from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect
+from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect
 
 _TIMES = 5
 _PAUSE_S = 0.05

@@ -4,11 +4,11 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.files import NameRefused
-from scaraspec.suite.controller.harness.asking.motion import BUSY, quieten
-from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import NameRefused
+from scaraspec.suite.controller.harness.requests.motion import BUSY, quieten
 from scaraspec.suite.controller.harness.state.defaults import default_kept
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_missing
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     BRIEFLY_S,
@@ -27,7 +27,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.engine.strategies import names
 from scaraspec.suite.program_files.listed import INHERITED, long_name
 

@@ -1,12 +1,12 @@
 """Clause 4.16: a program is simulated (0x31, L330-354)."""
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.files import upload
-from scaraspec.suite.controller.harness.asking.motion import BUSY, joints_of, quieten
-from scaraspec.suite.controller.harness.asking.ports import outputs, outputs_kept, settable
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import upload
+from scaraspec.suite.controller.harness.requests.motion import BUSY, joints_of, quieten
+from scaraspec.suite.controller.harness.requests.ports import outputs, outputs_kept, settable
 from scaraspec.suite.controller.harness.two_stage.refusals import (
     expect_first_reply,
     expect_missing,
@@ -24,7 +24,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.program_files.layout import configured, layout_in_use
 from scaraspec.suite.program_files.writing import program_file, set_output, wait
 

@@ -4,12 +4,16 @@ from typing import Final
 
 import pytest
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.asking.files import again, incoming, send, upload
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
+from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import again, incoming, send, upload
+from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
     await_rest,
@@ -22,10 +26,6 @@ from scaraspec.suite.controller.harness.asking.motion import (
     status_behind,
     target,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.carriers import GET_STATUS
-from scaraspec.suite.controller.harness.spoiling.delivery import takes_one_at_a_time
-from scaraspec.suite.controller.harness.subject import MOMENT_S, Subject
 from scaraspec.suite.controller.harness.two_stage.performing import perform
 from scaraspec.suite.controller.harness.two_stage.refusals import text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
@@ -47,10 +47,10 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     stored,
 )
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, expect
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, expect
+from scaraspec.suite.engine.file_contents import content_of
 
 _BARELY_S: Final = 0.02  # a step may take but a fifth of a second
 _MOTION = (Hazard.STATE, Hazard.MOTION)

@@ -3,15 +3,15 @@
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
     quieten,
     returning,
     status_at_rest,
     stop,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.performing import expect_stays
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_busy, text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
@@ -30,7 +30,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _REST_S = 0.3

@@ -1,10 +1,10 @@
 """Clause 4.19: the gripper centre as it is read (0x34, L421-431)."""
 
-from scaraspec.suite.controller.harness.asking.poses import gripper_of
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.poses import gripper_of
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import expect_equal
+from scaraspec.suite.engine.expectations import expect_equal
 
 
 @case("4.19/2")

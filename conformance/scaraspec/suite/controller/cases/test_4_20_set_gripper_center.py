@@ -5,21 +5,21 @@ from typing import Final
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import joints_of
-from scaraspec.suite.controller.harness.asking.poses import expect_numbers, gripper_of, initial_of
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.malformed import malformed, offer
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import joints_of
+from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
-from scaraspec.suite.controller.harness.state.keeping import kept
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.controller.harness.two_stage.executing import unless_others_run
 from scaraspec.suite.controller.harness.two_stage.tasks import RESET, begin, done, has, home_at
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.program_files.bench import PROGRAMS, running
 from scaraspec.suite.program_files.listed import store_program
 

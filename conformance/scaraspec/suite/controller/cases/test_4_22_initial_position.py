@@ -1,10 +1,10 @@
 """Clause 4.22: the initial tool position as it is read (0x37, L457-467)."""
 
-from scaraspec.suite.controller.harness.asking.poses import initial_of
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.poses import initial_of
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import expect_equal
+from scaraspec.suite.engine.expectations import expect_equal
 
 
 @case("4.22/2")

@@ -3,22 +3,22 @@
 import math
 from typing import Final
 
-from scaraspec.judge.places import STANDSTILL, farthest, turned
+from scaraspec.judge.tolerances import STANDSTILL, farthest, turned
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     begin_step_somewhere,
     pose_of,
     returning,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.state.keeping import kept
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.controller.harness.two_stage.performing import expect_stays
 from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NotRun, expect
+from scaraspec.suite.engine.expectations import NotRun, expect
 
 _TIMES: Final = 8
 _PAUSE_S: Final = 0.05

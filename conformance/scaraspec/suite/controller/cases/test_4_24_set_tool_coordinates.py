@@ -5,10 +5,13 @@ from typing import Final
 import pytest
 from hypothesis import strategies as st
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.malformed.payloads import malformed
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     AXES,
     BUSY,
     REACHED,
@@ -25,10 +28,7 @@ from scaraspec.suite.controller.harness.asking.motion import (
     same_place,
     target,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.malformed import malformed
-from scaraspec.suite.controller.harness.state.keeping import alive
-from scaraspec.suite.controller.harness.subject import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.controller.harness.two_stage.performing import perform
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
@@ -41,9 +41,9 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     offered,
 )
 from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import expect
 
 _MOTION = (Hazard.MOTION,)
 _BEYOND_MM: Final = 1_000_000.0

@@ -3,8 +3,8 @@
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.two_stage.performing import perform
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     release,
 )
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 

@@ -1,10 +1,10 @@
 """Clause 4.26: the joints are locked (0x3B, L551-582)."""
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import joints_of
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import joints_of
 from scaraspec.suite.controller.harness.two_stage.performing import perform
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
@@ -19,7 +19,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     release,
 )
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 
 _MOTION = (Hazard.MOTION,)
 

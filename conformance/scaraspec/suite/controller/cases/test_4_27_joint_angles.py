@@ -1,20 +1,20 @@
 """Clause 4.27: the angles of the joints (0x3C, L584-594)."""
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import JointValues
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     begin_step_somewhere,
     joints_of,
     pose_of,
     returning,
     same_place,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has, lasting
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 
 
 @case("4.27/2", "4.27/3")

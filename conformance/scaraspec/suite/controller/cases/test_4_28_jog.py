@@ -4,11 +4,14 @@ from typing import Final
 
 import pytest
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.payloads import Malformed
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     halt,
     joints_of,
@@ -20,10 +23,7 @@ from scaraspec.suite.controller.harness.asking.motion import (
     status_of,
     stop,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.malformed import Malformed
-from scaraspec.suite.controller.harness.state.keeping import alive
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
@@ -39,7 +39,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NotRun, expect
+from scaraspec.suite.engine.expectations import NotRun, expect
 
 _MOTION = (Hazard.MOTION,)
 _ENOUGH_MM: Final = 1.0

@@ -4,14 +4,14 @@ from typing import Final
 
 from hypothesis import strategies as st
 
-from scaraspec.suite.controller.harness.asking.ports import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
     expect_form,
     expect_inputs,
     inputs_driven,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.program_files.bench import PROGRAMS, running

@@ -7,7 +7,11 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.ports import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
+from scaraspec.suite.controller.harness.malformed.payloads import Malformed, malformed, offer
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.ports import (
     ALL_OUTPUTS,
     Bits,
     digits,
@@ -18,10 +22,6 @@ from scaraspec.suite.controller.harness.asking.ports import (
     settable,
     with_port,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.delivery import takes_one_at_a_time
-from scaraspec.suite.controller.harness.spoiling.malformed import Malformed, malformed, offer
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
     LOCK,
@@ -33,7 +33,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NotRun, expect, expect_equal, expect_in
+from scaraspec.suite.engine.expectations import NotRun, expect, expect_equal, expect_in
 from scaraspec.suite.program_files.bench import PROGRAMS, running
 
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)

@@ -3,13 +3,13 @@
 import re
 from typing import Final
 
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.state.keeping import alive
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.controller.harness.two_stage.tasks import offered
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 
 _FORM: Final = re.compile(rb"1\|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)")
 _ERROR: Final = b"0"

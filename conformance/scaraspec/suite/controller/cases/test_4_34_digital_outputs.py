@@ -1,7 +1,9 @@
 """Clause 4.34: the states of the digital outputs (0x49, L677-687)."""
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.ports import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.ports import (
     expect_form,
     expect_outputs,
     outputs_kept,
@@ -9,8 +11,6 @@ from scaraspec.suite.controller.harness.asking.ports import (
     settable,
     with_port,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.program_files.bench import PROGRAMS, running
 

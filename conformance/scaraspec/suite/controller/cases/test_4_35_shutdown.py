@@ -3,12 +3,12 @@
 from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.two_stage.refusals import text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, has, lasting, offered
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet, expect
 
 _LAST = (Hazard.MOTION, Hazard.DESTRUCTIVE)
 _SHUTDOWN: Final = "shutdown"

@@ -8,8 +8,10 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Outcome
 from scaraspec.protocol.transfer import BUFFER_BYTES, chunks_of
-from scaraspec.suite.controller.harness.asking.files import incoming, left_behind, send, upload
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import incoming, left_behind, send, upload
+from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     IDLE,
     SLOWEST_PERCENT,
@@ -24,15 +26,13 @@ from scaraspec.suite.controller.harness.asking.motion import (
     stop,
     target,
 )
-from scaraspec.suite.controller.harness.asking.queries import (
+from scaraspec.suite.controller.harness.requests.queries import (
     QUERIES,
     Query,
     known_to,
     replies_to,
     some_queries,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.controller.harness.two_stage.performing import expect_stays, perform
 from scaraspec.suite.controller.harness.two_stage.refusals import (
     expect_busy,
@@ -68,10 +68,17 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     stored,
 )
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.contents import content_of
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect, expect_equal, expect_in
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import (
+    NoAnswer,
+    NotRun,
+    Unmet,
+    expect,
+    expect_equal,
+    expect_in,
+)
+from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.program_files.bench import bench
 from scaraspec.suite.program_files.writing import wait
 

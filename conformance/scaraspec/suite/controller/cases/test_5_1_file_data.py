@@ -4,7 +4,9 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, FILE_DATA_BYTES, HEAD_BYTES, Chunk
-from scaraspec.suite.controller.harness.asking.files import (
+from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import (
     again,
     begin,
     course_of,
@@ -16,8 +18,6 @@ from scaraspec.suite.controller.harness.asking.files import (
     send,
     upload,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import SILENCE_S, Subject
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import (
     chunk_of,
@@ -26,9 +26,9 @@ from scaraspec.suite.engine.chunks import (
     expect_position,
     expect_within,
 )
-from scaraspec.suite.engine.contents import content_of
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import Unmet, expect, expect_equal
+from scaraspec.suite.engine.file_contents import content_of
 
 _SIZES = (1, 200, 201, 400, 450)
 _WHOLE = content_of(450)

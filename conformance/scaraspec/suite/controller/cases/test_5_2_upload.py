@@ -7,7 +7,12 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
-from scaraspec.suite.controller.harness.asking.files import (
+from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.malformed import payloads as malformed
+from scaraspec.suite.controller.harness.malformed.delivery import SEGMENT_S, pieces, send_in
+from scaraspec.suite.controller.harness.malformed.payloads import Malformed
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
     NameRefused,
     again,
@@ -24,16 +29,11 @@ from scaraspec.suite.controller.harness.asking.files import (
     transfer_frames,
     upload,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling import malformed
-from scaraspec.suite.controller.harness.spoiling.delivery import SEGMENT_S, pieces, send_in
-from scaraspec.suite.controller.harness.spoiling.malformed import Malformed
-from scaraspec.suite.controller.harness.subject import SILENCE_S, Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import offered
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.contents import content_of
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, expect
+from scaraspec.suite.engine.expectations import NoAnswer, expect
+from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
 
 _MOST = 2**32 - 1

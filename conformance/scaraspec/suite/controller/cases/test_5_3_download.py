@@ -8,7 +8,14 @@ from functools import partial
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.controller.harness.asking.files import (
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.malformed.timeouts import (
+    Track,
+    downloads_at_once,
+    run_tracks,
+)
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
     again,
     begin,
@@ -26,21 +33,14 @@ from scaraspec.suite.controller.harness.asking.files import (
     transfer_frames,
     upload,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.timeouts import (
-    Track,
-    downloads_at_once,
-    run_tracks,
-)
-from scaraspec.suite.controller.harness.subject import MOMENT_S, SILENCE_S, Subject
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import chunk_of
-from scaraspec.suite.engine.contents import content_of
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Unmet, expect, expect_equal
-from scaraspec.suite.engine.limits import Silence, limits_of
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect, expect_equal
+from scaraspec.suite.engine.file_contents import content_of
+from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 from scaraspec.suite.program_files.listed import INHERITED
-from scaraspec.traffic.tracking import refuses_an_answer
+from scaraspec.traffic.transfers import refuses_an_answer
 
 _CONTENT = content_of(650)
 

@@ -10,8 +10,13 @@ from datetime import timedelta
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import Chunk, chunks_of
-from scaraspec.suite.controller.harness.asking.clock import read, shifted
-from scaraspec.suite.controller.harness.asking.files import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
+from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
+from scaraspec.suite.controller.harness.malformed.timeouts import Track, run_tracks, uploads_at_once
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.clock import read, shifted
+from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
     again,
     begin,
@@ -29,18 +34,13 @@ from scaraspec.suite.controller.harness.asking.files import (
     transfer_frames,
     upload,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.spoiling.carriers import GET_STATUS
-from scaraspec.suite.controller.harness.spoiling.delivery import takes_one_at_a_time
-from scaraspec.suite.controller.harness.spoiling.timeouts import Track, run_tracks, uploads_at_once
-from scaraspec.suite.controller.harness.state.keeping import kept
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import chunk_of
-from scaraspec.suite.engine.contents import content_of
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect, expect_equal
-from scaraspec.suite.engine.limits import Limits, Silence, limits_of
+from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect, expect_equal
+from scaraspec.suite.engine.file_contents import content_of
+from scaraspec.suite.engine.transfer_timeouts import Limits, Silence, limits_of
 from scaraspec.suite.program_files.listed import program_names, store_program
 
 _CONTENT = content_of(650)

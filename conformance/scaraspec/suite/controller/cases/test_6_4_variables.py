@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from typing import Final
 
 from scaraspec.protocol.programs import Opt
-from scaraspec.suite.controller.harness.asking.ports import outputs, set_output
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.ports import outputs, set_output
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expect import NotRun, expect, expect_equal
+from scaraspec.suite.engine.expectations import NotRun, expect, expect_equal
 from scaraspec.suite.program_files.bench import PROGRAMS, Bench, bench
 from scaraspec.suite.program_files.model import (
     Assign,

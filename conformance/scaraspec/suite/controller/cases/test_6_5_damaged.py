@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.programs import Layout, Node, NodeType, Opt, Variable, detect
 from scaraspec.protocol.programs.layout import FOOTER, MAGIC
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.two_stage.arm import arm
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.program_files.bench import PROGRAMS, Bench, bench
 from scaraspec.suite.program_files.layout import CODE_20
 from scaraspec.suite.program_files.writing import OUTPUTS, compare, curve, number, set_output, wait

@@ -6,19 +6,19 @@ from hypothesis import Phase, assume, settings
 
 from scaraspec.protocol.programs import Opt
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.asking.files import send
-from scaraspec.suite.controller.harness.asking.ports import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import send
+from scaraspec.suite.controller.harness.requests.ports import (
     expect_outputs,
     outputs,
     set_output,
     with_port,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import BRIEFLY_S
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import Undecided, expect, expect_equal
+from scaraspec.suite.engine.expectations import Undecided, expect, expect_equal
 from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, bench
 from scaraspec.suite.program_files.model import (
     Block,

@@ -6,13 +6,13 @@ All moves are steps from where the arm stands, one value at a time, and back.
 from itertools import product
 from typing import Final
 
-from scaraspec.judge.places import turned
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.judge.tolerances import turned
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.two_stage.arm import Arm, arm, near
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import Undecided, expect
+from scaraspec.suite.engine.expectations import Undecided, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, bench
 from scaraspec.suite.program_files.writing import Values, curve, straight
 

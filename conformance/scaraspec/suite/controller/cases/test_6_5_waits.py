@@ -7,7 +7,9 @@ from datetime import UTC, datetime
 from typing import Final
 
 from scaraspec.protocol.programs import Condition, Node, Opt
-from scaraspec.suite.controller.harness.asking.ports import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
     expect_outputs,
     inputs_driven,
@@ -16,12 +18,10 @@ from scaraspec.suite.controller.harness.asking.ports import (
     still_inputs,
     with_port,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import find_out_whether_it_listens
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NotRun, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import NotRun, Undecided, Unmet, expect
 from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, Bench, bench
 from scaraspec.suite.program_files.layout import TRIAL_S, Trial, trial_of, twin_of
 from scaraspec.suite.program_files.writing import (

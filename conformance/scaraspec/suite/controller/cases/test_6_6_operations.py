@@ -7,18 +7,18 @@ from collections.abc import Iterator
 from typing import Final
 
 from scaraspec.protocol.programs import Node, Opt
-from scaraspec.suite.controller.harness.asking.ports import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
     digits,
     inputs_driven,
     inputs_steady,
     outputs,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect
+from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.program_files import writing as programs
 from scaraspec.suite.program_files.bench import PROGRAMS, Bench, bench
 from scaraspec.suite.program_files.model import (

@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     REACHED,
     ask_move,
     begin_step_somewhere,
@@ -15,12 +17,10 @@ from scaraspec.suite.controller.harness.asking.motion import (
     pose_of,
     returning,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import NotRun, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import NotRun, Undecided, Unmet, expect
 
 _STATE = (Hazard.STATE,)
 _MOTION = (Hazard.MOTION,)

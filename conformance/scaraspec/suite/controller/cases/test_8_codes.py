@@ -9,8 +9,8 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.errors import Joint
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     LOCK,
     MOVE,
@@ -23,9 +23,9 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     start_program,
 )
 from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expect import expect, expect_equal
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import expect, expect_equal
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
 _FAULTS: Final = ("motor_fault", "clear_faults")

@@ -11,8 +11,9 @@ from typing import Final
 from hypothesis import Phase, settings
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.model import Step
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.sequences import (
     acts_within,
     attempt,
@@ -21,11 +22,10 @@ from scaraspec.suite.controller.harness.sequences import (
     sequences,
     state_kept,
 )
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.executing import unless_others_run
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import given
-from scaraspec.suite.engine.shortening import shortened
+from scaraspec.suite.engine.shrink import shortened
 
 _ASKING: Final = (Hazard.READ_ONLY,)
 _STATE: Final = (Hazard.STATE,)

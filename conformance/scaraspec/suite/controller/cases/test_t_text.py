@@ -11,15 +11,15 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.fields import Wrong, show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.asking.files import expect_stored, send, upload
-from scaraspec.suite.controller.harness.asking.queries import ask_all
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import expect_stored, send, upload
+from scaraspec.suite.controller.harness.requests.queries import ask_all
 from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, RUN, SIMULATE, finish, has
 from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expect import Unmet, expect, expect_equal
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.expectations import Unmet, expect, expect_equal
 from scaraspec.suite.program_files.layout import short_program
 
 _STATE: Final = (Hazard.STATE,)

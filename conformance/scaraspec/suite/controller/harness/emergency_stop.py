@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.suite.engine.expect import Undecided
-from scaraspec.suite.engine.party import StopFailure
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.suite.engine.expectations import Undecided
+from scaraspec.suite.engine.system_under_test import StopFailure
+from scaraspec.traffic.events import FrameSeen
 
 LATE_S: Final = 2.0
 """A first reply to a stop that comes later is as good as none."""

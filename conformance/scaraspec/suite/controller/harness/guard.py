@@ -17,7 +17,7 @@ from scaraspec.suite.controller.harness.other_clients import OtherClients
 from scaraspec.suite.controller.harness.own_files import OwnFiles
 from scaraspec.suite.controller.harness.suite_passwords import usable
 from scaraspec.suite.engine.journal import Journal
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.traffic.events import FrameSeen
 
 SETTINGS: Final = {
     "set_time": "clock",

@@ -14,15 +14,20 @@ from typing import Final, NamedTuple
 from scaraspec.protocol.commands import Point, Pose, RunningProgram
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.asking.clock import (
+from scaraspec.suite.controller.harness.controller_under_test import (
+    SILENCE_S,
+    Subject,
+)
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.clock import (
     Reading,
     expect_ran,
     read,
     set_to,
     shifted,
 )
-from scaraspec.suite.controller.harness.asking.files import download, send
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.requests.files import download, send
+from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
     REACHED,
     listens,
@@ -33,12 +38,12 @@ from scaraspec.suite.controller.harness.asking.motion import (
     stop,
     target,
 )
-from scaraspec.suite.controller.harness.asking.passwords import (
+from scaraspec.suite.controller.harness.requests.passwords import (
     change,
     expect_changed,
     usable_passwords,
 )
-from scaraspec.suite.controller.harness.asking.ports import (
+from scaraspec.suite.controller.harness.requests.ports import (
     ALL_OUTPUTS,
     Bits,
     digits,
@@ -47,15 +52,10 @@ from scaraspec.suite.controller.harness.asking.ports import (
     settable,
     with_port,
 )
-from scaraspec.suite.controller.harness.asking.poses import expect_numbers, gripper_of, initial_of
-from scaraspec.suite.controller.harness.asking.queries import known_to
-from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
+from scaraspec.suite.controller.harness.requests.queries import known_to
 from scaraspec.suite.controller.harness.state.defaults import expect_default
-from scaraspec.suite.controller.harness.state.keeping import alive
-from scaraspec.suite.controller.harness.subject import (
-    SILENCE_S,
-    Subject,
-)
+from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     MOVE,
@@ -67,7 +67,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     offered,
     stop_nothing,
 )
-from scaraspec.suite.engine.expect import NoAnswer, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect, expect_equal
 from scaraspec.suite.program_files.layout import configured, layout_in_use
 from scaraspec.suite.program_files.listed import program_names, store_program
 from scaraspec.suite.program_files.writing import endless_program, program_file, wait

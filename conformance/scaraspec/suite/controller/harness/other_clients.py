@@ -25,11 +25,11 @@ from scaraspec.suite.controller.harness.setting_values import (
     reported,
     shown,
 )
-from scaraspec.suite.engine.party import Interference
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.suite.engine.system_under_test import Interference
+from scaraspec.traffic.events import FrameSeen
 
 if TYPE_CHECKING:
-    from scaraspec.suite.controller.harness.subject import Subject
+    from scaraspec.suite.controller.harness.controller_under_test import Subject
 
 REASON: Final = "another client is using this robot"
 

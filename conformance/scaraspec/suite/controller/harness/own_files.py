@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from scaraspec.protocol.fields import NAME_MAX_BYTES
-from scaraspec.suite.engine.expect import NotRun
+from scaraspec.suite.engine.expectations import NotRun
 from scaraspec.suite.engine.journal import Journal
 
 STEM: Final = "zs"

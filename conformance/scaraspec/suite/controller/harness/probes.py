@@ -14,10 +14,15 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.controller.harness.asking.files import upload
-from scaraspec.suite.controller.harness.subject import DISPLACES, OUTLIVE, SILENCE_S, Subject
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet
-from scaraspec.suite.engine.limits import limits_of
+from scaraspec.suite.controller.harness.controller_under_test import (
+    DISPLACES,
+    OUTLIVE,
+    SILENCE_S,
+    Subject,
+)
+from scaraspec.suite.controller.harness.requests.files import upload
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.suite.program_files.layout import LISTED, candidates
 from scaraspec.suite.program_files.listed import program_names
 from scaraspec.suite.program_files.writing import wait_program

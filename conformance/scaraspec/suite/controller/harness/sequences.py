@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.model import VALUES, Model, Step
-from scaraspec.suite.controller.harness.state.keeping import kept, password_kept
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.state.password import restore_password
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.state.preserve import kept, password_kept
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     MOVE,
     RUN,
@@ -25,8 +25,8 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     STOP,
     find_out_whether_it_listens,
 )
-from scaraspec.suite.engine.expect import Undecided, Unmet
-from scaraspec.suite.engine.shortening import Failure
+from scaraspec.suite.engine.expectations import Undecided, Unmet
+from scaraspec.suite.engine.shrink import Failure
 
 _NAMES: Final = 3
 _GROUP: Final = 10

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 
 from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.fields import show
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.traffic.events import FrameSeen
 
 CLOCK: Final = "clock"
 DEFAULT_PROGRAM: Final = "default program"

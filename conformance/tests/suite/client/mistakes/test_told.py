@@ -15,10 +15,10 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.client.harness.setting import ClientSetting
+from scaraspec.suite.client.harness.adapter import ClientSetting
+from scaraspec.suite.engine.ics import Statement
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.suite.engine.statement import Statement
 
 Try = Callable[..., Mapping[str, Verdict]]
 

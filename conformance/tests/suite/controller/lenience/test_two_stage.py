@@ -11,9 +11,9 @@ from typing import Any, Final
 
 import pytest
 
-from scaraspec.judge.places import farthest, ways
 from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.rules.busy import STATE_OF
+from scaraspec.judge.tolerances import farthest, ways
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import JointValues, Pose
 from scaraspec.protocol.direction import C2A

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Final
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.state.keeping import alive
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet, expect
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet, expect
+from scaraspec.traffic.events import FrameSeen
 
 if TYPE_CHECKING:
-    from scaraspec.suite.engine.wire import Answer
+    from scaraspec.suite.engine.connection import Answer
 
 OPCODES: Final = (0x0D, 0x13)
 """What asks for the default program, as headed and as printed (A-4.12-1)."""

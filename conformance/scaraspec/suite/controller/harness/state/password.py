@@ -6,9 +6,9 @@ from typing import Any, Final
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet, expect
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet, expect
 
 MOST_ATTEMPTS: Final = 5
 """How many passwords are tried: a controller may lock out who tries more (A-4.1-2)."""

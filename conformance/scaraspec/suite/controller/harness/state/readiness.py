@@ -7,9 +7,11 @@ find.
 from functools import partial
 from typing import Final
 
-from scaraspec.judge.places import STANDSTILL
+from scaraspec.judge.tolerances import STANDSTILL
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     AXES,
     IDLE,
     SLOWEST_PERCENT,
@@ -19,9 +21,7 @@ from scaraspec.suite.controller.harness.asking.motion import (
     pose_of,
     status_of,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import Undecided, Unmet
+from scaraspec.suite.engine.expectations import Undecided, Unmet
 
 _MOVE: Final = "set_tool_coordinates"
 _READINGS: Final = 5

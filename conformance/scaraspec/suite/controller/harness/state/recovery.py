@@ -4,6 +4,7 @@ from contextlib import suppress
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
+from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.guard import EVERYTHING
 from scaraspec.suite.controller.harness.state.password import (
     PasswordLost,
@@ -18,8 +19,7 @@ from scaraspec.suite.controller.harness.state.restore import (
     snapshot,
     write_default,
 )
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
 from scaraspec.suite.engine.journal import Changes
 
 

@@ -12,12 +12,12 @@ from typing import Any, Final, NamedTuple
 
 from scaraspec.protocol.commands import Network, Point, PortValue, Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.clock import shifted
+from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.guard import EVERYTHING
-from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.clock import shifted
 from scaraspec.suite.controller.harness.state.password import restore_password, set_value
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet, expect
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.program_files.listed import program_names
 

@@ -16,7 +16,8 @@ from typing import Any, Final, NamedTuple
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.line import Line
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.setting_values import (
     CLOCK,
     DEFAULT_PROGRAM,
@@ -28,10 +29,9 @@ from scaraspec.suite.controller.harness.setting_values import (
     reported,
 )
 from scaraspec.suite.controller.harness.state.defaults import default_kept
-from scaraspec.suite.controller.harness.state.keeping import kept
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.controller.harness.state.preserve import kept
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
 from scaraspec.suite.program_files.listed import program_names, store_program
 
 _SET_AGAIN: Final = (CLOCK, GRIPPER_CENTRE, INITIAL_POSITION)

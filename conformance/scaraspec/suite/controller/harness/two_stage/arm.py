@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-from scaraspec.judge.places import farthest, turned
+from scaraspec.judge.tolerances import farthest, turned
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.programs import Node
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.two_stage.tasks import attentive
-from scaraspec.suite.engine.expect import Undecided, Unmet
+from scaraspec.suite.engine.expectations import Undecided, Unmet
 from scaraspec.suite.program_files.bench import Bench
 from scaraspec.suite.program_files.writing import Values, straight
 

@@ -12,11 +12,11 @@ from hypothesis.errors import Flaky
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import show
-from scaraspec.suite.controller.harness.asking.files import upload
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import upload
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.program_files.layout import configured, find_layout
 from scaraspec.suite.program_files.writing import wait_program
 

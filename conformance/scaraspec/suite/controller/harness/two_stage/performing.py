@@ -6,9 +6,11 @@ And behind its end, where the arm stays.
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-from scaraspec.judge.places import STANDSTILL, farthest
+from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
     pose_of,
@@ -16,8 +18,6 @@ from scaraspec.suite.controller.harness.asking.motion import (
     status_at_rest,
     target,
 )
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
     LOCK,
@@ -38,8 +38,8 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     release,
     start_program,
 )
-from scaraspec.suite.engine.expect import expect
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import expect
 
 
 class Performed(NamedTuple):

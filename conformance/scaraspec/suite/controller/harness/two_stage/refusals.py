@@ -10,9 +10,9 @@ from typing import Any, Final
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import Wrong
-from scaraspec.suite.controller.harness.asking.motion import BUSY
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import BUSY
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
     RELEASE,
@@ -22,8 +22,8 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     locked_again,
     offered,
 )
-from scaraspec.suite.engine.expect import expect
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import expect
 
 _FAILURES: Final = errors.FAILURES | {errors.TABLE_8_1["00"], errors.TABLE_8_1["20"]}
 """Of results: an interrupted command's too (A-4.17-4), and that of a missing program (A-4.15-1)."""

@@ -8,10 +8,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final, NamedTuple
 
-from scaraspec.judge.places import STANDSTILL
+from scaraspec.judge.tolerances import STANDSTILL
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.emergency_stop import EFFECT_S, LATE_S
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     IDLE,
     SLOWEST_PERCENT,
@@ -23,9 +26,6 @@ from scaraspec.suite.controller.harness.asking.motion import (
     returning,
     same_place,
 )
-from scaraspec.suite.controller.harness.emergency_stop import EFFECT_S, LATE_S
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
     LOCK,
@@ -36,7 +36,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     jog_somewhere,
     start_program,
 )
-from scaraspec.suite.engine.expect import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
 
 _UNDER_WAY_S: Final = 0.1
 _LOOKS: Final = 3

@@ -13,8 +13,10 @@ from typing import Any, Final, NamedTuple
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.suite.controller.harness.asking.files import upload
-from scaraspec.suite.controller.harness.asking.motion import (
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import upload
+from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
     begin_step_somewhere,
@@ -30,14 +32,12 @@ from scaraspec.suite.controller.harness.asking.motion import (
     stop,
     target,
 )
-from scaraspec.suite.controller.harness.due import SUCCESS
-from scaraspec.suite.controller.harness.line import Line
-from scaraspec.suite.controller.harness.subject import MOMENT_S, SILENCE_S, Subject
-from scaraspec.suite.engine.expect import NoAnswer, NotRun, Undecided, Unmet
-from scaraspec.suite.engine.wire import Answer
+from scaraspec.suite.controller.harness.timeouts import SUCCESS
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet
 from scaraspec.suite.program_files.layout import configured, find_layout, layout_in_use
 from scaraspec.suite.program_files.writing import wait_program
-from scaraspec.traffic.happenings import FrameSeen
+from scaraspec.traffic.events import FrameSeen
 
 RUN, SIMULATE, STOP, RESET = "run_program", "simulate_program", "emergency_stop", "reset"
 MOVE, RELEASE, LOCK, JOG = "set_tool_coordinates", "release_joints", "lock_joints", "jog"

@@ -1,0 +1,78 @@
+"""Sightings in files: which readings of clause 6 an uploaded program gives away."""
+
+from collections.abc import Iterator
+
+from scaraspec.judge.dialect_detector import Sighting
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.programs import (
+    MAX_FILE_BYTES,
+    Operation,
+    Program,
+    ProgramError,
+    ResultType,
+    Structure,
+    ValueType,
+    detect,
+    lint,
+    loop_readings,
+    parse,
+)
+from scaraspec.protocol.transfer import State
+from scaraspec.traffic.events import Transfer
+
+_BY_CODE = {
+    "P-point-pose": ("point_meaning", "pose"),
+    "P-wait-unscaled": ("wait_scale", "analog"),
+    "P-comparison-result": ("cmp_result", "polarity"),
+}
+"""Findings of the linter that give a reading away."""
+
+
+def file_sightings(transfer: Transfer) -> Iterator[Sighting]:
+    """The readings that an uploaded program shows, each once; its author is the client.
+
+    A layout counts where no other one fits, or only a mixed one; a loop's count where it tells
+    readings apart.
+    """
+    content = bytes(transfer.content[:MAX_FILE_BYTES])
+    uploaded = transfer.upload and transfer.state is State.DONE and transfer.certain
+    if not uploaded or len(content) != transfer.received_bytes:
+        return
+    try:
+        program = parse(content)
+    except ProgramError:
+        return
+    fitting = detect(content)
+    layouts = [layout for layout in fitting if layout.reading != "mixed"] or fitting
+    found = {("endian", str(layout.byte_order)) for layout in layouts}
+    packings = {("prog_layout", layout.reading) for layout in layouts}
+    readings = {
+        *(found if len(found) == 1 else ()),
+        *(packings if len(packings) == 1 else ()),
+        *(_BY_CODE[finding.code] for finding in lint(program) if finding.code in _BY_CODE),
+        *_counts(program),
+        *_assignments(program),
+    }
+    for key, option in sorted(readings):
+        yield Sighting(A2C, key, option)
+
+
+def _counts(program: Program) -> Iterator[tuple[str, str]]:
+    """What the counts of its loops include (A-6.5-4)."""
+    for modes in loop_readings(program.nodes, Structure.of(program.nodes)).values():
+        if len(modes) == 1:
+            yield "counts_mode", str(*modes)
+
+
+def _assignments(program: Program) -> Iterator[tuple[str, str]]:
+    """Which operator its assignments and port settings hold (A-6.6a-2)."""
+    for node in program.nodes:
+        operation = node.data
+        if not isinstance(operation, Operation):
+            continue
+        if operation.result_type not in (ResultType.ASSIGNMENT, ResultType.SET_PORT):
+            continue
+        if operation.value_b_type != ValueType.NONE:
+            yield "assign_opt", "expression"
+        else:
+            yield "assign_opt", "any" if operation.opt else "zero"

@@ -1,0 +1,166 @@
+"""Exhibits: the frames that findings rest on, kept as hex with their fields marked.
+
+A finding names places, not bytes; the bytes are at hand only while the recording passes. They are
+looked for among the frames of the happening just judged and the last few hundred others, and kept
+for a bounded number of findings. Passwords are hidden here, before anything can show them.
+"""
+
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from typing import Final
+
+from scaraspec.judge.verdicts import Finding, Verdict
+from scaraspec.protocol.fields import show
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.payloads import Answer, FinalResult, FirstReply, NameList, Payload
+from scaraspec.protocol.redaction import is_secret, mask, mask_loose
+from scaraspec.protocol.transfer import Chunk
+from scaraspec.report.model import Evidence, FrameField
+from scaraspec.traffic.events import (
+    Ending,
+    Exchange,
+    FrameSeen,
+    Happening,
+    Transfer,
+    Undecodable,
+)
+from scaraspec.traffic.wire import Place
+
+_RECENT_FRAMES: Final = 256
+_FINDINGS_PER_REQUIREMENT: Final = 50
+_SHOWN_BYTES: Final = 512
+
+_HIDDEN_VALUE: Final = "(hidden)"
+
+
+class Exhibits:
+    """Takes what a judge yields, and makes evidence of the places that findings name."""
+
+    def __init__(self) -> None:
+        self._recent: deque[FrameSeen | Undecodable] = deque(maxlen=_RECENT_FRAMES)
+        self._last: tuple[FrameSeen, ...] = ()
+        self._kept: dict[Place, Evidence] = {}
+        self._findings: Counter[str] = Counter()
+        self._exchange: Exchange | None = None  # judged just now, and nothing wrong with it so far
+        self._sound: dict[str, tuple[FrameSeen, ...]] = {}
+
+    def add(self, item: Happening | Finding) -> None:
+        """Take the next thing; a finding follows the happening that it judges."""
+        if isinstance(item, Finding):
+            if item.verdict is Verdict.FAIL:
+                self._exchange = None
+        elif self._exchange:
+            self._sound[self._exchange.name] = self._exchange.frames
+            self._exchange = None
+        match item:
+            case FrameSeen() | Undecodable():
+                self._recent.append(item)
+            case Exchange():
+                self._last = item.frames
+                self._exchange = item if item.ending is Ending.ANSWERED else None
+            case Transfer():
+                self._last = item.opening.frames if item.opening else ()
+            case Finding():
+                self._keep(item)
+
+    def evidence(self, place: Place) -> Evidence:
+        """What is at a place, with its bytes where they were kept."""
+        return self._kept.get(place) or _evidence(place)
+
+    def passing(self, wire: Sequence[Evidence]) -> tuple[Evidence, ...]:
+        """The last right exchange of the command that evidence ends with; empty without one."""
+        name = next((evidence.note.partition(",")[0] for evidence in reversed(wire)), "")
+        return tuple(exhibit(seen) for seen in self._sound.get(name, ()))
+
+    def _keep(self, finding: Finding) -> None:
+        self._findings[finding.requirement] += 1
+        if self._findings[finding.requirement] > _FINDINGS_PER_REQUIREMENT:
+            return
+        wanted = set(finding.evidence) - self._kept.keys()
+        for seen in chain(self._last, self._recent):
+            if seen.place in wanted:
+                self._kept[seen.place] = exhibit(seen)
+
+
+def exhibit(seen: FrameSeen | Undecodable) -> Evidence:
+    """A frame, or bytes that are none, as evidence; passwords are hidden."""
+    if isinstance(seen, Undecodable):
+        return _evidence(seen.place, f"no frame: {seen.why.value}", mask_loose(seen.data))
+    frame = seen.frame
+    if is_secret(frame):
+        frame = frame._replace(data=mask(frame.data))
+    note = f"undefined opcode {frame.opcode:02X}"
+    if seen.parsed:
+        part = "final result" if frame.tagged else seen.parsed.part
+        note = f"{seen.parsed.command.name}, {part}"
+    return _evidence(seen.place, note, frame.encode(), tuple(_fields(seen, frame)))
+
+
+def _evidence(
+    place: Place, note: str = "", data: bytes = b"", fields: tuple[FrameField, ...] = ()
+) -> Evidence:
+    return Evidence(
+        place.connection,
+        place.direction,
+        place.offset_bytes,
+        place.length_bytes,
+        place.time_ns,
+        note,
+        data[:_SHOWN_BYTES].hex().upper(),
+        fields,
+    )
+
+
+def _fields(seen: FrameSeen, frame: Frame) -> Iterator[FrameField]:
+    """The parts of a frame in order (L89-98); the bars between texts are no part."""
+    direction, data = frame.direction, frame.data
+    names = ("start", "tag", "opcode", "length") if frame.tagged else ("start", "opcode", "length")
+    title = seen.command.title if seen.command else "undefined"
+    values = {"opcode": title, "length": str(len(data)), "tag": "final result"}
+    for at, name in enumerate(names):
+        yield FrameField(name, at, 1, values.get(name, direction.value))
+    at = len(names)
+    if frame is not seen.frame:
+        yield FrameField("data", at, len(data), _HIDDEN_VALUE)
+    elif isinstance(seen.value, Chunk):
+        yield from _chunk_fields(seen.value, at)
+    elif data:
+        yield from _text_fields(seen, at)
+    yield FrameField("end", at + len(data), 1, direction.value)
+
+
+def _chunk_fields(chunk: Chunk, at: int) -> Iterator[FrameField]:
+    """The members of fileData (L718-723)."""
+    for name, value in zip(("fileSize", "position", "length"), chunk[:3], strict=True):
+        yield FrameField(name, at, 4, str(value))
+        at += 4
+    valid_bytes, padding_bytes = len(chunk.data), len(chunk.buffer) - len(chunk.data)
+    if valid_bytes:
+        yield FrameField("data", at, valid_bytes, f"{valid_bytes} valid bytes")
+    if padding_bytes:
+        yield FrameField("padding", at + valid_bytes, padding_bytes)
+
+
+def _text_fields(seen: FrameSeen, at: int) -> Iterator[FrameField]:
+    texts = seen.frame.data.split(b"|")
+    payload = seen.command.payload(seen.frame) if seen.command else None
+    for name, text in zip(_names(payload, len(texts)), texts, strict=True):
+        if text:
+            yield FrameField(name, at, len(text), show(text))
+        at += len(text) + 1
+
+
+def _names(payload: Payload | None, count: int) -> tuple[str, ...]:
+    """What the texts between bars are called; plain ``data`` where they fit no drawn form."""
+    fields = tuple(field.name for field in payload.fields) if payload else ()
+    match payload:
+        case FirstReply() | FinalResult():
+            drawn: tuple[str, ...] = ("flag", "code")
+        case NameList():
+            drawn = ("flag", *("name",) * (count - 1))
+        case Answer():
+            drawn = ("flag", *fields)
+        case _:
+            drawn = fields if count == len(fields) else ()
+    return drawn[:count] if count <= len(drawn) else ("data",) * count

@@ -1,0 +1,260 @@
+"""Line: one connection from the client under test, on which the suite plays the controller.
+
+Replies are made from the command table, or are whatever bytes a case wants. Which reply is due is
+not known here. What the client asks of its own accord is answered while a case waits for something.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.client.harness.auto_responder import FETCHES, REPLIES, Polls
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.engine.connection import Answer, Wire
+from scaraspec.suite.engine.expectations import Declined, NoAnswer, NotRun, Undecided, expect_equal
+from scaraspec.suite.engine.transfer_timeouts import limits_of
+from scaraspec.traffic.events import FrameSeen
+from scaraspec.traffic.wire import Kind
+from scaraspec.transports.link import Link
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from scaraspec.suite.client.harness.client_under_test import Subject
+
+PASSWORD: Final = b"password"  # the document's own example (L108)
+
+YES: Final = True
+"""The answer of a plain success."""
+
+_DONE: Final = "11"
+_MOMENT_S: Final = 0.005
+_ALONE_S: Final = 1.0
+"""Who declines sooner has not waited for an answer on a connection of his own."""
+_NS: Final = 1e9
+_CUTS: Final = (1, 3)  # behind the start byte, and behind the length
+_OF_FILES: Final = frozenset({"upload_name", "upload_chunk", "download_name", "download_chunk"})
+
+
+class Line(Wire):
+    """One connection; made by `Subject.open`.
+
+    Attributes:
+        polls: What the client asks of its own accord.
+        cut_s: How long to wait between the pieces of a frame; 0 to send each as a whole.
+    """
+
+    def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
+        self.polls = Polls(subject.awaits)
+        self.cut_s = 0.0
+        self._behind: list[bytes] = []
+        self._subject = subject
+        self._answering = False
+        self._wanted: Callable[[FrameSeen], bool] = _nothing
+        self._sent_ns: list[int] = []
+        super().__init__(name, link, subject, C2A, judged=judged)
+
+    # ------------------------------------------------------------------ listening
+
+    def request(
+        self, name: str, call: Call | None = None, *, within_s: float | None = None
+    ) -> Answer:
+        """Wait for a request of the table.
+
+        Args:
+            name: Its command.
+            call: The operation that should bring it about.
+            within_s: How long to wait; by default as long as the client may think.
+
+        Raises:
+            NoAnswer: None came.
+            Unmet: The client says that the operation is over, and has not sent it.
+            Undecided: It may have come on a further connection.
+            NotRun: The client lacks the operation, or its operator is away.
+        """
+        command = BY_NAME[name]
+        opcodes = {command.opcode, command.also} - {None}
+        patience_s = self._subject.answer_s if within_s is None else within_s
+
+        def wanted(seen: FrameSeen) -> bool:
+            return seen.frame.opcode in opcodes and not self._subject.repeats(seen, call)
+
+        self._wanted = wanted
+        begun_s = self._subject.access.now_s
+        try:
+            with self._subject.expecting(call):
+                request = self.awaited(wanted, patience_s, f"{name} was not sent")
+        except Declined as refusal:
+            self.finish()
+            if self.heard or self.noise:  # it has sent something else
+                raise self.no_answer(f"{refusal}") from None
+            refusal.after_s = self._subject.access.now_s - begun_s
+            if refusal.after_s > _ALONE_S:
+                self._subject.alone()
+            raise
+        except NoAnswer:
+            if self._subject.access.attended and within_s is None and not self.over:
+                raise NotRun(f"the operator did not do it in {patience_s:g} s") from None
+            if within_s is None and not self.over:
+                self._subject.alone()
+            raise
+        finally:
+            self._wanted = _nothing
+        self.polls.taken(request.seen)
+        self._subject.came(name, call)
+        return request
+
+    def _receive(self, deadline_s: float, others: Sequence[Link] = ()) -> bool:
+        """Take one arrival, as `Wire` does, and answer polls before and behind it.
+
+        Who has hung up, and is owed no reply, may wait for our end of the connection.
+        """
+        self._answer_polls()
+        received = super()._receive(deadline_s, others)
+        self._answer_polls()
+        if self.ending is not None and not (self.closed or self.heard):
+            self._over(self.link.close, Kind.CLOSED)
+        return received
+
+    def _answer_polls(self) -> None:
+        if self._answering:
+            return
+        self._answering = True
+        try:
+            while not (self.over or self.mid_frame):
+                unwanted = [seen for seen in self.heard if not self._wanted(seen)]
+                poll = self.polls.next(unwanted, self._subject.access.now_s)
+                if poll is None:
+                    break
+                self.heard.remove(poll)
+                if poll.name in REPLIES:
+                    self._subject.polled.add(poll.frame)
+                fetched = bool(self._subject.known.get(FETCHES))
+                frames = self.polls.answer(poll, self._subject.programs, fetched=fetched)
+                with suppress(NoAnswer):  # it asks, and hangs up
+                    for frame in frames:
+                        self.send_frame(frame)
+        finally:
+            self._answering = False
+
+    def _sent(self, seen: FrameSeen) -> None:
+        self._sent_ns.append(seen.place.time_ns)
+        self.polls.sent(seen)
+
+    def has_been_in_time(self, since_ns: int) -> None:
+        """Go on only where since then no silence of ours was as long as to end a transfer.
+
+        Raises:
+            Undecided: One was: this machine is too slow, or the client left it nothing to answer.
+        """
+        self.pump()
+        due = [self._subject.now_ns] if any(seen.name in _OF_FILES for seen in self.heard) else []
+        spoken_ns = [since_ns, *(time_ns for time_ns in self._sent_ns if time_ns > since_ns), *due]
+        silence_s = max((then - at for at, then in pairwise(spoken_ns)), default=0) / _NS
+        if silence_s > limits_of(self._subject).early_s:
+            slow = "this machine or the client is too slow"
+            raise Undecided(f"{slow}: nothing was sent to it for {silence_s:.3f} s")
+
+    # ------------------------------------------------------------------ sending
+
+    def send_frame(self, frame: Frame) -> None:
+        """Send one frame, in pieces where `cut_s` says so, and with what is to be behind it."""
+        data = frame.encode() + (self._behind.pop(0) if self._behind else b"")
+        cuts = sorted({0, *_CUTS, len(data) // 2, len(data) - 1, len(data)}) if self.cut_s else ()
+        for begin, end in pairwise(cuts or (0, len(data))):
+            self.send_bytes(data[begin:end])
+            if end < len(data):
+                self.wait(self.cut_s)
+
+    @contextmanager
+    def joining(self, data: bytes, *, behind: int) -> Iterator[None]:
+        """Send bytes in one segment with the next frame, or the one so many frames behind it.
+
+        Where no such frame is sent they are sent at the end.
+        """
+        self._behind = [b""] * behind + [data]
+        try:
+            yield
+        finally:
+            left = b"".join(self._behind)
+            self._behind.clear()
+            self.send_bytes(left)
+
+    def frame(self, name: str, value: Any = YES, *, data: bytes | None = None) -> Frame:
+        """The first reply to a request of the table; `data` takes the place of its value."""
+        command = BY_NAME[name]
+        payload = command.reply.encode(value, self._subject.dialect) if data is None else data
+        return Frame(C2A, command.opcode, payload)
+
+    def reply(self, name: str, value: Any = YES, *, data: bytes | None = None) -> None:
+        """Send a first reply."""
+        self.send_frame(self.frame(name, value, data=data))
+
+    def result(self, name: str, code: str = "", *, data: bytes | None = None) -> None:
+        """Send the final result of a two-stage command: done, or failed with a code.
+
+        It comes a moment behind the first reply: to a client that loses what shares a segment with
+        that (4/10), every command would go on for ever.
+        """
+        self.wait(_MOMENT_S)
+        self.send_frame(self.result_frame(name, code, data=data))
+
+    def result_frame(self, name: str, code: str = "", *, data: bytes | None = None) -> Frame:
+        """The frame of a final result."""
+        payload = (f"00|{code}" if code else _DONE).encode() if data is None else data
+        return Frame(C2A, BY_NAME[name].opcode, payload, tagged=True)
+
+    def chunk(self, chunk: Chunk) -> None:
+        """Send a chunk of a download."""
+        self.send_frame(self.chunk_frame(chunk))
+
+    def chunk_frame(self, chunk: Chunk) -> Frame:
+        """The frame of a chunk of a download."""
+        command = BY_NAME["download_chunk"]
+        data = command.request.encode(chunk, self._subject.dialect)
+        return Frame(C2A, command.opcode, data)
+
+    # ------------------------------------------------------------------ both
+
+    def log_in(self, call: Call, *, reply: bytes = b"1") -> None:
+        """Await the login that belongs to an order to connect, and answer it.
+
+        Raises:
+            NoAnswer: It did not come.
+            Unmet: It carries another password.
+        """
+        request = self.request("login", call)
+        sent = request.seen.text  # a NUL may end it (A-T-3)
+        expect_equal(sent, PASSWORD, "the login carries", requirement="4.1/1")
+        self.reply("login", data=reply)
+
+    def serve(
+        self, call: Call, value: Any = YES, *, data: bytes | None = None, sent: bytes | None = None
+    ) -> Answer:
+        """Await the request of an operation, and answer it, whatever it carries.
+
+        Args:
+            call: The operation.
+            value: What to answer.
+            data: In its place, the payload of the answer.
+            sent: What the request has to carry; None for anything.
+
+        Raises:
+            NoAnswer: No request came.
+            Unmet: It carries something else.
+        """
+        request = self.request(call.name, call)
+        self.reply(call.name, value, data=data)
+        if sent is not None:
+            carried = request.seen.text if sent else request.frame.data  # NUL may end text (A-T-3)
+            expect_equal(carried, sent, f"what {call.name} carries")
+        return request
+
+
+def _nothing(_: FrameSeen) -> bool:
+    return False

@@ -1,0 +1,424 @@
+"""Orders: operations with their values, and whether the requests that they bring about carry these.
+
+How a value may be written is the table's matter. A request that is written wrong is blamed on the
+requirement that says so, one that carries another value on that of the case.
+"""
+
+import math
+import re
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, Final
+
+from scaraspec.judge.rules.diagnosis import Diagnosis, Fault, diagnose
+from scaraspec.protocol.commands import (
+    BY_NAME,
+    BY_OPCODE,
+    Command,
+    MoveTarget,
+    Network,
+    PasswordChange,
+    Point,
+    PortValue,
+    Pose,
+)
+from scaraspec.protocol.fields import Number, Wrong, show
+from scaraspec.protocol.payloads import FirstReply, Jog, JogDirection, Record
+from scaraspec.suite.client.harness.auto_responder import REPLIES
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.driver_values import spoken
+from scaraspec.suite.client.harness.incoming_connection import PASSWORD, Line
+from scaraspec.suite.client.harness.poses import gives_pose
+from scaraspec.suite.engine.connection import Answer as Request
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet
+from scaraspec.traffic.events import Undecodable
+
+if TYPE_CHECKING:
+    from scaraspec.suite.client.harness.client_under_test import Subject
+
+VALUES: Final[Mapping[str, Any]] = {
+    "login": PASSWORD,
+    "set_password": PasswordChange(b"oldpassword", b"newpassword"),
+    "set_network": Network("192.168.1.2", "255.255.255.0", "192.168.1.1"),
+    "set_time": datetime(2014, 12, 22, 14, 30),  # noqa: DTZ001 - the document names no zone
+    "delete_program": b"pro1.txt",
+    "set_default_program": b"pro2.txt",
+    "run_program": b"pro1.txt",
+    "simulate_program": b"pro1.txt",
+    "set_gripper_center": Point(200, 300, 456),
+    "set_initial_tool_position": Pose(200, 300, 324, 34.6, 0, 0),
+    "set_tool_coordinates": MoveTarget(60, 200, 300, 324, 34.6, 0, 0),
+    "jog": JogDirection.PLUS_Y,
+    "set_digital_output": PortValue(8, 1),
+    "get_analog_input": 8,
+}
+"""The document's own example for every operation of clause 4 that takes a value.
+
+But for thetaY, which means nothing (L1006).
+"""
+
+OPENINGS: Final[Mapping[str, str]] = {"upload": "upload_name", "download": "download_name"}
+"""The command that each transfer begins with."""
+
+_OF_WRITING: Final[Mapping[Wrong, str]] = {
+    Wrong.SPACE_FOR_BAR: "T/1",
+    Wrong.BLANKS: "T/1",
+    Wrong.QUOTES: "T/2",
+    Wrong.BINARY: "T/3",
+    Wrong.NUMBER: "T/5",
+    Wrong.BAR_IN_NAME: "T/6",
+    Wrong.CALENDAR: "4.5/2",
+}
+"""What is wrong with a text, wherever it stands, and the requirement that says so."""
+
+_TRAILERS: Final[Mapping[Wrong, tuple[str, str]]] = {
+    Wrong.TRAILING_NUL: ("trailing_nul", "yes"),
+    Wrong.TRAILING_BAR: ("A-T-4", "trailing bar"),
+}
+_NO_MATTER: Final = (Wrong.LONG_NAME, Wrong.PATH_IN_NAME)
+
+_OF_LAYOUT: Final[Mapping[Fault, str]] = {
+    Fault.STRAY: "3/32",
+    Fault.START: "3/2",
+    Fault.TAG: "3/15",
+    Fault.END: "3/3",
+}
+_EXACT: Final = 1e-6
+_CONTROL: Final = 0x20
+_DONE: Final = "11"
+_SHORTEST_BYTES: Final = 4  # start, opcode, length, end
+_FIXED: Final = re.compile(rb"-?[0-9]+\.([0-9]+)")
+_HALF_OF_IT: Final = 0.501  # of the last decimal
+_TURN_S: Final = 0.005
+
+
+def arguments(name: str, value: Any) -> dict[str, Any]:
+    """A value of the table as an order gives it: by name, in the types of JSON."""
+    request = BY_NAME[name].request
+    if isinstance(request, Jog):
+        return {"direction": str(value)}
+    if not isinstance(request, Record):
+        return {}
+    values = value if request.make else (value,)
+    return {field.name: _json(v) for field, v in zip(request.fields, values, strict=True)}
+
+
+def _json(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "surrogateescape")
+    return f"{value:%Y%m%d%H%M%S}" if isinstance(value, datetime) else value
+
+
+def order(subject: "Subject", name: str, value: Any = None) -> Call:
+    """Order an operation; without a value, with that of the document's example."""
+    return subject.begin(name, **arguments(name, VALUES.get(name) if value is None else value))
+
+
+def ask(
+    subject: "Subject", line: Line, name: str, value: Any = None, *, requirement: str = ""
+) -> tuple[Call, Request]:
+    """Order an operation and await its request, which has to carry what was ordered.
+
+    One that carries something else is answered all the same, so that the next is not held back.
+
+    Args:
+        subject: The client.
+        line: Where it is connected.
+        name: The operation.
+        value: What it takes; by default that of the document's example.
+        requirement: What a request that carries something else violates; empty for the case's own.
+
+    Returns:
+        The order, which is not answered yet, and the request.
+
+    Raises:
+        Unmet: No request came, or another one.
+        NotRun: The client lacks the operation.
+    """
+    call = order(subject, name, value)
+    request = awaited(line, name, call)
+    wanted = VALUES.get(name) if value is None else value
+    try:
+        expect_carries(subject, request, name, wanted, requirement=requirement)
+    except Unmet:
+        with suppress(NoAnswer):  # it has closed already
+            answer(line, name, request)
+        raise
+    return call, request
+
+
+def awaited(line: Line, name: str, call: Call) -> Request:
+    """The request of an operation; bytes that are none are blamed for what is wrong with them.
+
+    Raises:
+        Unmet: No request came.
+        NotRun: The client lacks the operation.
+    """
+    try:
+        return line.request(name, call)
+    except Unmet:
+        line.finish()
+        blame(line)
+        raise
+
+
+def blame(line: Line, *, of_length: str = "3/7") -> None:
+    """Fail the client for the first bytes that are no frame, or for an undefined opcode.
+
+    Args:
+        line: Where they came.
+        of_length: What a wrong length violates.
+
+    Raises:
+        Unmet: There are some.
+    """
+    line.flush()
+    for noise in line.noise:
+        diagnosis = diagnose(noise)
+        raise Unmet(
+            f"what the client sent is no frame: {diagnosis.fault.value}",
+            expected=diagnosis.expected or "start, opcode, length, data, end",
+            observed=f"{show(noise.data)} ({noise.data[:20].hex(' ').upper()})",
+            requirement=_violated(noise, diagnosis, of_length),
+        )
+    for seen in line.heard:
+        if seen.frame.opcode not in BY_OPCODE:
+            raise Unmet(
+                "the client sends an opcode that nobody has defined",
+                expected="an opcode of clauses 4 and 5",
+                observed=f"{seen.frame}",
+                requirement="3/10",
+            )
+
+
+def _violated(noise: Undecodable, diagnosis: Diagnosis, of_length: str) -> str:
+    """The requirement that bytes which are no frame violate."""
+    match diagnosis.fault:
+        case Fault.LENGTH:
+            wraps = not diagnosis.surplus_bytes % 256
+            return "3/8" if diagnosis.observed == "0" else "3/28" if wraps else of_length
+        case Fault.NONE if len(noise.data) >= _SHORTEST_BYTES:  # it announces more than there is
+            return of_length
+    return _OF_LAYOUT.get(diagnosis.fault, "3/1")
+
+
+def expect_carries(
+    subject: "Subject", request: Request, name: str, value: Any, *, requirement: str = ""
+) -> None:
+    """A request has to carry this value, written as the document wants it.
+
+    Raises:
+        Unmet: It does not.
+    """
+    command, data = BY_NAME[name], request.frame.data
+    decoded = command.request.decode(data)
+    for complaint in decoded.complaints:
+        if complaint.wrong in _TRAILERS:
+            subject.tolerate("T/4", *_TRAILERS[complaint.wrong], f"{name}: {complaint.text}")
+        elif complaint.wrong not in _NO_MATTER:
+            raise Unmet(
+                f"{name}: {complaint.text}",
+                expected=command.request.form,
+                observed=show(data),
+                requirement=_of_writing(complaint.wrong, data) or requirement,
+            )
+    if _alike(decoded.value, value):
+        return
+    decimals = _fixed_decimals(command, data, value)
+    if decimals:
+        key, option = ("num_format", "one-decimal") if decimals == 1 else ("A-T-5", f"{decimals}")
+        subject.tolerate("T/10", key, option, f"{name}: each number has {decimals} decimals")
+        return
+    wanted = command.request.encode(value, subject.dialect.replace(name_max="255"))
+    raise Unmet(
+        f"{name} carries another value than was ordered",
+        expected=show(wanted, limit=255),
+        observed=show(data, limit=255),
+        requirement=requirement,
+    )
+
+
+def _of_writing(wrong: Wrong, data: bytes) -> str:
+    """The requirement that says how any such text is written; empty where none does."""
+    if wrong is Wrong.NUMBER and min(data, default=_CONTROL) < _CONTROL:
+        return "T/3"
+    return _OF_WRITING.get(wrong, "")
+
+
+def _alike(sent: Any, value: Any) -> bool:
+    if isinstance(sent, tuple) and isinstance(value, tuple):
+        return len(sent) == len(value) and all(map(_alike, sent, value))
+    if isinstance(sent, float | int) and isinstance(value, float | int):
+        return math.isclose(sent, value, rel_tol=_EXACT, abs_tol=_EXACT**2)
+    return bool(sent == value)
+
+
+def _fixed_decimals(command: Command, data: bytes, value: Any) -> int:
+    """With how many decimals each all numbers were sent that were ordered; 0 if not so (A-T-5)."""
+    numbers = [isinstance(field, Number) for field in command.request.fields]
+    texts = data.rstrip(b"\0|").split(b"|")
+    if not any(numbers) or len(texts) != len(numbers):
+        return 0
+    counts = set()
+    for is_number, text, wanted in zip(numbers, texts, value, strict=True):
+        fixed = _FIXED.fullmatch(text)
+        if is_number and fixed:
+            counts.add(len(fixed[1]))
+            if abs(float(text) - wanted) > _HALF_OF_IT / 10 ** len(fixed[1]):
+                return 0
+        elif is_number or text != str(wanted).encode():
+            return 0
+    return counts.pop() if len(counts) == 1 else 0
+
+
+def answer(line: Line, name: str, request: Request) -> None:
+    """Answer a request so that it is over: a query with its example, anything else with a no."""
+    command = BY_NAME[name]
+    if name in REPLIES:
+        line.send_frame(line.frame(name, data=REPLIES[name])._replace(opcode=request.frame.opcode))
+    elif isinstance(command.reply, FirstReply) and command.reply.reasoned:
+        line.reply(name, data=b"0|01")
+    else:
+        line.reply(name, data=b"1" if name == "login" else b"0")
+
+
+def tells(  # noqa: PLR0913 - an answer, and what is thought of it
+    subject: "Subject",
+    line: Line,
+    name: str,
+    data: bytes | None = None,
+    *,
+    requirement: str = "",
+    odd: tuple[str, str] | None = None,
+) -> None:
+    """Order a query and answer it; the client has to say what the answer says.
+
+    Args:
+        subject: The client.
+        line: Where it is connected.
+        name: The query.
+        data: The answer's data; by default the document's example.
+        requirement: What a client that says something else violates; empty for the case's own.
+        odd: The register's entry, and the reading, by which a client may fail at such an answer.
+
+    Raises:
+        Unmet: It says something else, or asks wrongly.
+        NotRun: It lacks the operation.
+    """
+    call, request = ask(subject, line, name)
+    data = REPLIES[name] if data is None else data
+    line.send_frame(line.frame(name, data=data)._replace(opcode=request.frame.opcode))
+    if odd and not subject.settled(call).ok:
+        message = f"{name}: {show(data)} is told as an error"
+        subject.tolerate(requirement or "T/9", *odd, message)
+        return
+    expect_told(subject, call, name, data, requirement=requirement)
+
+
+def expect_told(
+    subject: "Subject", call: Call, name: str, data: bytes, *, requirement: str = ""
+) -> None:
+    """A query that was answered with these data has to be told with what they say.
+
+    Raises:
+        Unmet: The client says something else, or nothing.
+    """
+    value = BY_NAME[name].reply.decode(data).value
+    if isinstance(value, Pose):
+        gives_pose(subject, call, value, requirement=requirement)
+    else:
+        subject.gives(call, spoken(value), requirement=requirement)
+
+
+def accomplished(subject: "Subject", call: Call, *, requirement: str = "") -> None:
+    """A two-stage operation has to have been done, in both of its stages.
+
+    Raises:
+        Unmet: The client says otherwise.
+    """
+    result = subject.done(call, requirement=requirement)
+    if isinstance(result, Mapping):
+        refused = result.get("accepted") is False or result.get("outcome", _DONE) != _DONE
+        if refused:
+            raise Unmet(
+                f"{call.name} was done, and the client says otherwise",
+                expected="accepted and done",
+                observed=f"{call}",
+                requirement=requirement,
+            )
+
+
+def refuses(
+    subject: "Subject", line: Line, name: str, value: Any, *, requirement: str = ""
+) -> None:
+    """Order what must not be sent: the client has to say that it failed, and to send nothing.
+
+    Raises:
+        Unmet: It sends something, or says that it was done.
+        NotRun: It lacks the operation.
+    """
+    refused(subject, line, subject.begin(name, **arguments(name, value)), requirement=requirement)
+
+
+def refused(subject: "Subject", line: Line, call: Call, *, requirement: str = "") -> None:
+    """An order that was given must fail without anything being sent; see `refuses`."""
+    sent = sent_or_settled(subject, line, call)
+    if sent is None:
+        subject.fails(call, requirement=requirement)
+        return
+    raise Unmet(
+        f"the client sends what it has to refuse: {call.name}",
+        expected="nothing",
+        observed=sent,
+        requirement=requirement,
+    )
+
+
+def sent_or_settled(subject: "Subject", line: Line, call: Call) -> str | None:
+    """Wait until an order is answered or brings its request about; that, or None for an answer.
+
+    What else the client may ask meanwhile is left alone.
+
+    Raises:
+        Unmet: Neither comes.
+        NotRun: The client lacks the operation.
+    """
+    deadline_s = subject.access.now_s + subject.answer_s
+    while call.answer is None and not _brought_about(line, call) and not line.over:
+        if subject.access.now_s >= deadline_s:
+            break
+        line.wait(_TURN_S)
+        line.flush()
+    line.pump()
+    if brought := _brought_about(line, call):
+        return "; ".join(brought)
+    subject.settled(call)
+    return None
+
+
+def _brought_about(line: Line, call: Call) -> list[str]:
+    """What has come that may be of an order: its request, and whatever no client should send."""
+    opcode = BY_NAME[OPENINGS.get(call.name, call.name)].opcode
+    due = [
+        f"{seen.frame}"
+        for seen in line.heard
+        if seen.frame.opcode == opcode or seen.frame.opcode not in BY_OPCODE
+    ]
+    return due + [show(noise.data) for noise in line.noise]
+
+
+def of_each(names: Collection[str], try_one: Callable[[str], None]) -> None:
+    """Try something with each of these operations that the client has.
+
+    Raises:
+        NotRun: It has none of them.
+    """
+    lacking = []
+    for name in names:
+        try:
+            try_one(name)
+        except NotRun as error:
+            lacking.append(error)
+    if len(lacking) == len(names):
+        raise lacking[0]

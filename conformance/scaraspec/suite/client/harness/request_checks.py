@@ -1,0 +1,86 @@
+"""Sending: what a client sends for an order, held against what it was ordered.
+
+Numbers are compared as numbers, since 200 and 200.0 are the same (A-T-5). What a client had better
+refuse, or has no value for, is met here too. No requirement is judged.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from decimal import Decimal
+from typing import Final
+
+from scaraspec.suite.client.harness.call import Call
+from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import Declined, expect, told
+
+_DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
+_NEAR: Final = 5e-4  # nobody need write more than three decimals (A-T-5)
+_SINGLE: Final = 1e-7  # the relative error of 32 bits
+
+
+def numbers_of(answer: Answer) -> list[float] | None:
+    """The numbers between the bars of a request; None where one of them is none."""
+    texts = answer.seen.text.removesuffix(b"|").split(b"|")  # a bar may end them (A-T-4)
+    if not all(_DECIMAL.fullmatch(text) for text in texts):
+        return None
+    return [float(text) for text in texts]
+
+
+def near(sent: float, ordered: float) -> bool:
+    """Whether a number was sent for another one."""
+    return math.isclose(sent, ordered, rel_tol=_SINGLE, abs_tol=_NEAR)
+
+
+def plain(number: float) -> str:
+    """A number without an exponent (T/5), in as many digits as it was meant to have."""
+    return f"{Decimal(f'{number:.15g}'):f}"
+
+
+def expect_numbers(answer: Answer, ordered: Sequence[float], *, requirement: str = "") -> None:
+    """Fail the client unless a request carries these numbers, in this order.
+
+    Raises:
+        Unmet: It carries something else.
+    """
+    sent = numbers_of(answer)
+    expect(
+        sent is not None and len(sent) == len(ordered) and all(map(near, sent, ordered)),
+        f"what {answer.seen.name} carries",
+        expected="|".join(map(plain, ordered)),
+        observed=told(answer.frame.data),
+        requirement=requirement,
+    )
+
+
+def request_unless_refused(
+    line: Line, call: Call, *, within_s: float | None = None
+) -> Answer | None:
+    """The request of an order that the client had better not carry out; None where it does not.
+
+    Args:
+        line: Where it would come.
+        call: The order.
+        within_s: How long to wait; by default as long as the client may think.
+
+    Raises:
+        NoAnswer: It neither sends anything nor says that it will not.
+        Unmet: It says that it was done, and has sent nothing.
+    """
+    try:
+        return line.request(call.name, call, within_s=within_s)
+    except Declined:
+        return None
+
+
+def expect_no_value(subject: Subject, call: Call, *, requirement: str = "") -> None:
+    """Fail the client unless it says that there is no value, by an error or by none at all.
+
+    Raises:
+        Unmet: It gives one.
+    """
+    if not subject.access.attended and subject.settled(call).ok and call.result is None:
+        return
+    subject.fails(call, requirement=requirement)

@@ -1,0 +1,153 @@
+"""Setting: what a run against a controller is about, and how it begins and ends."""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from scaraspec.report.model import Role
+from scaraspec.suite.controller.harness.access import Access
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.own_files import random_token
+from scaraspec.suite.controller.harness.probes import probe_all
+from scaraspec.suite.controller.harness.state.readiness import come_back, make_ready
+from scaraspec.suite.controller.harness.state.recovery import recover
+from scaraspec.suite.controller.harness.state.restore import (
+    restore,
+    snapshot,
+    without_the_unrestorable,
+)
+from scaraspec.suite.controller.harness.state.watch import watch
+from scaraspec.suite.controller.harness.two_stage.stop_proof import prove_stop
+from scaraspec.suite.engine.expectations import Undecided, Unmet
+from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.journal import Journal, JournalError
+from scaraspec.suite.engine.observer import Observer
+from scaraspec.suite.engine.plan import Options
+
+_NS: Final = 1e9
+
+
+@dataclass(frozen=True)
+class ControllerSetting:
+    """A run against a controller; see `run.Setting`.
+
+    Attributes:
+        access: The way to the subject.
+        statement: What it claims.
+        password: What opens it.
+        options: What the tester asks for.
+        link: How to call the way to it, in the results.
+        capture: The file in which it is recorded, beside the results; empty for none.
+        replay: The command line that runs the suite again, without ``--only``.
+        journal: Where what the run may change is written down first.
+        draw_token: Makes the token in the names of the run's files.
+        say: Shows a sentence to the user at once.
+    """
+
+    access: Access
+    statement: Statement
+    password: bytes
+    options: Options
+    link: str = ""
+    capture: str = ""
+    replay: str = ""
+    journal: Journal = field(default_factory=Journal)
+    draw_token: Callable[[], str] = random_token
+    say: Callable[[str], None] = lambda _: None
+    role = Role.CONTROLLER
+
+    @property
+    def needs_login(self) -> bool:
+        """Whether a login comes first."""
+        return self.access.needs_login
+
+    def subject(self, observer: Observer) -> Subject:
+        """The controller under test."""
+        return Subject(
+            self.access,
+            self.statement,
+            self.password,
+            observer,
+            self.options.allowed,
+            journal=self.journal,
+            draw_token=self.draw_token,
+            say=self.say,
+        )
+
+    def begin(self, subject: Subject) -> Mapping[str, Any]:
+        """Put back what an interrupted run has left, and write down what the controller is like.
+
+        Raises:
+            Unmet: It is not there.
+            RecoveryError: What an interrupted run has left cannot be put back.
+            JournalError: What it is like cannot be written down.
+        """
+        recover(subject)
+        line = subject.open()
+        before = snapshot(subject, line)
+        subject.files.begin(name.encode("latin-1") for name in before["programs"] or ())
+        started = datetime.fromtimestamp(subject.now_ns / _NS, UTC).isoformat(timespec="seconds")
+        self.journal.begin(started, before)
+        state = without_the_unrestorable(subject, line, before)
+        if state != before:
+            self.journal.write("settings", before=state)
+        line.close()
+        return state
+
+    def probe(self, subject: Subject) -> None:
+        """Find out how it is to be spoken to; this may change what was written down.
+
+        Raises:
+            Unmet: It is gone.
+        """
+        probe_all(subject)
+
+    def make_ready(self, subject: Subject) -> None:
+        """Prove the emergency stop, and make a robot ready that will not move.
+
+        What it does wrong besides the cases find.
+        """
+        prove_stop(subject)
+        if subject.stop_failure:
+            return
+        with suppress(Unmet, Undecided):
+            make_ready(subject)
+            subject.settle()
+
+    def watch(self, subject: Subject, for_s: float) -> None:
+        """Watch whether another client has caused the failure of a case."""
+        watch(subject, for_s)
+
+    def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
+        """Put everything back, and compare with the start; a sentence for what differs."""
+        if not state:  # the run never began
+            return []
+        left = restore(subject)
+        return [*left.ours, *left.others, *come_back(subject)]
+
+    def finish(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
+        """End the run: the journal goes, unless something may be left on the controller.
+
+        Of a controller that was shut down nothing moves, and no output is on.
+        """
+        if not state:
+            return []
+        changes = self.journal.changes
+        problems = [self.journal.failure] if self.journal.failure else []
+        if subject.off:
+            self.journal.confirm("rest")
+        if changes.any and not (subject.off and changes.only_outputs):
+            self.journal.close()
+            subject.notify(
+                "Something may be left on the controller: the next run puts it back first. "
+                f"The journal {self.journal.path or 'in memory'} says what it is"
+            )
+            shut_down = ["it was shut down before all was put back"] if subject.off else []
+            return [*problems, *shut_down]
+        try:
+            self.journal.finish()
+        except JournalError as error:
+            problems.append(f"{error}")
+        return problems

@@ -1,0 +1,394 @@
+"""Malformed: payloads that no request should have, class by class, for every command of the table.
+
+Frames around them are good. What is spoilt stays as near as it can to the valid value that the
+case gives, so that a subject which takes it does little. What a subject may make of them is for
+the cases to say; `firm` tells where no reading of the document lets it act.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import singledispatch
+from typing import Any, Final, NamedTuple
+
+from scaraspec.protocol import fields
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.fields import Field
+from scaraspec.protocol.frames import MAX_DATA_BYTES
+from scaraspec.protocol.payloads import Jog, Nothing, Payload, Record
+from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.protocol.transfer import FileData
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.state.preserve import alive
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import NoAnswer
+
+_LATE: Final = "late answers to malformed "
+
+
+class Malformed(NamedTuple):
+    """One malformed payload.
+
+    Attributes:
+        kind: The name of its class: ``comma-decimal``.
+        data: The bytes.
+        field: Which field is spoilt; empty for the payload as a whole.
+        firm: Whether acting upon it is wrong under every reading. Elsewhere a receiver may be
+            lenient, as with an exponent or a trailing NUL (A-T-3 to A-T-5).
+    """
+
+    kind: str
+    data: bytes
+    field: str = ""
+    firm: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.kind} in {self.field}" if self.field else self.kind
+
+
+def malformed(name: str, value: Any = None, dialect: Dialect = DEFAULT) -> tuple[Malformed, ...]:
+    """Every malformed payload for a request of the table, at most 255 bytes each.
+
+    Args:
+        name: The command.
+        value: A valid value to begin with; none for requests without data.
+        dialect: How to write it.
+    """
+    return tuple(_payload(BY_NAME[name].request, value, dialect))
+
+
+class Offered(NamedTuple):
+    """What came of a malformed request.
+
+    Attributes:
+        answer: The reply; None where the subject stayed silent or ended the connection (A-3-9).
+        line: The connection to go on with.
+    """
+
+    answer: Answer | None
+    line: Line
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the subject says that it has acted upon it."""
+        return self.answer is not None and self.answer.accepted is True
+
+    def __str__(self) -> str:
+        return "silence" if self.answer is None else f"{self.answer}"
+
+
+def offer(subject: Subject, line: Line, name: str, wrong: Malformed) -> Offered:
+    """Send a malformed request.
+
+    Raises:
+        NoAnswer: The subject answers nothing any more.
+    """
+    line = alive(subject, line)
+    opcode = line.send(name, data=wrong.data).opcode
+    try:
+        came = line.fence()
+    except NoAnswer:
+        line.pump()
+        if line.ending is None:
+            raise
+        came = line.heard
+    for seen in came:
+        if seen.frame.opcode == opcode and not seen.frame.tagged:
+            return Offered(Answer(seen, seen.value), alive(subject, line))
+    return Offered(_late(subject, line, name), alive(subject, line))
+
+
+def _late(subject: Subject, line: Line, name: str) -> Answer | None:
+    """What comes behind the reply to a later request, which may overtake it (3/24).
+
+    A subject that has once stayed silent is not waited for again.
+    """
+    if line.ending is None and subject.known.setdefault(f"{_LATE}{name}", True):
+        with suppress(NoAnswer):
+            return line.reply(name)
+        subject.known[f"{_LATE}{name}"] = False
+    return None
+
+
+# ---------------------------------------------------------------------- classes of one field
+
+
+class _Class(NamedTuple):
+    """One way to spoil a field: from its text and the bytes that are left in the frame."""
+
+    kind: str
+    spoil: Callable[[bytes, int], bytes]
+    firm: bool = True
+
+
+def _by(text: bytes) -> Callable[[bytes, int], bytes]:
+    return lambda _text, _room: text
+
+
+def _before(more: bytes) -> Callable[[bytes, int], bytes]:
+    return lambda text, _room: more + text
+
+
+def _behind(more: bytes) -> Callable[[bytes, int], bytes]:
+    return lambda text, _room: text + more
+
+
+def _zeros(text: bytes, room_bytes: int) -> bytes:
+    """As many leading zeros as there is room for."""
+    sign = b"-" * text.startswith(b"-")
+    return sign + b"0" * room_bytes + text[len(sign) :]
+
+
+def _underscore(text: bytes, _: int) -> bytes:
+    """The same value: who takes it moves nowhere else."""
+    sign = b"-" * text.startswith(b"-")
+    return sign + b"0_" + text[len(sign) :]
+
+
+def _binary(text: bytes, _: int) -> bytes:
+    """The same whole number, as some languages write it in their programs."""
+    sign, digits = text[: text.startswith(b"-")], text.lstrip(b"-").partition(b".")[0]
+    return sign + f"{int(digits):#b}".encode()
+
+
+def _full_width(text: bytes, _: int) -> bytes:
+    return "".join(chr(ord(c) + 0xFEE0) if c.isdigit() else c for c in text.decode()).encode()
+
+
+_NUMBER: Final = (
+    _Class("empty", _by(b"")),
+    _Class("letters", _by(b"abc")),
+    _Class("letter-behind", _behind(b"x")),
+    _Class("comma-decimal", lambda text, _: text.partition(b".")[0] + b",5"),
+    _Class("two-points", lambda text, _: text.partition(b".")[0] + b".0.0"),
+    _Class("nan", _by(b"nan")),
+    _Class("inf", _by(b"inf")),
+    _Class("capital-nan", _by(b"NaN")),  # which languages other than C take for numbers
+    _Class("infinity", _by(b"Infinity")),
+    _Class("null", _by(b"null")),
+    _Class("true", _by(b"true")),
+    _Class("binary-digits", _binary),
+    _Class("suffix", _behind(b"f")),
+    _Class("underscore", _underscore),
+    _Class("two-signs", _before(b"--")),
+    _Class("sign-behind", _behind(b"-")),
+    _Class("below-zero", _before(b"/")),  # the characters on both sides of the digits
+    _Class("above-nine", _behind(b":")),
+    _Class("sign-alone", _by(b"-")),
+    _Class("point-alone", _by(b".")),
+    _Class("nul-inside", _behind(b"\x001")),
+    _Class("second-line", _behind(b"\nx")),  # where $ means the end of a line
+    _Class("non-ascii", _behind("°".encode())),
+    _Class("plus", lambda text, _: b"+" + text.lstrip(b"-"), firm=False),
+    _Class("exponent", _behind(b"e0"), firm=False),
+    _Class("blank-before", _before(b" "), firm=False),
+    _Class("full-width", _full_width, firm=False),
+    _Class("huge", _by(b"9" * 40), firm=False),
+    _Class("over-long", _zeros, firm=False),
+)
+"""A plain decimal number (A-T-5); what C's strtod takes beyond that is not held against anyone."""
+
+_INTEGER: Final = (
+    *(c for c in _NUMBER if c.kind != "two-points"),
+    _Class("decimal", _behind(b".5"), firm=False),
+)
+_TIME: Final = (
+    _Class("empty", _by(b"")),
+    _Class("one-short", lambda text, _: text[:-1]),
+    _Class("one-long", _behind(b"0")),
+    _Class("date-alone", lambda text, _: text[:8]),
+    _Class("without-seconds", lambda text, _: text[:12]),
+    _Class("without-century", lambda text, _: text[2:]),
+    _Class("over-long", lambda text, room: text + b"0" * room),
+    _Class("letters", _by(b"YYYYMMDDHHMMSS")),
+    _Class("letter-inside", lambda text, _: text[:13] + b"x"),
+    _Class("sign", lambda text, _: text[:8] + b"-" + text[9:]),
+    _Class("plus-inside", lambda text, _: text[:8] + b"+" + text[9:]),
+    _Class("behind-nine", lambda text, _: text[:8] + b":" + text[9:]),
+    _Class("behind-nine-within", lambda text, _: text[:10] + b"0:" + text[12:]),
+    _Class("blank-inside", lambda text, _: text[:8] + b" " + text[9:]),
+    _Class("second-line", _behind(b"\nx")),
+    _Class("nul-inside", lambda text, _: text[:8] + b"\0" + text[9:]),
+    _Class("separators", _by(b"2024-06-15 120000")),
+    _Class("non-ascii", lambda text, _: text[:13] + b"\xb2"),
+    _Class("full-width", _full_width),
+    _Class("month-00", lambda text, _: text[:4] + b"00" + text[6:]),
+    _Class("month-13", lambda text, _: text[:4] + b"13" + text[6:]),
+    _Class("day-00", lambda text, _: text[:6] + b"00" + text[8:]),
+    _Class("day-32", lambda text, _: text[:4] + b"0132" + text[8:]),
+    _Class("31-april", lambda text, _: text[:4] + b"0431" + text[8:]),
+    _Class("31-june", lambda text, _: text[:4] + b"0631" + text[8:]),
+    _Class("31-september", lambda text, _: text[:4] + b"0931" + text[8:]),
+    _Class("31-november", lambda text, _: text[:4] + b"1131" + text[8:]),
+    _Class("30-february", lambda text, _: b"20240230" + text[8:]),
+    _Class("29-february-of-a-common-year", lambda text, _: b"20230229" + text[8:]),
+    _Class("29-february-2100", lambda text, _: b"21000229" + text[8:], firm=False),
+    _Class("hour-24", lambda text, _: text[:8] + b"24" + text[10:]),
+    _Class("minute-60", lambda text, _: text[:10] + b"60" + text[12:]),
+    _Class("second-60", lambda text, _: text[:12] + b"60", firm=False),
+    _Class("second-61", lambda text, _: text[:12] + b"61"),
+    _Class("year-0000", lambda text, _: b"0000" + text[4:], firm=False),
+    _Class("trailing-nul", _behind(b"\0"), firm=False),
+)
+"""14 digits of a moment that exists (L169); second 60 may be a leap second (A-4.5-2)."""
+
+_ADDRESS: Final = (
+    _Class("empty", _by(b"")),
+    _Class("letters", _by(b"a.b.c.d")),
+    _Class("three-parts", lambda text, _: text.rpartition(b".")[0]),
+    _Class("five-parts", _behind(b".1")),
+    _Class("empty-part", lambda text, _: text.rpartition(b".")[0] + b"."),
+    _Class("part-256", lambda text, _: text.rpartition(b".")[0] + b".256"),
+    _Class("part-1000", lambda text, _: text.rpartition(b".")[0] + b".1000"),
+    _Class("part-999", lambda text, _: b"999." + text.partition(b".")[2]),
+    _Class("negative", lambda text, _: text.rpartition(b".")[0] + b".-1"),
+    _Class("huge", lambda text, _: text.rpartition(b".")[0] + b".4294967297"),
+    _Class("hexadecimal", lambda text, _: text.rpartition(b".")[0] + b".0x1"),
+    _Class("exponent", lambda text, _: text.rpartition(b".")[0] + b".1e1"),
+    _Class("letter-behind", _behind(b"x")),
+    _Class("point-behind", _behind(b".")),
+    _Class("second-line", _behind(b"\nx")),
+    _Class("commas", lambda text, _: text.replace(b".", b",")),
+    _Class("non-ascii", _behind("。".encode())),
+    _Class("nul-inside", _behind(b"\x001")),
+    _Class("over-long", _zeros, firm=False),
+    _Class("blank-before", _before(b" "), firm=False),
+)
+"""Dotted decimals of four parts up to 255 (L150); padding is tolerated (A-4.3-2)."""
+
+_TEXT: Final = (
+    _Class("empty", _by(b""), firm=False),
+    _Class("over-long", lambda text, room: text + b"x" * room, firm=False),
+)
+"""A password: what it may be is open (A-4.1-3)."""
+
+_NAME: Final = (
+    *_TEXT,
+    _Class("bar-inside", lambda text, _: text[:1] + b"|" + text[1:], firm=False),
+    _Class("nul-inside", lambda text, _: text[:1] + b"\0" + text[1:], firm=False),
+    _Class("control", lambda text, _: text[:1] + b"\x07\n" + text[1:], firm=False),
+    _Class("non-ascii", lambda text, _: "程序".encode("gb18030") + text, firm=False),
+    _Class("no-text", lambda text, _: b"\xff\xfe\xaa\xcc" + text, firm=False),
+    _Class("dots", _by(b".."), firm=False),
+    _Class("dot", _by(b"."), firm=False),
+    _Class("path-up", _before(b"../"), firm=False),
+    _Class("backslash-path", _before(b"..\\"), firm=False),
+    _Class("root", _before(b"/"), firm=False),
+    _Class("directory", _before(b"programs/"), firm=False),
+    _Class("placeholders", _before(b"%s%n"), firm=False),
+)
+"""A file name; what may stand in it is open (A-5-20), what becomes of such files is not."""
+
+
+@singledispatch
+def _classes(field: Field) -> tuple[_Class, ...]:
+    raise TypeError(f"{type(field).__name__} has no malformed classes: add some here")
+
+
+_classes.register(fields.Number)(lambda _: _NUMBER)
+_classes.register(fields.Integer)(lambda _: _INTEGER)
+_classes.register(fields.Clock)(lambda _: _TIME)
+_classes.register(fields.Address)(lambda _: _ADDRESS)
+_classes.register(fields.Text)(lambda _: _TEXT)
+_classes.register(fields.Name)(lambda _: _NAME)
+
+
+# ---------------------------------------------------------------------- classes of a payload
+
+
+@singledispatch
+def _payload(payload: Payload, value: Any, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG001 - one signature for all payloads
+    raise TypeError(f"{type(payload).__name__} has no malformed classes: add some here")
+
+
+@_payload.register
+def _(_: Nothing, value: None, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG001 - as above
+    """Data where none is due may be ignored, or the request with it (A-3-12)."""
+    for kind, data in (
+        ("one-digit", b"0"),
+        ("nul", b"\0"),
+        ("text", b"status"),
+        ("bar", b"|"),
+        ("delimiters", b"\xaa\xcc\xcc\xaa"),
+        ("full", bytes(range(MAX_DATA_BYTES))),
+    ):
+        yield Malformed(kind, data, firm=False)
+
+
+@_payload.register
+def _(payload: Record, value: Any, dialect: Dialect) -> Iterator[Malformed]:
+    values = value if payload.make else (value,)
+    texts = [part.write(v, dialect) for part, v in zip(payload.parts, values, strict=True)]
+    if len(texts) > 1:
+        yield from _structures(texts)
+    for index, part in enumerate(payload.parts):
+        room_bytes = MAX_DATA_BYTES - len(b"|".join(texts))
+        for kind, spoil, firm in _classes(part):
+            spoilt = [*texts[:index], spoil(texts[index], room_bytes), *texts[index + 1 :]]
+            if (data := b"|".join(spoilt)) != b"|".join(texts):
+                yield Malformed(kind, data, part.name, firm)
+
+
+def _structures(texts: list[bytes]) -> Iterator[Malformed]:
+    """Fields that are missing, or too many, or not separated by single bars (A-0-1)."""
+    good = b"|".join(texts)
+    yield Malformed("empty-payload", b"")
+    yield Malformed("first-missing", b"|".join(texts[1:]))
+    yield Malformed("last-missing", b"|".join(texts[:-1]))
+    yield Malformed("extra", b"|".join([*texts, texts[-1]]))
+    yield Malformed(
+        "many-extra", b"|".join([*texts, *[b"1"] * ((MAX_DATA_BYTES - len(good)) // 2)])
+    )
+    yield Malformed("bar-before", b"|" + good)
+    yield Malformed("bars-alone", b"|" * (len(texts) - 1))
+    yield Malformed("double-bar", good.replace(b"|", b"||", 1))
+    for kind, separator in (
+        ("no-bars", b""),
+        ("blanks-for-bars", b" "),
+        ("commas-for-bars", b","),
+        ("semicolons-for-bars", b";"),
+        ("tabs-for-bars", b"\t"),
+        ("nuls-for-bars", b"\0"),
+        ("full-width-bars", "｜".encode()),
+    ):
+        yield Malformed(kind, separator.join(texts))
+    yield Malformed("binary", b"\x00\x00\xc8\x42" * len(texts))
+    yield Malformed("bar-behind", good + b"|", firm=False)
+    yield Malformed("trailing-nul", good + b"\0", firm=False)
+    yield Malformed("line-end", good + b"\r\n", firm=False)
+    yield Malformed("quotes", b'"' + good + b'"', firm=False)
+    yield Malformed("blanks-around-bars", b" | ".join(texts), firm=False)
+
+
+@_payload.register
+def _(_: Jog, value: Any, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG001 - as above
+    """One byte, 1 to 4 (L600-608)."""
+    for kind, data in (
+        ("empty-payload", b""),
+        ("zero", b"0"),
+        ("binary-zero", b"\0"),
+        ("five", b"5"),
+        ("binary-five", b"\5"),
+        ("letter", b"x"),
+        ("sign", b"-"),
+        ("highest-byte", b"\xff"),
+        ("two-digits", b"11"),
+        ("padded", b"01"),
+        ("words", b"+y"),
+        ("over-long", b"1" * MAX_DATA_BYTES),
+    ):
+        yield Malformed(kind, data)
+
+
+@_payload.register
+def _(_: FileData, value: Any, dialect: Dialect) -> Iterator[Malformed]:
+    """A chunk that is cut or too long; numbers that are out of bounds are for clause 5."""
+    whole = FileData().encode(value, dialect)
+    for kind, data in (
+        ("empty-payload", b""),
+        ("one-byte", whole[:1]),
+        ("header-cut", whole[:11]),
+        ("text", b"1|0|1|x"),
+    ):
+        yield Malformed(kind, data)
+    yield Malformed("over-long", whole.ljust(MAX_DATA_BYTES, b"\0"), firm=False)

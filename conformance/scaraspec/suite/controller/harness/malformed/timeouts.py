@@ -1,0 +1,131 @@
+"""Timeouts: several silences at once, each on a connection of its own, and what ends them."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.transfer import Chunk
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.files import CHUNK_S, begin, incoming, offer
+from scaraspec.suite.engine.expectations import Unmet
+from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
+
+_INSTANT_S: Final = 1e-6
+
+
+Step = Callable[[Line, Silence], None]
+"""Something done on a connection after a silence."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """What happens on one connection.
+
+    Attributes:
+        begin: Done at once.
+        steps: How long a silence to keep, in seconds, and what to do then.
+    """
+
+    begin: Callable[[Line], None]
+    steps: tuple[tuple[float, Step], ...]
+
+
+class _Running:
+    """A track on its connection."""
+
+    def __init__(self, subject: Subject, track: Track) -> None:
+        self._subject, self._left = subject, list(track.steps)
+        self._line = subject.open()
+        track.begin(self._line)
+        self._silence = Silence(subject)
+
+    @property
+    def due_s(self) -> float:
+        """How long it is until the next step."""
+        return self._left[0][0] - self._silence.passed_s
+
+    def go_on(self) -> bool:
+        """Take the next step; whether another one follows."""
+        _, step = self._left.pop(0)
+        step(self._line, self._silence)
+        self._silence = Silence(self._subject)
+        if not self._left:
+            self._line.close()
+        return bool(self._left)
+
+
+def run_tracks(subject: Subject, tracks: list[Track], *, at_once: bool) -> None:
+    """Go through all tracks, one by one or as many at once as the subject takes transfers.
+
+    One by one also where a limit is so short that waiting for an answer which does not come, as a
+    late chunk may be ignored (A-5-16), would outlast the pause of another track; and where a track
+    that has ended leaves a transfer that has to be waited for.
+    """
+    limits = limits_of(subject)
+    apart = limits.late_s + subject.reply_s < 2 * limits.survived_s
+    at_once = at_once and not subject.transfers_outlive and (apart or _refuses_strays(subject))
+    waiting = list(tracks)
+    while waiting:
+        running = [_Running(subject, waiting.pop(0))]
+        while at_once and waiting:
+            try:
+                running.append(_Running(subject, waiting[0]))
+            except Unmet:  # it takes no more at once
+                break
+            del waiting[0]
+        _run(subject, running)
+
+
+def _run(subject: Subject, running: list[_Running]) -> None:
+    """Take the steps of these tracks as they become due."""
+    while running:
+        first = min(running, key=lambda each: each.due_s)
+        while (left_s := first.due_s) > _INSTANT_S:
+            subject.pause(left_s)  # which ends early where the subject ends a connection
+        if not first.go_on():
+            running.remove(first)
+
+
+def uploads_at_once(subject: Subject) -> bool:
+    """Whether connections have uploads of their own, at once (A-5-17)."""
+    if not subject.takes_several:
+        return False
+    lines = [subject.open(), subject.open()]
+    try:
+        for line in lines:
+            begin(line, subject.new_name())
+        taken = [offer(line, Chunk(1, 0, 1, b"!"), within_s=CHUNK_S) for line in lines]
+    except Unmet:
+        taken = [False]
+    for line in lines:
+        line.close()
+    return all(taken)
+
+
+def downloads_at_once(subject: Subject, name: bytes) -> bool:
+    """Whether connections have downloads of their own, at once, of a file that is there."""
+    if not subject.takes_several:
+        return False
+    lines = [subject.open(), subject.open()]
+    try:
+        taken = [line.ask("download_name", data=name).accepted for line in lines]
+        if all(taken):
+            deque(zip(*map(incoming, lines), strict=True), maxlen=0)
+    except (Unmet, ValueError):  # a chunk of the other one's, or one that never comes
+        taken = [False]
+    for line in lines:
+        line.close()
+    return all(taken)
+
+
+def _refuses_strays(subject: Subject) -> bool:
+    """Whether a chunk without an upload is answered (A-5-16), as far as it may be tried."""
+    if Hazard.STATE not in subject.allowed:
+        return False
+    line = subject.open()
+    refuses = offer(line, Chunk(1, 0, 1, b"!")) is not None or line.ending is not None
+    line.close()
+    return refuses

@@ -1,0 +1,326 @@
+"""Line: one connection to the subject, on which the suite plays the client.
+
+Requests are made from the command table, or are whatever bytes a case wants. What comes is framed,
+timed and kept until somebody asks for it, so that nothing that a subject sends goes unseen. Where a
+subject does not notice that it ends, nothing is left half done on it. Which answer is right is not
+known here.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final
+
+from scaraspec.protocol.commands import BY_NAME, Command, plausible
+from scaraspec.protocol.direction import A2C
+from scaraspec.protocol.fields import PayloadError
+from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
+from scaraspec.protocol.payloads import FinalResult, NameListPart, Nothing, Outcome
+from scaraspec.suite.controller.harness.timeouts import Due
+from scaraspec.suite.engine.connection import Answer, Wire
+from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.transfer_timeouts import limits_of
+from scaraspec.traffic.events import FrameSeen
+from scaraspec.traffic.transfers import NAMES
+from scaraspec.transports.link import Link
+
+if TYPE_CHECKING:
+    from scaraspec.suite.controller.harness.controller_under_test import Subject
+
+_APART_S: Final = 0.05
+_INSTANT_S: Final = 0.001
+_NS: Final = 1e9
+
+
+class Line(Wire):
+    """One connection, on which the suite sends requests; made by `Subject.open`.
+
+    Attributes:
+        listing: The last part of a list that was told announces another one.
+    """
+
+    def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
+        super().__init__(name, link, subject, A2C, judged=judged)
+        self._subject = subject
+        self.listing = self._names_files = False
+        self._sent_ns = self._pause_ns = 0
+        self._outgoing = Framer(A2C, recovery=plausible)
+
+    # ------------------------------------------------------------------ sending
+
+    def send(self, name: str, value: Any = None, *, data: bytes | None = None) -> Command:
+        """Send a request of the table; `data` takes the place of its encoded value.
+
+        Returns:
+            Its row.
+        """
+        command, frame = BY_NAME[name], self.request(name, value, data=data)
+        if command.result:
+            self._drop_results(command)
+        self.send_frame(frame)
+        return command
+
+    def _drop_results(self, command: Command) -> None:
+        """Drop final results without a tag, which the judge has seen: no later request has them."""
+        self.pump()
+        self.heard[:] = [
+            seen
+            for seen in self.heard
+            if seen.frame.tagged or seen.frame.opcode != command.opcode or _outcome(seen) is None
+        ]
+
+    def send_frame(self, frame: Frame) -> None:
+        """Send one frame; a case that would send what its hazards do not say is our own error."""
+        self._subject.permit(frame.opcode)
+        super().send_frame(frame)
+
+    def send_bytes(self, data: bytes) -> None:
+        """Send bytes as they are, once the guard has seen the frames that they complete."""
+        for item in self._outgoing.feed(data):
+            if isinstance(item, Frame):
+                self._subject.guard.before(item)
+        super().send_bytes(data)
+
+    def request(self, name: str, value: Any = None, *, data: bytes | None = None) -> Frame:
+        """The frame of a request, in the subject's dialect.
+
+        Raises:
+            Undecided: The value, which comes from the subject, is none that anybody can send.
+        """
+        command, dialect = BY_NAME[name], self._subject.dialect
+        if value is None and data is None and not isinstance(command.request, Nothing):
+            raise Undecided(f"{name} cannot be asked with what the subject tells, which is nothing")
+        try:
+            payload = command.request.encode(value, dialect) if data is None else data
+        except PayloadError as error:
+            raise Undecided(f"{name} cannot be asked: {error}") from None
+        opcode = command.opcode
+        if command.also is not None and dialect["op_get_default"] == "0x13":
+            opcode = command.also
+        return Frame(A2C, opcode, payload)
+
+    def in_time(self) -> None:
+        """Go on only where the latest two frames followed each other as a transfer needs it.
+
+        Raises:
+            Undecided: A transfer may have been over between them: this machine is too slow.
+        """
+        if (pause_s := self._pause_ns / _NS) > limits_of(self._subject).early_s:
+            raise Undecided(f"this machine is too slow: a frame followed {pause_s:.3f} s late")
+
+    # ------------------------------------------------------------------ asking
+
+    def ask(
+        self,
+        name: str,
+        value: Any = None,
+        *,
+        data: bytes | None = None,
+        within_s: float | None = None,
+    ) -> Answer:
+        """Send a request and wait for its first reply.
+
+        Raises:
+            NoAnswer: None came in `within_s`, by default the subject's reply time.
+        """
+        self._drop_unasked(self.send(name, value, data=data))
+        return self.reply(name, within_s=within_s)
+
+    def _drop_unasked(self, command: Command) -> None:
+        """Drop what came of itself: it answers no later request (A-3-16), and may be outdated."""
+        if unasked := [seen.place for seen in self._subject.observer.unasked]:
+            self.heard[:] = [
+                seen
+                for seen in self.heard
+                if seen.frame.opcode != command.opcode or seen.place not in unasked
+            ]
+
+    def reply(self, name: str, *, within_s: float | None = None) -> Answer:
+        """Wait for a first reply, or for a chunk of a download.
+
+        Raises:
+            NoAnswer: None came.
+        """
+        command = BY_NAME[name]
+        opcodes = {command.opcode, command.also, command.reply_also} - {None}
+        answer = self._due(
+            Due(name),
+            lambda seen: not seen.frame.tagged and seen.frame.opcode in opcodes,
+            within_s,
+            self._subject.reply_s,
+            f"{name} was not answered",
+        )
+        if name == "emergency_stop" and answer.accepted:
+            self._subject.has_been_stopped()
+        if name == "list_programs":
+            self.listing = isinstance(answer.value, NameListPart) and answer.value.more
+        return answer
+
+    def result(self, name: str, *, within_s: float | None = None, untagged: bool = False) -> Answer:
+        """Wait for the final result of a two-stage command.
+
+        Args:
+            name: The command.
+            within_s: How long; by default what the longest motion may take.
+            untagged: Whether one without the tag will do. Where tagged ones have been awaited in
+                vain, it will in every case that is about something else.
+
+        Raises:
+            NoAnswer: None came.
+        """
+        due, opcode = Due(name, result=True), BY_NAME[name].opcode
+        in_vain = self._subject.patience.vain(due)
+        untagged = untagged or (in_vain and not self._subject.is_tried(due.requirement))
+        answer = self._due(
+            due,
+            lambda seen: (
+                seen.frame.opcode == opcode
+                and (seen.frame.tagged or (untagged and _outcome(seen) is not None))
+            ),
+            within_s,
+            self._subject.longest_s,
+            f"no final result of {name} came",
+        )
+        return answer if answer.frame.tagged else answer._replace(value=_outcome(answer.seen))
+
+    def _due(
+        self,
+        due: Due,
+        wanted: Callable[[FrameSeen], bool],
+        within_s: float | None,
+        full_s: float,
+        message: str,
+    ) -> Answer:
+        """Wait for what is due: for its full time unless told otherwise, or it never comes."""
+        patience, asked_s = self._subject.patience, full_s if within_s is None else within_s
+        try:
+            answer = self.awaited(wanted, patience.within_s(due, asked_s), message)
+        except NoAnswer as error:
+            error.owed = due.requirement
+            if patience.vain(due):
+                error.requirement = due.requirement
+            if asked_s >= full_s and not self.over:
+                patience.missed(due)
+            raise
+        if answer.frame.tagged or not due.result:
+            patience.came(due)
+        return answer
+
+    def no_result(self, name: str, *, for_s: float, requirement: str = "") -> None:
+        """Fail the subject if a final result of this command comes within this time.
+
+        Raises:
+            Unmet: One came.
+        """
+        self.wait(for_s)
+        opcode = BY_NAME[name].opcode
+        for seen in self.heard:
+            if seen.frame.tagged and seen.frame.opcode == opcode:
+                message = f"a final result of {name} came that must not come"
+                raise Unmet(
+                    message, expected="none", observed=f"{seen.frame}", requirement=requirement
+                )
+
+    def chunk_answer(self, *, accepted: bool) -> Frame:
+        """The answer to a chunk of a download."""
+        data = BY_NAME["download_chunk"].reply.encode(accepted, self._subject.dialect)
+        return Frame(A2C, BY_NAME["download_chunk"].opcode, data)
+
+    def answer_chunk(self, *, accepted: bool) -> None:
+        """Answer a chunk of a download."""
+        self.send_frame(self.chunk_answer(accepted=accepted))
+
+    def apart(self) -> None:
+        """Let what was sent arrive alone, where no reply says that it did.
+
+        Not every subject takes two frames that arrive together (A-3-14).
+        """
+        self.wait(_APART_S if self._subject.dialect["pipelining"] == "one" else _INSTANT_S)
+
+    def fence(self) -> list[FrameSeen]:
+        """Ask for the status, and take everything that came before its reply.
+
+        Replies come in the order of their requests (3/14), so what has not come by then is not
+        coming: silence is shown without waiting.
+
+        Raises:
+            NoAnswer: Not even this was answered.
+        """
+        if self._subject.dialect["pipelining"] == "one":
+            self.apart()
+        self.send("get_status")
+        before = list(self.heard)
+        self.heard.clear()
+        opcode = BY_NAME["get_status"].opcode
+        deadline_s = self.link.now_s + self._subject.reply_s
+        while True:
+            while self.heard:
+                seen = self.heard.pop(0)
+                if seen.frame.opcode == opcode and not seen.frame.tagged:
+                    return before
+                before.append(seen)
+            if not self._more(deadline_s):
+                self.heard[:0] = before
+                raise self.no_answer("get_status was not answered")
+
+    def answers(self) -> list[FrameSeen]:
+        """As `fence`, and where nothing came a moment longer: not all answer in order (A-3-14).
+
+        Raises:
+            NoAnswer: The status was not answered.
+        """
+        came = self.fence()
+        if not came:
+            self.wait(_APART_S)
+            came = list(self.heard)
+            self.heard.clear()
+        return came
+
+    # ------------------------------------------------------------------ ending
+
+    def close(self) -> None:
+        """End the connection in order."""
+        self._clear()
+        super().close()
+
+    def reset(self) -> None:
+        """Cut the connection off."""
+        self._clear()
+        super().reset()
+
+    def _clear(self) -> None:
+        """Leave nothing half done where the subject does not notice that the connection ends.
+
+        A frame that was begun is spoilt, a transfer is over after its time-out (L763, L795), and
+        what is still being answered comes.
+        """
+        if self.over:
+            return
+        with suppress(Unmet):
+            notices = self._subject.access.ends
+            if not notices and self.mid_frame:
+                self.send_bytes(bytes(MAX_FRAME_BYTES))
+            if self._subject.transfers_outlive and self._may_transfer:
+                self.wait(limits_of(self._subject).over_s)
+            if not notices:
+                self.fence()
+
+    @property
+    def _may_transfer(self) -> bool:
+        if self._judged:
+            return self._subject.observer.judge.transferring(self.name)
+        return self._names_files
+
+    def _sent(self, seen: FrameSeen) -> None:
+        self._pause_ns = seen.place.time_ns - self._sent_ns
+        self._sent_ns = seen.place.time_ns
+        self._names_files = self._names_files or seen.name in NAMES
+        self._subject.guard.sent(self.name, seen)
+
+    def _received(self, seen: FrameSeen) -> None:
+        self._subject.guard.received(self.name, seen)
+
+
+def _outcome(seen: FrameSeen) -> Outcome | None:
+    """What a frame says as a final result, tagged or not; None if it says nothing so."""
+    outcome: Outcome | None = FinalResult().decode(seen.frame.data).value
+    return outcome

@@ -1,0 +1,408 @@
+"""Motion: small moves around where the arm stands, one axis at a time, and back again.
+
+Nothing is assumed of the arm: where it stands it says itself, how far it may go from there the
+statement of conformance says. Whether a move was right is for the cases to say.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Final
+
+from scaraspec.judge.tolerances import STANDSTILL, farthest, ways
+from scaraspec.protocol.commands import BY_NAME, JointValues, MoveTarget, Pose
+from scaraspec.suite.controller.harness.controller_under_test import (
+    DEAF,
+    LATCHED,
+    MOMENT_S,
+    SILENCE_S,
+    Subject,
+)
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.requests.poses import numbers_of
+from scaraspec.suite.controller.harness.timeouts import Due
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet
+
+AXES: Final = ("x", "y", "z", "theta_x")
+"""What a move may change, with a meaning (7.1, L1006)."""
+
+REACHED: Final = 1.0
+"""mm or degrees by which a pose that was reached may be off (4.24/8)."""
+SLOWEST_PERCENT: Final = 1
+
+BUSY: Final = ("01", "02", "03", "04")
+"""Statuses of a robot that executes something (L1018-1021)."""
+IDLE: Final = "00"
+
+_POLL_S: Final = 0.05
+_SLICE_S: Final = 0.5
+_DEAF_JOGGING: Final = "deaf while it jogs"
+_PUT_OFF_S: Final = 0.2  # what is answered so late, and as by an idle robot, had to wait for it …
+_TIMES_LATER: Final = 3  # … where an idle robot is that much quicker
+_NS: Final = 1e9
+_READINGS: Final = 3
+_STOPS: Final = 2  # what was queued may begin once the first has ended (A-4-2)
+_LATCHES: Final = "latches"
+_MOVE, _RESET, _LOCK = "set_tool_coordinates", "reset", "lock_joints"
+
+
+# ---------------------------------------------------------------------- where it is
+
+
+def pose_of(line: Line) -> Pose:
+    """Where the tool stands (0x38); see `numbers_of`."""
+    return numbers_of(line, "get_tool_coordinates", Pose, "4.23/2")
+
+
+def joints_of(line: Line) -> JointValues:
+    """How the joints stand (0x3C); see `numbers_of`."""
+    return numbers_of(line, "get_joint_angles", JointValues, "4.27/2")
+
+
+def off_by(pose: Pose, wanted: Pose) -> float:
+    """By how many mm or degrees a pose misses another, as far as it has a meaning."""
+    return farthest(pose[:4], wanted[:4])
+
+
+def same_place(a: Pose, b: Pose) -> bool:
+    """Whether the tool has not moved between the two."""
+    return off_by(a, b) <= STANDSTILL
+
+
+# ---------------------------------------------------------------------- where to go
+
+
+def target(pose: Pose, speed_percent: int) -> MoveTarget:
+    """The request that goes to a pose."""
+    return MoveTarget(speed_percent, *pose)
+
+
+def neighbours(subject: Subject, pose: Pose, axis: str) -> list[Pose]:
+    """The poses a step away along an axis, one way and the other, as far as they are in the box.
+
+    Raises:
+        NotRun: The arm stands outside of the box in which it may be moved.
+    """
+    motion = subject.statement.motion
+    if not in_box(subject, pose):
+        raise NotRun(f"the arm stands at {pose[:3]}, outside of motion.box_mm: bring it there")
+    value = getattr(pose, axis)
+    steps = (value + motion.step_mm, value - motion.step_mm)
+    poses = [pose._replace(**{axis: round(each, 3)}) for each in steps]
+    return [each for each in poses if in_box(subject, each)]
+
+
+def part_way(pose: Pose, there: Pose, part: float) -> Pose:
+    """A pose on the way from one to another."""
+    return Pose(*(round(p + way * part, 3) for p, way in zip(pose, ways(there, pose), strict=True)))
+
+
+def in_box(subject: Subject, pose: Pose) -> bool:
+    """Whether the statement of conformance lets the tool be there."""
+    box_mm = subject.statement.motion.box_mm
+    return all(low <= v <= high for v, (low, high) in zip(pose[:3], box_mm, strict=False))
+
+
+def ask_move(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = None) -> Answer:
+    """Ask for a move, by default at the speed that the statement of conformance allows."""
+    subject.moved = True
+    speed = subject.statement.motion.speed_percent if speed_percent is None else speed_percent
+    return line.ask(_MOVE, target(pose, speed))
+
+
+def begin_step(
+    subject: Subject, line: Line, axis: str, speed_percent: int | None = None
+) -> tuple[Pose, Answer]:
+    """Begin a move by a step along an axis, the other way where one way is out of reach.
+
+    Returns:
+        Where it goes, and the first reply, which is no refusal for being out of reach.
+
+    Raises:
+        NotRun: There is no room along this axis.
+    """
+    for pose in neighbours(subject, pose_of(line), axis):
+        answer = ask_move(subject, line, pose, speed_percent)
+        if not is_out_of_reach(answer):
+            return pose, answer
+    raise NotRun(f"there is no room for a step along {axis}")
+
+
+def begin_step_somewhere(
+    subject: Subject, line: Line, speed_percent: int | None = None
+) -> tuple[Pose, Answer]:
+    """Begin a step along the first axis that has room.
+
+    Raises:
+        Unmet: None has: the arm can go nowhere from where it stands (4.24/5).
+    """
+    for axis in ("y", "x", "z", "theta_x"):
+        with suppress(NotRun):
+            return begin_step(subject, line, axis, speed_percent)
+    message = "no step from where the arm stands is possible, along no axis and either way"
+    raise Unmet(message, expected="1", observed="0|05 or 0|06", requirement="4.24/5")
+
+
+def is_out_of_reach(answer: Answer) -> bool:
+    """Whether a move is refused for its target, perhaps without saying so (err_bare0)."""
+    bare = answer.frame.data.rstrip(b"\0") == b"0"
+    return answer.accepted is False and (bare or answer.code in ("05", "06"))
+
+
+@contextmanager
+def returning(subject: Subject, line: Line) -> Iterator[Pose]:
+    """Give the pose of the tool, and bring it back there afterwards, whatever has happened.
+
+    Raises:
+        Undecided: It could not be brought back.
+    """
+    release_latch(subject, line)
+    pose = pose_of(line)
+    try:
+        yield pose
+    except BaseException:
+        with suppress(Unmet, Undecided):
+            _go_back(subject, line, pose)
+        raise
+    try:
+        _go_back(subject, line, pose)
+    except Unmet as error:
+        raise Undecided(f"the arm could not be brought back to {pose[:4]}: {error}") from None
+
+
+def _go_back(subject: Subject, line: Line, pose: Pose) -> None:
+    if not subject.moved:
+        return
+    if line.closed or line.ending is not None:
+        subject.close_lines()
+        line = subject.open()
+    quieten(subject, line)
+    if same_place(pose_of(line), pose):
+        return
+    answer = ask_move(subject, line, pose)
+    if not answer.accepted:
+        raise Unmet("the way back is refused", expected="1", observed=f"{answer}")
+    end_of(subject, line, _MOVE)
+
+
+# ---------------------------------------------------------------------- while it executes
+
+
+def knows_whether_it_listens(subject: Subject) -> bool:
+    """Whether that has been found out."""
+    return DEAF in subject.known
+
+
+def listens(subject: Subject, line: Line, *, jogs: bool = False) -> bool:
+    """Whether a robot that executes answers queries (A-4-3); asked while it executes.
+
+    A connection that ends answers nothing, and nothing is found out by it.
+
+    Args:
+        subject: The subject.
+        line: A connection to it.
+        jogs: Whether it jogs: it may be deaf then alone, and goes on while an answer is awaited.
+    """
+    if jogs and not subject.known.get(DEAF):
+        if _DEAF_JOGGING not in subject.known:
+            try:
+                line.ask("get_status", within_s=subject.statement.motion.jog_s)
+            except NoAnswer:
+                if line.ending is not None:
+                    return False
+                subject.known[_DEAF_JOGGING] = True
+            else:
+                subject.known[_DEAF_JOGGING] = False
+        return not subject.known[_DEAF_JOGGING]
+    if DEAF not in subject.known:
+        try:
+            waited_s, status = _timed_status(subject, line)
+        except NoAnswer:
+            if line.ending is not None:
+                return False
+            subject.known[DEAF] = True
+        else:
+            put_off = status not in BUSY and waited_s > _PUT_OFF_S
+            usual_s = _timed_status(subject, line)[0] if put_off else 0.0
+            subject.known[DEAF] = put_off and waited_s > _TIMES_LATER * usual_s
+    return not subject.known[DEAF]
+
+
+def _timed_status(subject: Subject, line: Line) -> tuple[float, str | None]:
+    asked_ns = subject.now_ns
+    answer = line.ask("get_status")
+    return answer.time_s - asked_ns / _NS, answer.value
+
+
+def go_on_if_it_listens(subject: Subject, line: Line) -> None:
+    """Go on only where a robot that executes answers queries; asked while it executes.
+
+    Raises:
+        NotRun: It does not.
+    """
+    if not listens(subject, line):
+        raise NotRun("the robot answers nothing while it executes (A-4-3)")
+
+
+# ---------------------------------------------------------------------- coming to rest
+
+
+def stop(subject: Subject, line: Line) -> Answer:
+    """Stop what executes, to the end, and release its latch; the first reply to the stop.
+
+    Raises:
+        NoAnswer: The stop, or its result, is not answered.
+    """
+    answer = halt(subject, line)
+    if answer.accepted:
+        release_latch(subject, line)
+    return answer
+
+
+def halt(subject: Subject, line: Line) -> Answer:
+    """Stop what executes, to the end; the first reply to the stop. The arm stays where it is.
+
+    Raises:
+        NoAnswer: The stop, or its result, is not answered.
+    """
+    answer = line.ask("emergency_stop")
+    if answer.accepted:
+        with suppress(NoAnswer):
+            line.result("emergency_stop", within_s=subject.reply_s)
+        _await_own_result(line)
+        await_rest(subject, line)
+    return answer
+
+
+def _await_own_result(line: Line) -> None:
+    """Let the result of what was stopped come, where it comes behind the stop's (A-4.17-4)."""
+    left_s = SILENCE_S
+    while left_s > 0 and not any(seen.frame.tagged for seen in line.heard):
+        line.wait(_POLL_S)
+        left_s -= _POLL_S
+
+
+def quieten(subject: Subject, line: Line) -> None:
+    """End whatever executes.
+
+    Raises:
+        NoAnswer: The subject does not answer any more.
+    """
+    for _ in range(_STOPS):
+        if status_of(subject, line) not in (*BUSY, None):
+            break
+        stop(subject, line)
+    await_rest(subject, line)
+    release_latch(subject, line)
+    line.fence()
+
+
+def status_behind(line: Line) -> Answer:
+    """The status behind a final result, a moment later where it still tells of what has ended.
+
+    It returns to 00 (L318), at what moment is not said: not every robot changes both at once.
+    """
+    status = line.ask("get_status")
+    if status.value in BUSY:
+        line.wait(MOMENT_S)
+        status = line.ask("get_status")
+    return status
+
+
+def status_at_rest(line: Line) -> Answer:
+    """The status a moment behind a final result: so long it may be that of what has ended."""
+    line.wait(MOMENT_S)
+    return line.ask("get_status")
+
+
+def status_of(subject: Subject, line: Line) -> str | None:
+    """The status; None where a robot that executes answers nothing (A-4-3)."""
+    deaf = subject.known.get(DEAF)
+    if deaf:
+        _drop_late_replies(line)
+    try:
+        answer = line.ask("get_status", within_s=_POLL_S if deaf else None)
+    except NoAnswer:
+        if not deaf:
+            raise
+        return None
+    status: str | None = answer.value
+    return status
+
+
+def _drop_late_replies(line: Line) -> None:
+    """Drop what was answered only when the robot had ended: it tells of then, not of now."""
+    opcode = BY_NAME["get_status"].opcode
+    line.pump()
+    line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode != opcode]
+
+
+@contextmanager
+def _set_aside(line: Line, name: str) -> Iterator[None]:
+    """Take no final result of an earlier request of this command for that of the next."""
+    opcode = BY_NAME[name].opcode
+    line.pump()
+    earlier = [s for s in line.heard if s.frame.tagged and s.frame.opcode == opcode]
+    line.heard[:] = [s for s in line.heard if s not in earlier]
+    try:
+        yield
+    finally:
+        line.heard[:0] = earlier
+
+
+def end_of(
+    subject: Subject, line: Line, name: str, *, within_s: float | None = None
+) -> Answer | None:
+    """Wait for a final result until the subject is idle, and a moment longer; None if none came.
+
+    At fault it may still be busy: the status tells of one of the two (A-4.8-2).
+    """
+    due = Due(name, result=True)
+    left_s = subject.patience.within_s(due, subject.longest_s if within_s is None else within_s)
+    idle = False
+    while not idle and left_s > 0:
+        with suppress(NoAnswer):
+            return line.result(name, within_s=min(_SLICE_S, left_s))
+        left_s -= _SLICE_S
+        listens(subject, line)  # a deaf robot is asked otherwise
+        idle = status_of(subject, line) == IDLE
+    with suppress(NoAnswer):
+        return line.result(name, within_s=SILENCE_S)
+    subject.patience.missed(due)
+    return None
+
+
+def await_rest(subject: Subject, line: Line) -> None:
+    """Wait until nothing executes; the status may tell of a fault then."""
+    full_s = left_s = subject.patience.rest_s(subject.longest_s)
+    while (busy := status_of(subject, line) in (*BUSY, None)) and left_s > 0:
+        line.wait(_POLL_S)
+        left_s -= _POLL_S
+    subject.patience.waited(full_s - left_s, rests=not busy)
+
+
+def release_latch(subject: Subject, line: Line) -> None:
+    """Reset a robot that an emergency stop has latched (A-4.17-2); whether it does is tried once.
+
+    It shows in the status, or in that a move to where the arm stands is refused.
+    """
+    if not subject.known.get(LATCHED):
+        return
+    if line.ask("get_status").value == IDLE:
+        with _set_aside(line, _MOVE):
+            for _ in range(_READINGS):  # unsteady ones may lie beyond the end of its travel
+                answer = ask_move(subject, line, pose_of(line), SLOWEST_PERCENT)
+                if answer.accepted:
+                    end_of(subject, line, _MOVE)
+                    break
+        if answer.accepted:
+            if _LATCHES not in subject.known:
+                subject.known[LATCHED] = False
+            return
+    subject.known[_LATCHES] = True
+    for remedy in (_RESET, _LOCK):  # it may have let go of its joints (A-4.25-1)
+        with _set_aside(line, remedy):
+            if remedy not in subject.statement.lacks and line.ask(remedy).accepted:
+                end_of(subject, line, remedy)
+                line.wait(_POLL_S)
+                break

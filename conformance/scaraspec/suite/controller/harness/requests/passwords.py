@@ -1,0 +1,53 @@
+"""Passwords: what opens the subject, changed by whoever knows it, and what must not open it."""
+
+from scaraspec.protocol.commands import PasswordChange
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.suite_passwords import REFUSABLE, usable
+from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.expectations import expect
+
+
+def altered(password: bytes) -> bytes:
+    """A wrong one of the same length, in other letter case where that differs."""
+    swapped = password.swapcase()
+    last = (password or b"0")[-1]
+    return swapped if swapped != password else password[:-1] + bytes((last ^ 1,))
+
+
+def rotated(password: bytes) -> bytes:
+    """A wrong one of the same letters, the first of them last; altered if that is no other."""
+    other = password[1:] + password[:1]
+    return other if other != password else altered(password)
+
+
+def usable_passwords(subject: Subject) -> tuple[bytes, ...]:
+    """The passwords that cases may set on this controller, the plain one first."""
+    return usable(factory_reset=subject.has_hook("factory_reset"))
+
+
+def change(line: Line, old: bytes, new: bytes) -> Answer:
+    """Ask for another password; the answer."""
+    return line.ask("set_password", PasswordChange(old, new))
+
+
+def expect_changed(line: Line, old: bytes, new: bytes) -> bool:
+    """Set a password, with the right old one; an odd one, or the same, may be refused (A-4.1-3).
+
+    Returns:
+        Whether it was taken.
+
+    Raises:
+        Unmet: Another one is refused.
+    """
+    answer = change(line, old, new)
+    if answer.accepted is False and (new in REFUSABLE or new == old):
+        return False
+    expect(
+        answer.accepted,
+        "a new password was refused although the old one was right",
+        expected="1",
+        observed=f"{answer}",
+        requirement="4.2/2",
+    )
+    return True

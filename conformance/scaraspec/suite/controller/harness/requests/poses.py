@@ -1,0 +1,55 @@
+"""Poses: what is told in several numbers, and how what was set is held against it (4.19-4.22).
+
+Where the arm stands at the moment is a thing of motion.
+"""
+
+from typing import TypeVar
+
+from scaraspec.judge.rounding import read_back
+from scaraspec.protocol.commands import JointValues, Point, Pose
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.engine.expectations import Unmet, expect
+
+_Numbers = TypeVar("_Numbers", JointValues, Point, Pose)
+
+
+def numbers_of(line: Line, command: str, kind: type[_Numbers], requirement: str) -> _Numbers:
+    """What a query tells that has so many numbers.
+
+    Raises:
+        Unmet: It tells something else.
+    """
+    answer = line.ask(command)
+    if not isinstance(answer.value, kind):
+        count = len(kind._fields)
+        message = f"{command} does not tell {count} numbers between bars"
+        expected = "|".join(kind._fields)
+        raise Unmet(message, expected=expected, observed=f"{answer}", requirement=requirement)
+    return answer.value
+
+
+def gripper_of(line: Line) -> Point:
+    """The gripper centre (0x34); see `numbers_of`."""
+    return numbers_of(line, "get_gripper_center", Point, "4.19/2")
+
+
+def initial_of(line: Line) -> Pose:
+    """The initial tool position (0x37); see `numbers_of`."""
+    return numbers_of(line, "get_initial_tool_position", Pose, "4.22/2")
+
+
+def expect_numbers(
+    shown: tuple[float, ...], wanted: tuple[float, ...], message: str, requirement: str
+) -> None:
+    """Hold what is shown against what was set: exactly where it has one decimal or none.
+
+    Raises:
+        Unmet: They differ.
+    """
+    expect(
+        read_back(shown, wanted),
+        message,
+        expected="|".join(f"{value:g}" for value in wanted),
+        observed="|".join(f"{value:g}" for value in shown),
+        requirement=requirement,
+    )

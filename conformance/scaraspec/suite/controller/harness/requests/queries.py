@@ -1,0 +1,78 @@
+"""Queries: the requests that only read, which any case may send at any time to any subject.
+
+The question for the default program is none of them: it may remain unanswered (A-4.12-2).
+"""
+
+from typing import Any, Final, NamedTuple
+
+from hypothesis import strategies as st
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.frames import Frame
+from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.engine.connection import Answer
+
+
+class Query(NamedTuple):
+    """A request that reads, and what it asks for."""
+
+    name: str
+    value: Any = None
+
+    def frame(self, line: Line) -> Frame:
+        """Its frame."""
+        return line.request(self.name, self.value)
+
+
+QUERIES: Final = (
+    Query("get_network"),
+    Query("get_time"),
+    Query("get_version"),
+    Query("get_status"),
+    Query("get_running_program"),
+    Query("list_programs"),
+    Query("get_motor_temperatures"),
+    Query("get_gripper_center"),
+    Query("get_initial_tool_position"),
+    Query("get_tool_coordinates"),
+    Query("get_joint_angles"),
+    Query("get_digital_inputs"),
+    Query("get_analog_input", 1),
+    Query("get_digital_outputs"),
+)
+
+some_queries = st.lists(st.sampled_from(QUERIES), min_size=1, max_size=12)
+"""Some of them, in any order and number."""
+
+
+def known_to(subject: Subject, queries: tuple[Query, ...] | list[Query] = QUERIES) -> list[Query]:
+    """Those that the subject does not say it lacks, and has not always left unanswered.
+
+    What it never answers fails where it is asked for by itself (3/31), and nothing else.
+    """
+    without = subject.statement.lacks | subject.unanswered
+    return [query for query in queries if query.name not in without]
+
+
+def ask_all(subject: Subject, line: Line) -> list[Answer]:
+    """Ask each of them once.
+
+    Raises:
+        NoAnswer: One was not answered.
+    """
+    return [line.ask(*query) for query in known_to(subject)]
+
+
+def replies_to(line: Line, queries: list[Query]) -> list[Answer]:
+    """Wait for the replies to queries that were sent, in whatever order they come.
+
+    Raises:
+        NoAnswer: One does not come.
+    """
+    return [line.reply(query.name) for query in queries]
+
+
+def opcodes_of(*names: str) -> frozenset[int]:
+    """Their opcodes."""
+    return frozenset(BY_NAME[name].opcode for name in names)

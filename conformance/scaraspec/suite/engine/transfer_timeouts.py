@@ -1,0 +1,50 @@
+"""Limits: after what silence a transfer may and must have ended (A-5-13), and how long one was.
+
+A transfer survives 25 s of silence and has ended after 60 s; where it ends before 27 s or lives on
+after 35 s, that is told. A limit that the subject claims scales all four.
+"""
+
+from typing import Final, NamedTuple
+
+from scaraspec.suite.engine.expectations import Undecided
+from scaraspec.suite.engine.system_under_test import Party
+
+_DOCUMENT_S: Final = 30.0  # L763, L787, L795
+_NS: Final = 1e9
+
+
+class Limits(NamedTuple):
+    """How long a silence may and must be for a transfer to end, in seconds."""
+
+    survived_s: float
+    early_s: float
+    late_s: float
+    over_s: float
+
+
+def limits_of(subject: Party) -> Limits:
+    """The limits of a subject."""
+    scale = subject.statement.transfer_s / _DOCUMENT_S
+    return Limits(25 * scale, 27 * scale, 35 * scale, 60 * scale)
+
+
+class Silence:
+    """How long nothing has been sent on a connection."""
+
+    def __init__(self, subject: Party) -> None:
+        self._subject = subject
+        self._since_ns = subject.now_ns
+
+    @property
+    def passed_s(self) -> float:
+        """How many seconds it has lasted until now."""
+        return (self._subject.now_ns - self._since_ns) / _NS
+
+    def in_time(self, limit_s: float) -> None:
+        """Go on only while it is no longer than it may be: a slow machine must fail nobody.
+
+        Raises:
+            Undecided: It is longer.
+        """
+        if self.passed_s > limit_s:
+            raise Undecided(f"this machine is too slow: a silence lasted {self.passed_s:.3f} s")

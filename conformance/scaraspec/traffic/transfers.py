@@ -1,0 +1,260 @@
+"""Following file transfers (clause 5) through a dialogue: one at a time and connection (A-5-17).
+
+A transfer begins with the acceptance of its name; a chunk belongs to the one that was named last.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+from scaraspec.protocol.commands import BY_NAME
+from scaraspec.protocol.direction import C2A
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import Dialect
+from scaraspec.protocol.transfer import HEAD_BYTES, Chunk, State, read_as
+from scaraspec.traffic.events import Exchange, FrameSeen, Transfer
+from scaraspec.traffic.robot_state import Scene
+
+NAMES: Final = ("upload_name", "download_name")
+CHUNKS: Final = ("upload_chunk", "download_chunk")
+
+_NS: Final = 1_000_000_000
+_SURVIVED: Final = 25 / 30  # of the time-out: behind a longer silence it may be over (A-5-13)
+_CONTENT_LIMIT_BYTES: Final = 16 * 2**20
+_MOST_RESUMPTIONS: Final = 16  # each copies the content
+
+# Why a transfer failed, where a rule asks.
+REFUSED_NAME: Final = "its name was refused"
+REFUSED_CHUNK: Final = "a chunk was refused"
+SILENCE: Final = "silence"
+_DOUBT: Final = "bytes of the capture are missing, or a fault was injected"
+
+
+def refuses_an_answer(frame: Frame) -> bool:
+    """Whether a controller says with it that it awaited no answer to a chunk (A-5-16).
+
+    Where it did await one, or there was none, it is a chunk that is no chunk.
+    """
+    is_0x56 = frame.opcode == BY_NAME["download_chunk"].opcode and not frame.tagged
+    return is_0x56 and frame.direction is C2A and frame.data == b"0"
+
+
+@dataclass(eq=False, slots=True)
+class _Course:
+    """A transfer, and where its next chunk is due."""
+
+    transfer: Transfer
+    due: int = 0
+    position: int = -1  # of the last chunk
+    resumptions: int = 0
+
+    def advance(self, chunk: Chunk) -> None:
+        """A chunk was sent: the next is due behind it, unless it was sent before."""
+        self.transfer.chunks += 1
+        if chunk.position >= self.due:
+            self.due = chunk.position + chunk.length
+        elif chunk.position != self.position:  # it counts something else than bytes
+            self.due += chunk.length
+        self.position = chunk.position
+
+
+class TransferTracker:
+    """Holds the transfer that is under way on one connection.
+
+    Args:
+        scene: Told of every completed upload.
+        dialect: The transfer time-out; a transfer ends after twice that silence (A-5-13).
+    """
+
+    def __init__(self, scene: Scene, dialect: Dialect) -> None:
+        self._scene = scene
+        timeout_s = dialect.seconds("xfer_timeout")
+        self._timeout_ns = 2 * int((timeout_s if timeout_s is not None else 1e9) * _NS)
+        self._survived_ns = int(_SURVIVED * self._timeout_ns / 2)
+        self._strays = 0  # answers to no chunk, each of which may be refused
+        self._named: dict[bool, _Course] = {}  # by whether it is an upload; not answered yet
+        self._active: _Course | None = None
+        self._before: dict[bool, _Course] = {}
+        self._orders: dict[bool, str] = {}
+        self._broken_off = False  # the last one that was under way
+        self._heard_ns = 0
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether one may be under way: one that broke off may go on for its other end."""
+        return bool(self._active or self._named or self._broken_off)
+
+    def request(self, exchange: Exchange) -> Iterator[Transfer]:
+        """A name or a chunk was sent: place it."""
+        upload = exchange.name.startswith("upload")
+        if exchange.name in NAMES:
+            name = exchange.asked if isinstance(exchange.asked, bytes) else b""
+            transfer = Transfer(upload, name, exchange.time_ns, exchange, certain=exchange.certain)
+            self._named[upload] = _Course(transfer)
+        elif exchange.name in CHUNKS:
+            silence_ns = exchange.time_ns - self._heard_ns
+            exchange.late = self._active is not None and silence_ns > self._survived_ns
+            self._heard_ns = exchange.time_ns
+            yield from self._place(exchange, upload)
+
+    def _place(self, exchange: Exchange, upload: bool) -> Iterator[Transfer]:  # noqa: FBT001 - the key of all tables here
+        active = self._active if self._active and self._active.transfer.upload is upload else None
+        course, before = self._named.get(upload) or active, self._before.get(upload)
+        chunk = exchange.chunk = self._read(exchange, upload)
+        if course is None and before and chunk and _resumes(before, chunk):
+            course = self._active = _resumed(before)
+        if course is None:
+            exchange.transfer_before = before.transfer if before else None
+            return
+        transfer = exchange.transfer = course.transfer
+        transfer.order = transfer.order or self._orders.get(upload, "")
+        exchange.expected_position = course.due
+        if chunk and (chunk.length or not chunk.file_size):
+            course.advance(chunk)
+        elif course is active:
+            yield from self.end("the sender gave it up with a length of 0", exchange.time_ns)
+
+    def _read(self, exchange: Exchange, upload: bool) -> Chunk | None:  # noqa: FBT001 - as above
+        """Read the structure in the byte order that it proves, else in its sender's."""
+        chunk, parsed = exchange.request.value, exchange.request.parsed
+        if not isinstance(chunk, Chunk) or parsed is None:
+            return None
+        proved = dict(parsed.decoded.readings).get("endian", "")
+        if proved:
+            self._orders.setdefault(upload, proved)
+            return chunk
+        data, order = exchange.request.frame.data, self._orders.get(upload)
+        return read_as(data, order) if order and len(data) >= HEAD_BYTES else chunk
+
+    def reply(self, exchange: Exchange) -> Iterator[Transfer]:
+        """A name or a chunk was answered: begin, go on or end a transfer."""
+        if exchange.name not in NAMES and exchange.name not in CHUNKS:
+            return
+        time_ns = exchange.reply.place.time_ns if exchange.reply else exchange.time_ns
+        active = self._active
+        if exchange.name in NAMES:
+            yield from self._named_answered(exchange, time_ns)
+        elif active and exchange.transfer is active.transfer:
+            self._heard_ns = time_ns
+            active.transfer.certain = active.transfer.certain and exchange.certain
+            if not exchange.accepted:
+                yield from self.end(REFUSED_CHUNK, time_ns)
+            elif exchange.chunk:
+                if not active.transfer.upload and not active.transfer.differs_in:
+                    self._compare(active.transfer, exchange.request, exchange.chunk)
+                yield from self._acknowledged(active.transfer, exchange.chunk, time_ns)
+
+    def answered(self, exchange: Exchange | None, time_ns: int) -> None:
+        """An answer to this chunk was sent, or one to none."""
+        if exchange is None or time_ns - exchange.time_ns > self._survived_ns:
+            self._strays += 1
+
+    def overanswered(self, name: str) -> None:
+        """An answer came that no chunk of this transfer awaits."""
+        if self._active and name == CHUNKS[not self._active.transfer.upload]:
+            self._active.transfer.overanswered = True
+
+    def refused(self) -> bool:
+        """An answer was refused: whether one was sent that nobody need have awaited."""
+        stray = self._strays > 0
+        self._strays -= stray
+        return stray
+
+    def _compare(self, transfer: Transfer, seen: FrameSeen, chunk: Chunk) -> None:
+        """Hold a chunk of a download against what was uploaded under its name."""
+        stored, data, at = self._scene.files.get(transfer.name), chunk.data, chunk.position
+        if stored is None or not stored.whole_content:
+            return
+        sent = bytes(stored.content[at : at + len(data)])
+        if sent != data:
+            same = (a == b for a, b in zip(sent, data, strict=False))
+            transfer.differs_at = at + next((i for i, s in enumerate(same) if not s), len(sent))
+            transfer.differs_in = seen
+
+    def _named_answered(self, exchange: Exchange, time_ns: int) -> Iterator[Transfer]:
+        upload = exchange.name == "upload_name"
+        course = self._named.get(upload)
+        if course is None or course.transfer.opening is not exchange:
+            return
+        del self._named[upload]
+        transfer = course.transfer
+        if exchange.accepted:
+            yield from self.end("another transfer began", time_ns)
+            exchange.transfer, transfer.begun_ns = transfer, time_ns
+            transfer.certain = exchange.certain
+            self._active, self._heard_ns = course, time_ns
+        else:
+            transfer.state, transfer.reason = State.FAILED, REFUSED_NAME
+            self._before[upload] = course
+
+    def _acknowledged(self, transfer: Transfer, chunk: Chunk, time_ns: int) -> Iterator[Transfer]:
+        if transfer.size_bytes < 0:
+            transfer.size_bytes = chunk.file_size
+            if transfer.upload:
+                self._scene.forget(transfer.name)
+        if chunk.position == transfer.received_bytes:
+            transfer.received_bytes += len(chunk.data)
+            if len(transfer.content) + len(chunk.data) <= _CONTENT_LIMIT_BYTES:
+                transfer.content += chunk.data
+            else:
+                transfer.whole_content = False
+        if not chunk.last:
+            return
+        if transfer.received_bytes != chunk.file_size:
+            yield from self.end("its last chunk came while bytes were missing", time_ns)
+            return
+        transfer.state = State.DONE
+        if transfer.upload and transfer.certain:
+            self._scene.stored(transfer)
+        yield self._ended(transfer, time_ns)
+
+    def expire(self, now_ns: int) -> Iterator[Transfer]:
+        """End the transfer after more silence than any reading allows (L763, L795)."""
+        if self._active and now_ns - self._heard_ns > self._timeout_ns:
+            yield from self.end(SILENCE, now_ns)
+
+    def doubt(self, now_ns: int) -> Iterator[Transfer]:
+        """Chunks and names may have been hidden or changed: how it ends cannot be known."""
+        if self._active:
+            self._active.transfer.certain = False
+        yield from self.end(_DOUBT, now_ns)
+        self._named.clear()
+        for upload in (True, False):
+            unknown = Transfer(
+                upload, b"", now_ns, state=State.FAILED, reason=_DOUBT, certain=False
+            )
+            self._before[upload] = _Course(unknown)
+
+    def end(self, reason: str, now_ns: int) -> Iterator[Transfer]:
+        """End the transfer that is under way, if one is, without success."""
+        if self._active:
+            transfer = self._active.transfer
+            transfer.state, transfer.reason = State.FAILED, reason
+            yield self._ended(transfer, now_ns)
+
+    def _ended(self, transfer: Transfer, now_ns: int) -> Transfer:
+        course, self._active = self._active, None
+        if course:
+            self._before[transfer.upload] = course
+        transfer.ended_ns = now_ns
+        self._broken_off = transfer.state is not State.DONE and transfer.reason != SILENCE
+        return transfer
+
+
+def _resumes(before: _Course, chunk: Chunk) -> bool:
+    """Whether a chunk goes on with a transfer of which one was refused (A-5-14)."""
+    return (
+        before.transfer.reason == REFUSED_CHUNK
+        and chunk.position == before.transfer.received_bytes
+        and chunk.length > 0
+        and before.resumptions < _MOST_RESUMPTIONS
+    )
+
+
+def _resumed(before: _Course) -> _Course:
+    """A transfer that goes on where it was refused; the one handed out stays as it is."""
+    old = before.transfer
+    transfer = replace(
+        old, state=State.ACTIVE, reason="", content=bytearray(old.content), resumed=True
+    )
+    return _Course(transfer, old.received_bytes, resumptions=before.resumptions + 1)

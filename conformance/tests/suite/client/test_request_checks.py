@@ -1,0 +1,21 @@
+"""What a client is told that it should have sent."""
+
+import pytest
+
+from scaraspec.suite.client.harness.request_checks import plain
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (200, "200"),
+        (-0.1, "-0.1"),
+        (1e6, "1000000"),
+        (-1e-7, "-0.0000001"),
+        (1.2e-14, "0.000000000000012"),
+        (0.1 + 0.2, "0.3"),
+    ],
+)
+def test_no_exponent_is_wanted(number: float, text: str) -> None:
+    """What is expected is written as it is to be sent: an exponent is what fails."""
+    assert plain(number) == text

@@ -1,0 +1,418 @@
+"""What a case raises, and what its subject does meanwhile, make the right verdict."""
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
+from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller_run import Robot, certified
+from scaraspec.protocol.commands import PasswordChange
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.readings import DEFAULT
+from scaraspec.report.model import Case, Results, Role
+from scaraspec.suite.engine import run as suite
+from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.plan import ALL, Options
+from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.session import Action, Request, Session
+
+HEAD = """
+from scaraspec.suite.engine.case import case
+from scaraspec.suite.engine.expectations import Undecided, NotRun, Unmet, expect
+
+"""
+
+Try = Callable[..., Results]
+
+
+@pytest.fixture
+def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
+    """Run a suite of these cases against a controller."""
+
+    def run(
+        text: str,
+        brain: type[Brain] = Brain,
+        options: Options = Options(allowed=ALL),  # noqa: B008 - it never changes
+        statement: Statement = Statement(),  # noqa: B008 - it never changes
+    ) -> Results:
+        file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
+        file.write_text(HEAD + text, encoding="utf-8")
+        monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
+        return certified(Robot(brain, DEFAULT), statement, options)
+
+    return run
+
+
+def only(results: Results, name: str = "4.8/2") -> Case:
+    """The case of this name."""
+    (found,) = (case for case in results.cases if case.id == name)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("body", "verdict", "cause"),
+    [
+        ("line.ask('get_status')", Verdict.PASS, None),
+        ("raise Unmet('wrong', expected='a', observed='b')", Verdict.FAIL, Cause.SUBJECT),
+        ("raise Undecided('who knows')", Verdict.INCONCLUSIVE, Cause.SET_UP),
+        ("raise NotRun('no')", Verdict.NONE, Cause.SET_UP),
+        ("1 / 0", Verdict.ERROR, Cause.SUITE),
+        ("subject.hook('restart')", Verdict.NONE, Cause.SET_UP),
+        ("line.reply('get_version')", Verdict.FAIL, Cause.SUBJECT),
+        (
+            "subject.tolerate('4.8/2', 'endian', 'big', 'so be it')",
+            Verdict.TOLERATED,
+            None,
+        ),
+    ],
+)
+def test_verdicts(trial: Try, body: str, verdict: Verdict, cause: Cause | None) -> None:
+    """One verdict for each way in which a case can end."""
+    results = trial(f"@case('4.8/2')\ndef test_one(subject, line):\n    {body}\n")
+    case = only(results)
+    assert (case.verdict, case.cause) == (verdict, cause)
+
+
+class DiesOfAVersion(Brain):
+    """Asked for its version, it answers nothing any more."""
+
+    dead = False
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Serve, or not."""
+        type(self).dead |= frame.opcode == 0x08
+        if not self.dead:
+            super().handle(session, frame, now_s)
+
+
+def test_a_subject_that_a_case_kills(trial: Try) -> None:
+    """The case fails for it, and what comes after is inconclusive, not failed."""
+    DiesOfAVersion.dead = False
+    results = trial(
+        "@case('4.7/2')\ndef test_one(line):\n    line.send('get_version')\n\n"
+        "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
+        DiesOfAVersion,
+    )
+    killer, after = only(results, "4.7/2"), only(results)
+    assert (killer.verdict, killer.requirements) == (Verdict.FAIL, ("3/31",))
+    assert (after.verdict, after.cause) == (Verdict.INCONCLUSIVE, Cause.DEPENDENCY)
+    assert after.message.endswith("since 4.7/2: login was not answered in 5 s")
+    assert results.verdict is Conclusion.NONCONFORMANT
+
+
+class DiesOfStrayBytes(Brain):
+    """Bytes that are no frame are its end."""
+
+    dead = False
+
+    def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
+        """Serve, or not."""
+        type(self).dead |= data[:1] != b"\xaa"
+        return [] if self.dead else super().receive(connection, data, now_s)
+
+
+def test_what_no_client_does_is_tried_at_the_end(trial: Try) -> None:
+    """Who dies of it has shown before what he does when he is asked properly."""
+    DiesOfStrayBytes.dead = False
+    results = trial(
+        "@case('3/19')\ndef test_one(line):\n    line.send_bytes(b'Hello')\n\n"
+        "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
+        DiesOfStrayBytes,
+    )
+    assert only(results, "3/19").verdict is Verdict.FAIL
+    assert only(results).verdict is Verdict.PASS
+
+
+def test_what_ends_the_subject_is_tried_last_in_the_order_of_the_clauses(trial: Try) -> None:
+    """A case of clause 2 that asks for a shutdown in vain comes ahead of one that gets it."""
+    body = "\ndef test_{}(line):\n    line.ask('get_status')\n\n"
+    results = trial(
+        "@case('2/11', last=True)"
+        + body.format("one")
+        + "@case('3/19')"
+        + body.format("two")
+        + "@case('4.35/2', last=True)"
+        + body.format("three")
+        + "@case('4.8/2')"
+        + body.format("four")
+    )
+    assert [case.id for case in results.cases] == ["4.8/2", "3/19", "2/11", "4.35/2"]
+
+
+class Reboots(Brain):
+    """Asked for its version, it answers nothing for twelve seconds."""
+
+    def handle(self, session: Session, frame: Frame, now_s: float) -> None:
+        """Serve, or not."""
+        if frame.opcode == 0x08:
+            self.back_s = now_s + 12
+        if now_s >= self.back_s:
+            super().handle(session, frame, now_s)
+
+    back_s = 0.0
+
+
+def test_what_comes_back_is_put_back(trial: Try) -> None:
+    """Who has crashed is not left as the cases before made him, if he comes back in time."""
+    results = trial(
+        "from scaraspec.protocol.commands import Point\n\n"
+        "@case('4.20/3')\ndef test_one(line):\n"
+        "    line.ask('set_gripper_center', Point(1, 2, 3))\n    line.send('get_version')\n",
+        Reboots,
+    )
+    assert only(results, "4.20/3").verdict is Verdict.FAIL
+    assert {case.id for case in results.cases} == {"4.20/3"}
+
+
+def test_who_comes_back_by_himself_is_tried_on(trial: Try) -> None:
+    """Whoever is watched over starts anew without a hook."""
+    results = trial(
+        "@case('4.7/2')\ndef test_one(line):\n    line.send('get_version')\n\n"
+        "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
+        Reboots,
+    )
+    assert only(results, "4.7/2").verdict is Verdict.FAIL
+    assert only(results).verdict is Verdict.PASS
+
+
+class LocksEverybodyOut(Brain):
+    """Asked for its version, it refuses every login from then on."""
+
+    logins = 0
+    locked = False
+
+    def get_version(self, request: Request) -> str:
+        """Tell it."""
+        type(self).locked = True
+        return super().get_version(request)
+
+    def login(self, request: Request) -> bool:
+        """Refuse it, or not."""
+        type(self).logins += self.locked
+        return not self.locked and super().login(request)
+
+
+def test_who_lets_nobody_in_is_not_asked_over_and_over(trial: Try) -> None:
+    """He is there, and may count wrong passwords."""
+    LocksEverybodyOut.logins, LocksEverybodyOut.locked = 0, False
+    text = "@case('4.7/2')\ndef test_one(line):\n    line.ask('get_version')\n"
+    trial(text, LocksEverybodyOut, Options())  # which has no password to put back
+    assert 0 < LocksEverybodyOut.logins < 10
+
+
+def test_whose_status_is_unreadable_is_moved_no_more(trial: Try) -> None:
+    """Nobody can tell whether it rests; all else can be tried."""
+    results = trial(
+        "@case('4.24/3')\ndef test_one(subject):\n    subject.moved = True\n\n"
+        "@case('4.24/6')\ndef test_two(line):\n    1 / 0\n\n"
+        "@case('4.7/2')\ndef test_three(line):\n    line.ask('get_version')\n",
+        faults()["state-in-words"].wrong,
+    )
+    for name in ("4.24/3", "4.24/6"):
+        assert only(results, name).verdict is Verdict.INCONCLUSIVE
+    assert only(results, "4.7/2").verdict is Verdict.PASS
+
+
+class StaysAtFault(Brain):
+    """Its arm is out of range, whatever is done about it."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self.plant.fail("05", 0.0, lasting=True)
+
+
+def test_a_robot_at_fault_is_not_called_dead(trial: Try) -> None:
+    """It answers, but nothing can be found out; what it reports is told with each case."""
+    results = trial(
+        "@case('4.24/3')\ndef test_one(subject):\n    subject.moved = True\n\n"
+        "@case('4.8/2')\ndef test_two(line):\n    line.ask('get_status')\n",
+        StaysAtFault,
+    )
+    for case in (only(results, "4.24/3"), only(results)):
+        assert case.verdict is Verdict.INCONCLUSIVE
+        assert "status stays 05" in case.message
+
+
+def test_the_first_failure_of_each_requirement_is_enough(trial: Try) -> None:
+    """What may find another one is tried all the same."""
+    results = trial(
+        "@case('4.8/2', name='a')\ndef test_one(line):\n    raise Unmet('wrong')\n\n"
+        "@case('4.8/2', '4.8/3', name='b')\n"
+        "def test_two(line):\n    raise Unmet('wrong', requirement='4.8/3')\n\n"
+        "@case('4.8/3', '4.8/2', name='c')\ndef test_three(line):\n    1 / 0\n"
+    )
+    verdicts = [case.verdict for case in results.cases]
+    assert verdicts == [Verdict.FAIL, Verdict.FAIL, Verdict.NONE]
+
+
+def test_hazards_are_asked_for(trial: Try) -> None:
+    """What was not allowed is not run, and a run of nothing is no pass."""
+    text = "@case('4.24/3')\ndef test_one(line):\n    1 / 0\n"
+    results = trial(text, options=Options())
+    assert only(results, "4.24/3").verdict is Verdict.NONE
+    assert results.verdict is Conclusion.NOTHING_TESTED
+
+
+def test_two_cases_of_one_name_are_a_mistake(trial: Try) -> None:
+    """A case that hides another would be a hole."""
+    one = "@case('4.8/2')\ndef test_{}(line):\n    line.ask('get_status')\n"
+    with pytest.raises(suite.SuiteError, match=r"4\.8/2"):
+        trial(one.format("a") + one.format("b"))
+
+
+def test_a_wrong_claim_is_a_failure_of_its_own(trial: Try) -> None:
+    """The statement of conformance is held against what is seen."""
+    text = "@case('4.8/2')\ndef test_one(line):\n    line.ask('get_status')\n"
+    claim = Statement().claiming(prelogin="all")
+    results = trial(text, statement=claim)
+    assert only(results, "claim.prelogin").verdict is Verdict.FAIL
+
+
+def test_what_was_changed_is_put_back(trial: Try) -> None:
+    """A case that leaves the password, the clock and a file behind does not leave them for ever."""
+    text = """
+from datetime import datetime
+from scaraspec.protocol.commands import PasswordChange, Point
+
+@case('4.2/2')
+def test_one(subject, line):
+    line.ask('set_password', PasswordChange(subject.password, b'zs-Password'))
+    line.ask('set_gripper_center', Point(1, 2, 3))
+    line.ask('set_time', datetime(2001, 1, 1))
+
+@case('4.8/2')
+def test_two(subject, line):
+    line.ask('get_status')
+"""
+    results = trial(text)
+    seen = {command.name: command.count for command in results.session.exchanges}
+    assert seen["set_password"] == 2
+    assert seen["set_gripper_center"] == 2
+    assert seen["set_time"] == 2
+    assert "run.restore" not in {case.id for case in results.cases}
+
+
+_LEAVES_A_CENTER = """
+from scaraspec.protocol.commands import Point
+
+@case('4.20/3')
+def test_one(subject, line):
+    line.ask('set_gripper_center', Point(1, 2, 3))
+"""
+
+
+@pytest.mark.parametrize(("signals", "left"), [(1, (0.0, 0.0, 0.0)), (2, (1.0, 2.0, 3.0))])
+def test_who_ends_a_run_while_it_puts_back_has_to_insist(
+    trial: Try, signals: int, left: tuple[float, ...]
+) -> None:
+    """The first signal leaves nothing half put back, the second ends it at once."""
+    stores = []
+
+    class Signalled(Brain):
+        signals_left = signals
+
+        def set_gripper_center(self, request: Request) -> bool:
+            stores.append(self.store)
+            if request.value == (0, 0, 0) and self.signals_left:
+                self.signals_left -= 1
+                raise KeyboardInterrupt
+            return super().set_gripper_center(request)
+
+    with pytest.raises(KeyboardInterrupt) if signals > 1 else nullcontext():
+        assert {case.id for case in trial(_LEAVES_A_CENTER, Signalled).cases} == {"4.20/3"}
+    assert stores[-1].settings.gripper_center == left
+
+
+_ENDED_WHILE_IT_DRAWS = """
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+@case('4.8/2', name='a')
+@example(1)
+@example(2)
+@given(st.integers(3, 4))
+def test_one(subject, line, number):
+    if number == 1:
+        raise Unmet('it is wrong', expected='', observed='')
+    END
+
+@case('4.8/2', name='b')
+def test_two(subject, line):
+    line.ask('get_status')
+"""
+_ENDED_WHILE_GARBAGE_IS_COLLECTED = """
+from contextlib import suppress
+
+@case('4.8/2', name='a')
+def test_one(subject, line):
+    with suppress(KeyboardInterrupt):  # so does the interpreter
+        subject.observer.interruption.ask()
+
+@case('4.8/2', name='b')
+def test_two(subject, line):
+    line.ask('get_status')
+"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        _ENDED_WHILE_IT_DRAWS.replace("END", "subject.observer.interruption.ask()"),
+        _ENDED_WHILE_IT_DRAWS.replace("END", "raise KeyboardInterrupt"),  # by pytest itself
+        _ENDED_WHILE_GARBAGE_IS_COLLECTED,
+    ],
+)
+def test_who_ends_a_run_ends_it(trial: Try, text: str) -> None:
+    """Also where hypothesis tells the signal among the failures of a case, or nobody does."""
+    assert "run.interrupted" in (found := {case.id for case in trial(text).cases})
+    assert "4.8/2.b" not in found
+
+
+class KeepsSmallLetters(Brain):
+    """Of a new password it keeps small letters; what it is told it compares as it is."""
+
+    def set_password(self, request: Request) -> bool:
+        """Change the letters."""
+        old, new = request.value
+        return super().set_password(replace(request, value=PasswordChange(old, new.lower())))
+
+
+class KeepsFifteenBytes(Brain):
+    """Of a new password it keeps what a buffer of sixteen bytes holds beside an end."""
+
+    def set_password(self, request: Request) -> bool:
+        """Cut it."""
+        old, new = request.value
+        return super().set_password(replace(request, value=PasswordChange(old, new[:15])))
+
+
+class ComparesWhatItKeeps(Brain):
+    """Of a new password it keeps eight bytes, which are all that it looks at in a login."""
+
+    def set_password(self, request: Request) -> bool:
+        """Cut it."""
+        old, new = request.value
+        return super().set_password(replace(request, value=PasswordChange(old, new[:8])))
+
+    def login(self, request: Request) -> bool:
+        """Cut what is said."""
+        return super().login(replace(request, value=request.value[:8]))
+
+
+@pytest.mark.parametrize("brain", [KeepsSmallLetters, KeepsFifteenBytes, ComparesWhatItKeeps])
+def test_nobody_is_locked_out(trial: Try, brain: type[Brain]) -> None:
+    """What a faulty subject may have made of a password is tried, for it is put back."""
+    text = """
+from scaraspec.protocol.commands import PasswordChange
+
+@case('4.2/2')
+def test_one(subject, line):
+    line.ask('set_password', PasswordChange(subject.password, b'zs-Password'))
+"""
+    results = trial(text, brain)
+    assert "run.restore" not in {case.id for case in results.cases}

@@ -1,0 +1,39 @@
+"""A seed alone decides what is drawn."""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from hypothesis import given, seed
+from hypothesis import strategies as st
+
+from scaraspec.suite.engine.hypothesis_profile import Drawing
+
+EXAMPLES = 50
+
+
+def _drawn() -> list[tuple[str, int]]:
+    taken = []
+    drawing = Drawing(EXAMPLES)
+    drawing.begin()
+
+    @seed(0)
+    @given(st.text(), st.integers())
+    def draw(text: str, number: int) -> None:
+        taken.append((text, number))
+
+    draw()
+    drawing.end()
+    return taken
+
+
+def test_what_else_is_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The constants of a module that lies about in a source tree change nothing."""
+    before = _drawn()
+    path = tmp_path / "lying_about.py"
+    path.write_text("\n".join(f"C{n} = 'constant {n}', {n * 7919}" for n in range(400)))
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(sys.modules, path.stem, import_module(path.stem))
+    assert _drawn() == before
+    assert len(before) == EXAMPLES

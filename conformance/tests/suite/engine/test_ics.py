@@ -1,0 +1,101 @@
+"""The statement of conformance: what it may say, and how a mistake in it is told."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from scaraspec.suite.engine.hooks import HookError
+from scaraspec.suite.engine.ics import Statement, StatementError
+
+WHOLE = """
+[subject]
+name = "Plant A"
+version = "1.2.0"
+url = "tcp://192.168.1.2"
+lacks = ["shutdown"]
+network_applies = "after-restart"
+time_scale = 10
+
+[readings]
+op_get_default = "0x13"
+xfer_timeout = 1
+
+[motion]
+step_mm = 2
+box_mm = [[200, 300], [-50, 50], [200, 250]]
+
+[hooks]
+timeout_s = 5
+set_input = "PYTHON -c 'import sys; sys.exit(sys.argv[1:] != [\\"3\\", \\"1\\"])' {port} {value}"
+restart = "PYTHON -c 'import time; print(1, flush=True); time.sleep(60)'"
+"""
+
+
+def read(text: str, folder: Path) -> Statement:
+    """The statement that a file of this text makes."""
+    file = folder / "ics.toml"
+    file.write_text(text.replace("PYTHON", sys.executable), encoding="utf-8")
+    return Statement.read(file)
+
+
+def test_a_whole_statement(tmp_path: Path) -> None:
+    """Everything that can be said is understood."""
+    statement = read(WHOLE, tmp_path)
+    assert (statement.name, statement.version) == ("Plant A", "1.2.0")
+    assert statement.lacks == {"shutdown"}
+    assert statement.claimed == {"op_get_default", "xfer_timeout"}
+    assert statement.transfer_s == 1
+    assert statement.motion.box_mm == ((200, 300), (-50, 50), (200, 250))
+
+
+def test_hooks_run_without_a_shell(tmp_path: Path) -> None:
+    """Placeholders are filled in; another status than 0 is an error that names the hook."""
+    hook = read(WHOLE, tmp_path).hooks["set_input"]
+    hook.run(port=3, value=1)
+    with pytest.raises(HookError, match="set_input ended with status 1"):
+        hook.run(port=3, value="0; true")
+
+
+def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
+    """Its time limit holds."""
+    hook = read(WHOLE.replace("timeout_s = 5", "timeout_s = 0.2"), tmp_path).hooks["restart"]
+    with pytest.raises(HookError, match=r"restart did not end in 0\.2 s"):
+        hook.run()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[subject]\nnmae = 'x'", "subject.nmae is not known"),
+        ("[subject]\nname = 3", "subject.name is str"),
+        ("[subject]\nlacks = ['fly']", "'fly', which is no command"),
+        ("[subject]\nnetwork_applies = 'never'", "network_applies"),
+        ("[subject]\ntime_scale = 0", "time_scale"),
+        ("[readings]\nop_get_default = '0x99'", "op_get_default"),
+        ("[readings]\nno_such = '1'", "no_such"),
+        ("[subject]\nlacks = [[]]", "lacks"),
+        ("[motion]\nbox_mm = [[1, 2]]", "three pairs"),
+        ("[motion]\nbox_mm = [[1, 2], [3, 4], ['5', 6]]", "three pairs"),
+        ("[motion]\nbox_mm = [[2, 1], [3, 4], [5, 6]]", "three pairs"),
+        ("[motion]\nbox_mm = [[nan, 1], [3, 4], [5, 6]]", "three pairs"),
+        ("[motion]\nstep_mm = nan", "step_mm is above 0"),
+        ("[motion]\nstep_mm = -5", "step_mm is above 0"),
+        ("[motion]\nspeed_percent = 101", "speed_percent is above 0 and at most 100"),
+        ("[motion]\nspeed_percent = 5.5", "speed_percent is int"),
+        ("[motion]\njog_s = -1", "jog_s is above 0"),
+        ("[motion]\nlongest_s = nan", "longest_s is above 0"),
+        ("[hooks]\ntimeout_s = 0", "timeout_s is above 0"),
+        ("[hooks]\nexplode = 'true'", "hooks.explode is not known"),
+        ("[hooks]\nrestart = 3", "hooks.restart is str"),
+        ("readings = 3", "[readings] is a table"),
+        ("[subject\n", "is no TOML"),
+        ("[more]\n", "more is not known"),
+    ],
+)
+def test_mistakes(tmp_path: Path, text: str, says: str) -> None:
+    """Each is one sentence that names the file and the key."""
+    with pytest.raises(StatementError) as told:
+        read(text, tmp_path)
+    assert says in str(told.value)
+    assert str(tmp_path) in str(told.value)

@@ -1,0 +1,96 @@
+"""Memory keeps what was surely said, in bounds, and tells since when the robot is idle."""
+
+from collections.abc import Callable
+
+import pytest
+
+from scaraspec.traffic.exchange_history import KEPT_EXCHANGES, Memory
+
+STATUS = "> get_status\n< get_status {}\n"
+MOVE = "> reset\n< reset 1\n<90 reset 11\n"
+
+
+@pytest.fixture
+def memory_of(judged: Callable) -> Callable[[str], Memory]:
+    """What is remembered behind a session."""
+    return lambda session: judged("login\n" + session).scene.memory
+
+
+def test_exchanges_are_found_by_time(judged: Callable) -> None:
+    """The last one before a time, and those between two."""
+    record = judged("login\n" + STATUS.format("00") * 3)
+    memory = record.scene.memory
+    first, second, third = (x for x in record.exchanges if x.name == "get_status")
+    assert memory.last("get_status") is third
+    assert memory.last("get_status", before_ns=third.time_ns) is second
+    assert memory.last("get_status", before_ns=first.time_ns) is None
+    assert list(memory.between("get_status", first.time_ns, third.time_ns)) == [second]
+    assert memory.last("get_time") is None
+
+
+def test_memory_is_bounded(memory_of: Callable[[str], Memory]) -> None:
+    """However long a recording is."""
+    logins = "".join(f"> login {i}\n< login 1\n" for i in range(9))
+    memory = memory_of(
+        STATUS.format("00") * (KEPT_EXCHANGES + 9) + MOVE * (KEPT_EXCHANGES + 9) + logins
+    )
+    assert len(memory.recent["get_status"]) == KEPT_EXCHANGES
+    assert len(memory.accepted) == KEPT_EXCHANGES
+    assert len(memory.passwords) == 2
+
+
+def test_no_file_is_kept(memory_of: Callable[[str], Memory]) -> None:
+    """Exchanges of transfers hold their content; the scene keeps files, in bounds of its own."""
+    memory = memory_of("> upload_name a\n< upload_name 1\n> chunk 0/9\n< upload_chunk 1\n")
+    assert set(memory.recent) == {"login"}
+    assert set(memory.asked) == {"login", "upload_name", "upload_chunk"}
+
+
+def test_a_gap_empties_it(memory_of: Callable[[str], Memory]) -> None:
+    """Nothing that was said before it is sure behind it."""
+    memory = memory_of(
+        STATUS.format("00") + MOVE + "> delete_program a\n< delete_program 1\n> gap 5"
+    )
+    assert not memory.recent
+    assert not memory.accepted
+    assert not memory.deleted
+    assert not memory.passwords
+    assert memory.idle_since_ns is None
+
+
+@pytest.mark.parametrize(
+    ("session", "since_ms"),
+    [
+        ("", None),
+        (STATUS.format("00"), 5),
+        (STATUS.format("00") * 3, 5),
+        (STATUS.format("04"), None),
+        (STATUS.format("00") + STATUS.format("12"), None),
+        (MOVE, 6),
+        (STATUS.format("00") + MOVE, 8),
+        (STATUS.format("00") + "> reset\n< reset 1", None),
+        # Released by the link's end, it may go on all the same.
+        (MOVE + "> jog 1\n< jog 1\n> close", None),
+        ("> jog 1\n< jog 1\n> emergency_stop\n< emergency_stop 1\n<90 emergency_stop 11", 8),
+    ],
+)
+def test_idleness(session: str, since_ms: int | None, memory_of: Callable[[str], Memory]) -> None:
+    """Known by a result or a status 00, and no longer by anything else."""
+    since_ns = memory_of(session).idle_since_ns
+    assert since_ns == (None if since_ms is None else since_ms * 1_000_000)
+
+
+def test_a_deletion_holds_until_the_name_comes_back(memory_of: Callable[[str], Memory]) -> None:
+    """Even where the upload is not known to have succeeded."""
+    deletion = "> delete_program a\n< delete_program 1\n"
+    assert set(memory_of(deletion).deleted) == {b"a"}
+    assert not memory_of(deletion + "> upload_name a").deleted
+    assert not memory_of("> delete_program a\n< delete_program 0").deleted
+
+
+def test_a_new_password_replaces_the_old(memory_of: Callable[[str], Memory]) -> None:
+    """What was accepted before is right no longer."""
+    assert memory_of("").passwords == {b"password"}
+    assert memory_of("> set_password password|new\n< set_password 1").passwords == {b"new"}
+    assert memory_of("> set_password password|new\n< set_password 0").passwords == {b"password"}
+    assert not memory_of("> set_password password|new\n> set_password x|y").passwords

@@ -1,0 +1,220 @@
+"""contents.jsonl: what lies in the folder of a recording, one line for each file and removal.
+
+Law: it says nothing that the files do not say themselves, so it can be made again from them, and is
+at each start, wherever it is missing, torn or behind. Lines are appended; only a start rewrites it.
+"""
+
+import json
+import logging
+import os
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, Final
+
+from mcap.records import Channel, Message
+
+from scaraspec_recorder.problems import CaptureError
+from scaraspec_recorder.recordings.recording_stats import DRAWN, Entry, Tally
+from scaraspec_recorder.recordings.recover import discard_empty, is_full, recover
+from scaraspec_recorder.sinks.mcap import schemas
+from scaraspec_recorder.sinks.restarts import is_ours
+from scaraspec_recorder.sources.mcap_reading import RawLayer, Summary, records
+
+FILE_NAME: Final = "contents.jsonl"
+
+_KEPT_REMOVALS: Final = 10_000
+_MAX_LINE_BYTES: Final = 1 << 24
+
+_log = logging.getLogger(__name__)
+
+
+class Contents:
+    """The table of contents of a folder, brought up to date when it is made.
+
+    Files of a recorder that was killed are repaired first, see `repair`. Nothing is written before
+    `save`.
+
+    Args:
+        folder: The folder of the recordings; nobody else writes into it.
+
+    Raises:
+        OSError: The folder or the table cannot be read.
+
+    Attributes:
+        entries: Of the files that are there, by name; their streams are only in the table.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.entries: dict[str, Entry] = {}
+        self._path = folder / FILE_NAME
+        self._saved = self._path.exists()
+        self._unsaved: list[dict[str, Any]] = []
+        self._unrepaired: list[Path] = []
+        for line in self._lines():
+            self._take(line)
+        self._find_new()
+        self._miss_old()
+
+    def repair(self) -> None:
+        """Repair what could not be for want of room, where some has been made since.
+
+        What there is no room for stays as it is, until the next time.
+
+        Raises:
+            OSError: The disk is full: nothing could be recorded, either.
+        """
+        for path in self._unrepaired:
+            try:
+                self._list(path)
+            except OSError as error:
+                if is_full(self.folder):
+                    raise
+                _log.warning("%s is not repaired yet: %s", path, error)
+
+    def save(self) -> None:
+        """Write the table anew, if that is needed; to be called before anything else is added.
+
+        Raises:
+            OSError: It cannot be written; it is as it was.
+        """
+        if self._saved:
+            return
+        removals = (line for line in self._lines() if "removed" in line)
+        beside = self._path.with_name(f".{FILE_NAME}.new")
+        with beside.open("wb") as file:
+            file.writelines(map(_encode, deque(removals, _KEPT_REMOVALS)))
+            entries = (line for line in self._lines() if line.get("name") in self.entries)
+            file.writelines(map(_encode, entries))
+            file.writelines(map(_encode, self._unsaved))
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(self._path)
+        self._unsaved.clear()
+        self._saved = True
+
+    def add(self, entry: Entry) -> None:
+        """Add a file.
+
+        Raises:
+            OSError: The table cannot be written; the next start finds the file.
+        """
+        self.entries[entry.name] = replace(entry, streams={})
+        self._append(asdict(entry))
+
+    def remove(self, name: str, time_ns: int, reason: str) -> None:
+        """Note that a file and what was drawn of it are gone.
+
+        Raises:
+            OSError: The table cannot be written; the next start misses the file.
+        """
+        del self.entries[name]
+        self._append({"removed": name, "time_ns": time_ns, "reason": reason})
+
+    def _append(self, line: dict[str, Any]) -> None:
+        if not self._saved:
+            self._unsaved.append(line)
+            return
+        with self._path.open("ab") as file:
+            file.write(_encode(line))
+            file.flush()
+            os.fsync(file.fileno())
+
+    def _lines(self) -> Iterator[dict[str, Any]]:
+        """The whole lines of the table as it is; another means that it is to be written anew."""
+        try:
+            file = self._path.open("rb")
+        except FileNotFoundError:
+            return
+        with file:
+            while text := file.readline(_MAX_LINE_BYTES):
+                try:
+                    yield _decode(text)
+                except (ValueError, RecursionError):
+                    self._saved = False
+
+    def _take(self, line: Mapping[str, Any]) -> None:
+        if "removed" in line:
+            self.entries.pop(line["removed"], None)
+        else:
+            entry = Entry.read({**line, "streams": {}})
+            self.entries[entry.name] = entry
+
+    def _find_new(self) -> None:
+        for path in sorted(self.folder.glob("*.mcap")):
+            if is_ours(path.name) and path.name not in self.entries:
+                try:
+                    self._list(path)
+                except OSError:
+                    self._unrepaired.append(path)
+
+    def _list(self, path: Path) -> None:
+        """Repair a file and add it, or remove it where it holds nothing."""
+        if not discard_empty(path):
+            entry = survey(path)
+            self._saved = False
+            self.add(entry)
+
+    def _miss_old(self) -> None:
+        for entry in list(self.entries.values()):
+            if not (self.folder / entry.name).exists():
+                self._saved = False
+                self.remove(entry.name, entry.end_ns, "it was not there any more")
+
+
+def survey(path: Path) -> Entry:
+    """Repair a recording where it needs it, and count what it holds.
+
+    What cannot be read at all has an entry too, which says so.
+
+    Raises:
+        OSError: The repaired file cannot be written.
+    """
+    tally = Tally()
+    notes: tuple[str, ...] = ()
+    try:
+        notes = recover(path).notes
+        _count(path, tally)
+    except CaptureError as error:
+        notes = (str(error),)
+    drawn = path.with_suffix(DRAWN)
+    return tally.entry((path, drawn) if drawn.exists() else (path,), notes)
+
+
+def _count(path: Path, tally: Tally) -> None:
+    """Count what a whole file holds."""
+    raw, topics = RawLayer(), dict[int, str]()
+    for record in records(path, Summary()):
+        if event := raw.take(record):
+            tally.count(event)
+        elif isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Message):
+            topic = topics.get(record.channel_id)
+            if topic == "/exchanges":
+                tally.exchanges += 1
+            elif topic == "/findings":
+                with suppress(ValueError):  # another's file under a name of ours
+                    found = schemas.decode(schemas.Finding, record.data)
+                    tally.findings[found.verdict] += 1
+
+
+def _encode(line: Mapping[str, Any]) -> bytes:
+    return json.dumps(line, ensure_ascii=False).encode() + b"\n"
+
+
+def _decode(text: bytes) -> dict[str, Any]:
+    """What a line says.
+
+    Raises:
+        ValueError: It is torn, or no line of ours.
+    """
+    line = json.loads(text)
+    if not text.endswith(b"\n") or not isinstance(line, dict):
+        raise ValueError("torn")
+    if not isinstance(line.get("removed"), str):
+        Entry.read(line)
+    return line

@@ -1,0 +1,169 @@
+"""Tally: what one file of a recording holds, counted while it is written or read; and its entry.
+
+Law: counts only. Where entries are kept stands in `contents`.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from scaraspec.judge.verdicts import Finding
+from scaraspec.protocol.direction import A2C
+from scaraspec.traffic.events import Exchange
+from scaraspec.traffic.wire import WireEvent
+from scaraspec_recorder.sinks.byte_accounting import STREAM, Accounts
+from scaraspec_recorder.sinks.decoder import Item
+from scaraspec_recorder.sinks.restarts import is_ours
+
+DRAWN: Final = ".rrd"
+"""What the picture of a capture is called by, behind the same stem."""
+
+_MOST_STREAMS: Final = 2000
+"""Streams listed of one file; the file itself lists all."""
+
+_SHA256: Final = "sha256_recorded"
+
+Stream = Mapping[str, int | str]
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A recording that is complete.
+
+    Attributes:
+        name: Its capture file.
+        files: That and what was drawn of it.
+        size_bytes: Of all of them.
+        begin_ns: Time of its first event; of the file where it holds none.
+        end_ns: Time of its last.
+        connections: How many it holds, also those that began before it.
+        exchanges: How many came to their end in it.
+        a2c_bytes: Recorded bytes of clients.
+        c2a_bytes: Recorded bytes of controllers.
+        gaps: How often something is missing.
+        lost_bytes: How much, where that is known.
+        findings: Their number by verdict; passes are not counted.
+        streams: By connection and direction, its account with the SHA-256 of what was recorded.
+        streams_left_out: How many more it has.
+        notes: What was lost, or may have been, where the file had to be repaired.
+    """
+
+    name: str
+    files: tuple[str, ...]
+    size_bytes: int
+    begin_ns: int
+    end_ns: int
+    connections: int = 0
+    exchanges: int = 0
+    a2c_bytes: int = 0
+    c2a_bytes: int = 0
+    gaps: int = 0
+    lost_bytes: int = 0
+    findings: Mapping[str, int] = field(default_factory=dict)
+    streams: Mapping[str, Stream] = field(default_factory=dict)
+    streams_left_out: int = 0
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def read(cls, line: Mapping[str, Any]) -> "Entry":
+        """Return the entry that a line holds.
+
+        Raises:
+            ValueError: It holds none, or one that names files of others.
+        """
+        try:
+            files, notes = tuple(line["files"]), tuple(line["notes"])
+            entry = cls(**{**line, "files": files, "notes": notes})
+            ours = is_ours(entry.name)
+            others = set(files) - {entry.name, Path(entry.name).with_suffix(DRAWN).name}
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"no entry: {error}") from None
+        numbers = (entry.size_bytes, entry.begin_ns, entry.end_ns)
+        if not all(isinstance(number, int) for number in numbers):
+            raise ValueError("no entry: sizes and times are whole numbers")
+        if others or not ours:
+            raise ValueError("no entry: it names files of others")
+        return entry
+
+
+class Tally:
+    """Counts what a file holds, while it is written or read."""
+
+    def __init__(self) -> None:
+        self.begin_ns = self.end_ns = 0
+        self.exchanges = 0
+        self.findings: Counter[str] = Counter()
+        self._connections = 0
+        self._accounts = Accounts()
+        self._recorded: Counter[str] = Counter()
+        self._gaps = self._lost_bytes = 0
+        self._streams: dict[str, Stream] = {}
+        self._left_out = 0
+
+    def count(self, event: WireEvent) -> None:
+        """Count an event."""
+        self.begin_ns = self.begin_ns or event.time_ns
+        self.end_ns = max(self.end_ns, event.time_ns)
+        if closed := self._accounts.add(event):
+            self._list(closed)
+
+    def take(self, item: Item) -> None:
+        """Count what an event brought about."""
+        if isinstance(item, Exchange):
+            self.exchanges += 1
+        elif isinstance(item, Finding):
+            self.findings[item.verdict.value] += 1
+
+    @property
+    def words(self) -> dict[str, str]:
+        """What the file amounts to."""
+        found = {f"findings {verdict}": str(count) for verdict, count in self.findings.items()}
+        return {"exchanges": str(self.exchanges), **found}
+
+    def entry(self, paths: tuple[Path, ...], notes: tuple[str, ...] = ()) -> Entry:
+        """Return the entry of a file that is closed.
+
+        Args:
+            paths: The capture file, then what was drawn of it.
+            notes: What was lost of it.
+
+        Raises:
+            OSError: One of them is not there.
+        """
+        self._list(self._accounts.close())
+        a2c_bytes = self._recorded[A2C.value]
+        if not self.begin_ns:
+            self.begin_ns = self.end_ns = paths[0].stat().st_mtime_ns
+        return Entry(
+            name=paths[0].name,
+            files=tuple(path.name for path in paths),
+            size_bytes=sum(path.stat().st_size for path in paths),
+            begin_ns=self.begin_ns,
+            end_ns=self.end_ns,
+            connections=self._connections,
+            exchanges=self.exchanges,
+            a2c_bytes=a2c_bytes,
+            c2a_bytes=self._recorded.total() - a2c_bytes,
+            gaps=self._gaps,
+            lost_bytes=self._lost_bytes,
+            findings=dict(self.findings),
+            streams=self._streams,
+            streams_left_out=self._left_out,
+            notes=notes,
+        )
+
+    def _list(self, accounts: Mapping[str, Mapping[str, str]]) -> None:
+        """List streams that have ended; what is counted of each is in its account."""
+        self._connections += len({name.rpartition("/")[0] for name in accounts})
+        for name, account in accounts.items():
+            self._recorded[name.rpartition("/")[2]] += int(account["recorded_bytes"])
+            self._gaps += int(account["gaps"])
+            self._lost_bytes += int(account["lost_bytes"])
+            if len(self._streams) < _MOST_STREAMS:
+                self._streams[name.removeprefix(f"{STREAM}/")] = {
+                    key: text if key == _SHA256 else int(text) for key, text in account.items()
+                }
+            else:
+                self._left_out += 1

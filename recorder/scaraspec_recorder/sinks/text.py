@@ -1,0 +1,288 @@
+"""What happened, in words: one line of a log, one text of a payload, the same in every output.
+
+Law: words only; passwords never among them. What happened is in `scaraspec.traffic.events`,
+whether it was right in findings.
+"""
+
+from collections.abc import Callable
+from datetime import datetime
+from functools import lru_cache
+from typing import Any, Final, NamedTuple
+
+from scaraspec.judge.verdicts import Finding, Verdict
+from scaraspec.protocol import commands, errors
+from scaraspec.protocol.commands import Parsed
+from scaraspec.protocol.fields import StatusCode, show
+from scaraspec.protocol.frames import Frame
+from scaraspec.protocol.hazard import Hazard
+from scaraspec.protocol.payloads import Acceptance, Answer, NameListPart, OptionalName, Outcome
+from scaraspec.protocol.redaction import is_secret, mask_loose
+from scaraspec.protocol.transfer import Chunk, State
+from scaraspec.traffic.events import (
+    Ending,
+    Exchange,
+    FrameSeen,
+    Happening,
+    Injected,
+    LinkChange,
+    Lost,
+    Transfer,
+    Unasked,
+    Undecodable,
+)
+from scaraspec.traffic.wire import Place
+
+SECRET: Final = "(password)"  # noqa: S105 - what stands in a password's place
+_TEXT_LIMIT: Final = 200
+_HEX_BYTES: Final = 24
+_SECOND_NS: Final = 1_000_000_000
+
+
+class Level:
+    """How grave a line is: the levels that Rerun and Foxglove share."""
+
+    DEBUG: Final = "DEBUG"
+    INFO: Final = "INFO"
+    WARN: Final = "WARN"
+    ERROR: Final = "ERROR"
+
+
+class Line(NamedTuple):
+    """One line of a log: how grave, about what, and the text."""
+
+    level: str
+    source: str
+    text: str
+
+
+_LEVELS: Final = {
+    Verdict.FAIL: Level.ERROR,
+    Verdict.ERROR: Level.ERROR,
+    Verdict.INCONCLUSIVE: Level.WARN,
+    Verdict.TOLERATED: Level.INFO,
+}
+
+
+def line(item: Happening | Finding) -> Line | None:
+    """The line for what deserves one in a log that is kept sparse; None for single frames."""
+    make = _LINES.get(type(item))
+    return make(item) if make else None
+
+
+def name_of(seen: FrameSeen) -> str:
+    """The name of a frame's command, or its undefined opcode."""
+    return seen.command.name if seen.command else f"0x{seen.frame.opcode:02X}"
+
+
+def part_of(seen: FrameSeen) -> str:
+    """Which of its command's frames it is: request, reply, result; empty where undefined."""
+    return seen.parsed.part if seen.parsed else ""
+
+
+def frame_text(seen: FrameSeen) -> str:
+    """What a frame says."""
+    return SECRET if is_secret(seen.frame) else _text(seen.frame)
+
+
+def complaints(seen: FrameSeen) -> tuple[str, ...]:
+    """What is wrong with how a frame says it; of a secret one only the kind of wrong."""
+    found = seen.parsed.decoded.complaints if seen.parsed else ()
+    if not found:
+        return ()
+    secret = is_secret(seen.frame)
+    return tuple(complaint.wrong.value if secret else complaint.text for complaint in found)
+
+
+def code_text(code: str) -> str:
+    """A code of table 8-1 with its meaning."""
+    row = errors.lookup(code)
+    return f"{code} {row.meaning}" if row else code
+
+
+def exchange_text(exchange: Exchange) -> str:
+    """A whole exchange: what was asked, what was answered, how it ended and how long it took."""
+    asked = frame_text(exchange.request)
+    parts = [f"{exchange.name} {asked}".rstrip()]
+    if exchange.reply:
+        parts.append(frame_text(exchange.reply) or "an empty reply")
+    elif exchange.malformed:
+        parts.append(f"malformed reply {hex_text(exchange.malformed)}")
+    if exchange.result:
+        parts.append(frame_text(exchange.result))
+    if exchange.ending is not Ending.ANSWERED:
+        parts.append(exchange.ending.value)
+    text = " → ".join(parts)
+    took_ns = exchange.latency_ns if exchange.duration_ns is None else exchange.duration_ns
+    return text if took_ns is None else f"{text} ({_duration_text(took_ns)})"
+
+
+def transfer_text(transfer: Transfer) -> str:
+    """A file's way: which, where to, how far."""
+    what = "upload" if transfer.upload else "download"
+    name = show(transfer.name)
+    if transfer.state is State.DONE:
+        return f"{what} of {name} complete: {transfer.received_bytes} bytes"
+    size = "?" if transfer.size_bytes < 0 else transfer.size_bytes
+    return f"{what} of {name} broke off at {transfer.received_bytes} of {size}: {transfer.reason}"
+
+
+def attachment_name(transfer: Transfer) -> str:
+    """A transferred file's name as a label: no path, whatever the peer called it."""
+    name = show(transfer.name).translate({ord("/"): "_", ord("\\"): "_"})
+    return f"{'upload' if transfer.upload else 'download'} {name}"
+
+
+def hex_text(item: Undecodable) -> str:
+    """The first bytes of an undecodable run, passwords masked."""
+    data = mask_loose(item.data)
+    more = "…" if item.place.length_bytes > _HEX_BYTES else ""
+    return data[:_HEX_BYTES].hex(" ").upper() + more
+
+
+def place_text(place: Place) -> str:
+    """Where on the wire something is, for a reader who looks for it."""
+    return (
+        f"connection {place.connection} {place.direction.value} "
+        f"bytes {place.offset_bytes}-{place.offset_bytes + place.length_bytes - 1}"
+    )
+
+
+def _duration_text(duration_ns: int) -> str:
+    return (
+        f"{duration_ns / 1e9:.2f} s" if duration_ns >= _SECOND_NS else f"{duration_ns / 1e6:.1f} ms"
+    )
+
+
+def _undecodable_text(item: Undecodable) -> str:
+    size = item.place.length_bytes
+    gap = ", beside a gap" if item.touches_gap else ""
+    return (
+        f"{size} byte{'s' * (size != 1)} from the {_SENDER[item.place.direction.value]} "
+        f"that {'are' if size != 1 else 'is'} no frame ({item.why.value}{gap}): {hex_text(item)}"
+    )
+
+
+def _gap_text(item: Lost) -> str:
+    event = item.event
+    size = "an unknown number of" if event.length_bytes < 0 else event.length_bytes
+    return f"{size} bytes from the {_SENDER[event.direction.value]} are missing: {event.note}"
+
+
+_YES_NO: Final = {Acceptance: ("accepted", "refused"), Outcome: ("done", "failed")}
+
+_SENDER: Final = {"A2C": "client", "C2A": "controller"}
+
+
+def _exchange_level(exchange: Exchange) -> str:
+    """Refused, failed and broken off stand out; mere queries and chunks step back."""
+    failed = exchange.outcome is not None and not exchange.outcome.done
+    if exchange.accepted is False or failed or exchange.ending is not Ending.ANSWERED:
+        return Level.WARN
+    command = exchange.command
+    routine = exchange.chunk or (command and command.hazard is Hazard.READ_ONLY)
+    return Level.DEBUG if routine else Level.INFO
+
+
+@lru_cache(maxsize=4096)
+def _text(frame: Frame) -> str:
+    """What a frame says. Polling says the same again and again, hence the cache."""
+    parsed = commands.read(frame)
+    text = _value_text(parsed) if parsed else ""
+    if not text and frame.data:
+        text = show(frame.data)
+    return text if len(text) <= _TEXT_LIMIT else text[: _TEXT_LIMIT - 1] + "…"
+
+
+def _value_text(parsed: Parsed) -> str:
+    command, part, decoded = parsed
+    payload = command.request if part == "request" else command.reply
+    value, fields = decoded.value, payload.fields
+    match value:
+        case Acceptance() | Outcome():
+            good, bad = _YES_NO[type(value)]
+            text = good if value[0] else f"{bad} {code_text(value.code or '')}".rstrip()
+        case NameListPart():
+            names = ", ".join(show(name) for name in value.names) or "no programs"
+            text = f"{names}, …" if value.more else names
+        case Chunk():
+            text = f"{len(value.data)} bytes at {value.position} of {value.file_size}"
+        case tuple():
+            text = ", ".join(
+                f"{field.name.removesuffix('_s')} {_scalar_text(item)} {field.unit}".rstrip()
+                for field, item in zip(fields, value, strict=True)
+            )
+        case str() if len(fields) == 1 and isinstance(fields[0], StatusCode):
+            text = code_text(value)
+        case None | b"" if isinstance(payload, Answer | OptionalName) and not decoded.complaints:
+            text = "none"
+        case _:
+            text = _scalar_text(value)
+    return text
+
+
+def _scalar_text(value: Any) -> str:
+    match value:
+        case None:
+            return ""
+        case bool():
+            return "ok" if value else "refused"
+        case bytes():
+            return show(value)
+        case float():
+            return f"{value:.10g}"
+        case datetime():
+            return value.isoformat(sep=" ")
+        case _:
+            return str(value)
+
+
+def _finding_line(finding: Finding) -> Line:
+    level = _LEVELS.get(finding.verdict, Level.INFO)
+    text = f"{finding.verdict.value} {finding.requirement}: {finding.message}"
+    return Line(level, "finding", text)
+
+
+def _exchange_line(exchange: Exchange) -> Line:
+    return Line(_exchange_level(exchange), exchange.name, exchange_text(exchange))
+
+
+def _undecodable_line(item: Undecodable) -> Line:
+    return Line(Level.WARN, "undecodable", _undecodable_text(item))
+
+
+def _link_line(item: LinkChange) -> Line:
+    event = item.event
+    note = f": {event.note}" if event.note else ""
+    return Line(Level.INFO, "connection", f"connection {event.connection} {event.kind.value}{note}")
+
+
+def _lost_line(item: Lost) -> Line:
+    return Line(Level.WARN, "gap", _gap_text(item))
+
+
+def _injected_line(item: Injected) -> Line:
+    event = item.event
+    return Line(Level.WARN, "injected", f"connection {event.connection} injected: {event.note}")
+
+
+def _transfer_line(transfer: Transfer) -> Line:
+    level = Level.INFO if transfer.state is State.DONE else Level.WARN
+    return Line(level, "transfer", transfer_text(transfer))
+
+
+def _unasked_line(item: Unasked) -> Line:
+    seen = item.seen
+    text = f"unasked {part_of(seen)} of {name_of(seen)}: {frame_text(seen)}"
+    return Line(Level.WARN, name_of(seen), text)
+
+
+_LINES: Final[dict[type, Callable[[Any], Line]]] = {
+    Finding: _finding_line,
+    Exchange: _exchange_line,
+    Undecodable: _undecodable_line,
+    LinkChange: _link_line,
+    Lost: _lost_line,
+    Injected: _injected_line,
+    Transfer: _transfer_line,
+    Unasked: _unasked_line,
+}

@@ -1,0 +1,332 @@
+"""The table of contents says what lies in the folder, whatever became of those who wrote it."""
+
+import errno
+import json
+import os
+import shutil
+from collections.abc import Iterable
+from concurrent.futures import Future
+from hashlib import sha256
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scaraspec.judge.judge import Judge
+from scaraspec.protocol.direction import Direction
+from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec_recorder.recordings import recording_files as file_sets
+from scaraspec_recorder.recordings.recording_files import Shelf
+from scaraspec_recorder.recordings.recording_index import FILE_NAME, Contents
+from scaraspec_recorder.recordings.rotation import Rotate, Rotation
+from scaraspec_recorder.sinks.decoder import Deriver
+from scaraspec_recorder.sinks.restarts import is_ours, safe_name, stem
+from scaraspec_recorder.sinks.sinks import Folder
+
+NAME = "2026-11-20T22-58-37Z_line-3.mcap"
+
+
+def new_shelf(folder: Path, *, draw: bool = False) -> Shelf:
+    contents = Contents(folder)
+    contents.save()
+    return Shelf(Folder(folder, []), contents, "line 3", draw=draw)
+
+
+def begin(shelf: Shelf) -> Deriver:
+    judge = Judge()
+    return Deriver([Rotation(shelf, judge, Rotate())], judge)
+
+
+def record(folder: Path, events: Iterable[WireEvent], *, draw: bool = False) -> None:
+    shelf = new_shelf(folder, draw=draw)
+    sink = begin(shelf)
+    for event in events:
+        sink.write(event)
+    sink.close()
+    shelf.settle(wait=True)
+
+
+def lines(folder: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (folder / FILE_NAME).read_text().splitlines()]
+
+
+def refuse(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory, shift: list[WireEvent]) -> Path:
+    """A folder with the shift in it, which is only read."""
+    folder = tmp_path_factory.mktemp("recorded")
+    record(folder, shift, draw=True)
+    return folder
+
+
+def test_an_entry_says_what_the_file_holds(recorded: Path, shift: list[WireEvent]) -> None:
+    """When, how much, what was wrong, and the checksum of each stream; and which files it means."""
+    (entry,) = lines(recorded)
+    picture = NAME.replace(".mcap", ".rrd")
+    assert (entry["name"], entry["files"]) == (NAME, [NAME, picture])
+    sizes = [(recorded / name).stat().st_size for name in entry["files"]]
+    assert entry["size_bytes"] == sum(sizes)
+    assert (entry["begin_ns"], entry["end_ns"]) == (shift[0].time_ns, shift[-1].time_ns)
+    assert (entry["connections"], entry["gaps"], entry["lost_bytes"]) == (1, 1, 37)
+    assert entry["exchanges"] == 190
+    assert entry["findings"]["fail"] == 1
+    for direction in Direction:
+        data = b"".join(event.data for event in shift if event.direction is direction)
+        stream = entry["streams"][f"1/{direction.value}"]
+        assert entry[f"{direction.value.lower()}_bytes"] == stream["recorded_bytes"] == len(data)
+        assert stream["sha256_recorded"] == sha256(data).hexdigest()
+
+
+@pytest.mark.parametrize("table", [b"null\n{}\n", b'{"name": "x"', b"\xff\x00\n[1]\n"])
+def test_a_table_that_is_lost_or_torn_is_made_again(
+    recorded: Path, tmp_path: Path, table: bytes
+) -> None:
+    """From the files alone, to the letter."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    (tmp_path / FILE_NAME).write_bytes(table)
+    Contents(tmp_path).save()
+    assert lines(tmp_path) == lines(recorded)
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_a_table_that_was_deleted_is_made_again(recorded: Path, tmp_path: Path) -> None:
+    """So is one that never was."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    (tmp_path / FILE_NAME).unlink()
+    Contents(tmp_path).save()
+    assert lines(tmp_path) == lines(recorded)
+
+
+def test_a_table_torn_anywhere_is_whole_again(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two entries, wherever the second breaks off, both are there at the next start."""
+    monkeypatch.setattr("os.fsync", lambda _: None)
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    second = "2026-11-20T23-58-37Z_line-3.mcap"
+    shutil.copy(tmp_path / NAME, tmp_path / second)
+    Contents(tmp_path).save()
+    whole = (tmp_path / FILE_NAME).read_bytes()
+    for size in (*range(whole.index(b"\n") + 1, len(whole), 97), len(whole) - 1):
+        (tmp_path / FILE_NAME).write_bytes(whole[:size])
+        Contents(tmp_path).save()
+        assert (tmp_path / FILE_NAME).read_bytes() == whole
+
+
+def test_a_start_that_finds_all_in_order_writes_nothing(recorded: Path) -> None:
+    """The table stays the very same file."""
+    before = (recorded / FILE_NAME).stat()
+    Contents(recorded).save()
+    assert (recorded / FILE_NAME).stat() == before
+
+
+def test_a_killed_recorder_has_its_file_repaired_and_listed(recorded: Path, tmp_path: Path) -> None:
+    """What was lost is in its entry; the picture belongs to it as it is."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    capture = tmp_path / NAME
+    capture.write_bytes(capture.read_bytes()[:-9])
+    (tmp_path / FILE_NAME).unlink()
+    Contents(tmp_path).save()
+    (entry,) = lines(tmp_path)
+    (before,) = lines(recorded)
+    assert entry["notes"][0] == "the file was not closed: what came after its last flush is missing"
+    assert entry["size_bytes"] == sum((tmp_path / name).stat().st_size for name in entry["files"])
+    assert {**entry, "notes": [], "size_bytes": 0} == {**before, "size_bytes": 0}
+
+
+@pytest.mark.parametrize("free_bytes", [0, 10**6])
+def test_a_file_is_repaired_as_soon_as_there_is_room(
+    recorded: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    free_bytes: int,
+) -> None:
+    """A disk that is full holds up everything; one that has too little for this alone does not."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    capture = tmp_path / NAME
+    torn = capture.read_bytes()[:-9]
+    capture.write_bytes(torn)
+    (tmp_path / FILE_NAME).unlink()
+    with monkeypatch.context() as full:
+        full.setattr(Path, "replace", refuse)
+        full.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=free_bytes))
+        contents = Contents(tmp_path)
+        if free_bytes:
+            contents.repair()
+            assert f"{capture} is not repaired yet: [Errno 28] No space left" in caplog.text
+        else:
+            with pytest.raises(OSError, match="No space left"):
+                contents.repair()
+    assert capture.read_bytes() == torn
+    contents.repair()
+    assert not caplog.records[free_bytes > 0 :]
+    assert contents.entries[NAME].notes
+
+
+def test_what_cannot_be_read_is_listed_too(tmp_path: Path) -> None:
+    """It takes room, so retention must know of it."""
+    (tmp_path / NAME).write_bytes(b"damaged")
+    Contents(tmp_path).save()
+    (entry,) = lines(tmp_path)
+    assert entry["notes"] == [f"{tmp_path / NAME} is no MCAP file"]
+    assert entry["begin_ns"] == entry["end_ns"] == (tmp_path / NAME).stat().st_mtime_ns
+
+
+def test_a_file_without_anything_is_removed(tmp_path: Path) -> None:
+    """A recorder that is killed at once leaves one."""
+    (tmp_path / NAME).touch()
+    Contents(tmp_path).save()
+    assert lines(tmp_path) == []
+    assert not (tmp_path / NAME).exists()
+
+
+def test_a_file_is_listed_when_its_drawing_has_come_to_its_size(
+    tmp_path: Path, shift: list[WireEvent], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That takes time, for which nobody waits; a start in between finds the file by itself."""
+    optimized = Future[bool]()
+    monkeypatch.setattr(file_sets, "optimize_later", lambda _: optimized)
+    shelf = new_shelf(tmp_path, draw=True)
+    sink = begin(shelf)
+    for event in shift:
+        sink.write(event)
+    sink.close()
+    shelf.settle()
+    assert lines(tmp_path) == []
+    drawn = (tmp_path / NAME).with_suffix(".rrd")
+    assert shelf.unlisted_bytes == (tmp_path / NAME).stat().st_size + drawn.stat().st_size
+    drawn.write_bytes(b"small")
+    optimized.set_result(True)
+    shelf.settle()
+    (entry,) = lines(tmp_path)
+    assert entry["size_bytes"] == (tmp_path / NAME).stat().st_size + 5
+    assert shelf.unlisted_bytes == 0
+
+
+def test_files_of_others_are_not_listed(tmp_path: Path) -> None:
+    """Only what is called as recordings are: the rest is not ours to count, mend or remove."""
+    for name in ("capture.mcap", "precious.mcap", "2026-11-20_line-3.mcap"):
+        (tmp_path / name).write_bytes(b"mine")
+    contents = Contents(tmp_path)
+    contents.save()
+    assert contents.entries == {}
+    assert lines(tmp_path) == []
+
+
+def test_a_file_that_is_gone_is_noted(recorded: Path, tmp_path: Path) -> None:
+    """Somebody deleted it while no recorder ran."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    (tmp_path / NAME).unlink()
+    contents = Contents(tmp_path)
+    contents.save()
+    assert contents.entries == {}
+    (line,) = lines(tmp_path)
+    assert (line["removed"], line["reason"]) == (NAME, "it was not there any more")
+
+
+def test_a_removal_outlives_the_entry(recorded: Path, tmp_path: Path) -> None:
+    """It is appended, and kept when the table is written anew; the entry is not."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    contents = Contents(tmp_path)
+    for path in tmp_path.glob("2026*"):
+        path.unlink()
+    contents.remove(NAME, 42, "older than 30 days")
+    removal = {"removed": NAME, "time_ns": 42, "reason": "older than 30 days"}
+    assert lines(tmp_path) == [*lines(recorded), removal]
+    with (tmp_path / FILE_NAME).open("ab") as file:
+        file.write(b"torn")
+    Contents(tmp_path).save()
+    assert lines(tmp_path) == [removal]
+
+
+@pytest.mark.parametrize("file", ["../outside", "..", "", "precious.mcap", 7, ["x"]])
+def test_an_entry_that_names_files_of_others_is_none(tmp_path: Path, file: Any) -> None:
+    """Whoever wrote that line: retention removes what entries name."""
+    entry = {"name": NAME, "files": [NAME], "notes": [], "begin_ns": 0, "end_ns": 0}
+    for key, value in (("files", [NAME, file]), ("name", file)):
+        line = {**entry, "size_bytes": 7, key: value}
+        (tmp_path / FILE_NAME).write_text(json.dumps(line) + "\n")
+        contents = Contents(tmp_path)
+        contents.save()
+        assert lines(tmp_path) == []
+
+
+def test_a_full_disk_leaves_the_table_as_it_was(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is replaced in one step, or not at all."""
+    shutil.copytree(recorded, tmp_path, dirs_exist_ok=True)
+    torn = (tmp_path / FILE_NAME).read_bytes() + b"torn"
+    (tmp_path / FILE_NAME).write_bytes(torn)
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    contents = Contents(tmp_path)
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        contents.save()
+    assert (tmp_path / FILE_NAME).read_bytes() == torn
+
+
+def test_many_connections_are_counted_and_not_all_listed(tmp_path: Path) -> None:
+    """A health check every second for weeks neither fills the table nor the memory."""
+    sink = begin(new_shelf(tmp_path))
+    for number in range(1500):
+        for kind in (Kind.OPENED, Kind.CLOSED):
+            for direction in Direction if kind is Kind.OPENED else (Direction.A2C,):
+                sink.write(WireEvent(1 + number, str(number), direction, kind))
+    sink.close()
+    (entry,) = lines(tmp_path)
+    assert entry["connections"] == 1500
+    assert (len(entry["streams"]), entry["streams_left_out"]) == (2000, 1000)
+
+
+def test_files_are_called_by_time_and_robot() -> None:
+    """UTC, to the second."""
+    time_ns = 1_795_219_199_999_999_999
+    assert stem(time_ns, "line-3") == "2026-11-20T23-59-59Z_line-3"
+    assert stem(time_ns, "3号线") == "2026-11-20T23-59-59Z_3号线"
+    assert stem(0, "../..") == "1970-01-01T00-00-00Z_robot"
+
+
+@pytest.mark.parametrize(
+    ("name", "safe"),
+    [
+        ("line 3 / cell #2", "line-3-cell-2"),
+        ("../../etc/passwd", "etc-passwd"),
+        (".hidden", "hidden"),
+        ("C:\\robots\\a.b", "C-robots-a.b"),
+        ("a\x00b\nc\u202ed", "a-b-c-d"),
+        ("\ud800", ""),
+        ("…", ""),
+    ],
+)
+def test_a_hostile_name_is_made_safe(name: str, safe: str) -> None:
+    """No path, no control character, nothing hidden."""
+    assert safe_name(name) == safe
+
+
+@given(st.text(st.characters()))
+def test_any_name_makes_a_file(tmp_path_factory: pytest.TempPathFactory, robot: str) -> None:
+    """Whatever the robot is called, its file can be made, and is known again."""
+    name = f"{stem(1, robot)}.mcap"
+    path = Folder(tmp_path_factory.getbasetemp(), []).new(name)
+    assert path.parent == tmp_path_factory.getbasetemp()
+    assert is_ours(path.name)
+    path.unlink()
+
+
+def test_two_files_of_one_second_have_two_names(tmp_path: Path, talk: Any) -> None:
+    """Nothing is overwritten, and both are listed."""
+    talk.mark(Direction.A2C, Kind.OPENED)
+    for _ in range(2):
+        record(tmp_path, talk.events)
+    assert list(Contents(tmp_path).entries) == [NAME, NAME.replace(".mcap", "-2.mcap")]
