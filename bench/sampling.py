@@ -29,7 +29,7 @@ class Samples:
 
     Args:
         places: The label of each prefix of a dotted name, such as `scaraspec.suite` or
-            `scaraspec.suite.engine.connection.Wire.wait`. The longest prefix counts.
+            `scaraspec.suite.engine.connection.Connection.wait`. The longest prefix counts.
         clock: Returns the seconds that are shared among the labels.
 
     Attributes:

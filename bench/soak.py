@@ -23,7 +23,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.recordings.archive import Archive, archive_sink
 from scaraspec_recorder.recordings.rotation import Rotate, parse_rotate
-from scaraspec_recorder.sinks.runner import Scribe, collect_rarely
+from scaraspec_recorder.sinks.runner import SinkRunner, collect_rarely
 from scaraspec_recorder.sinks.sinks import TICK_NS
 from scaraspec_recorder.spool.records import stream_number
 from scaraspec_recorder.spool.spool import SpoolReader, SpoolWriter
@@ -65,7 +65,7 @@ class Soak:
         sink = partial(archive_sink, archive=archive, now_ns=self._clock)
         self._writer = SpoolWriter(spool, lambda _s, _do: None, now_ns=self._clock)
         self._writer.append(Kind.OPENED, stream_number(1, A2C), _START_NS, 0, b"client > robot")
-        self._scribe = Scribe(SpoolReader(spool), self.out, [sink], now_ns=self._clock)
+        self._scribe = SinkRunner(SpoolReader(spool), self.out, [sink], now_ns=self._clock)
         self._offsets = {A2C: 0, C2A: 0}
 
     def pass_on(self, now_ns: int, frames: Iterable[traffic.Sent]) -> None:

@@ -17,8 +17,8 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.traffic.dialogue import Dialogue
-from scaraspec.traffic.events import FrameSeen, Undecodable
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.events import FrameSeen, InvalidBytes
+from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import WireEvent
 
 _MOST_UNANSWERED: Final = 256
@@ -86,7 +86,7 @@ def steps(
         connection: Which of its connections.
         allowed: What the requests that are sent may do at worst.
     """
-    dialogue = Dialogue(connection, Scene(), DEFAULT)
+    dialogue = Dialogue(connection, RobotState(), DEFAULT)
     waiting: deque[Step] = deque()
     for event in events:
         if event.connection != connection:
@@ -96,7 +96,7 @@ def steps(
                 _answer(waiting, item)
             elif isinstance(item, FrameSeen):
                 waiting.append(_step(item, allowed))
-            elif isinstance(item, Undecodable) and item.place.direction is A2C:
+            elif isinstance(item, InvalidBytes) and item.place.direction is A2C:
                 waiting.append(Step("bytes", event.time_ns, reason="no frame"))
         while waiting and (waiting[0].settled or len(waiting) > _MOST_UNANSWERED):
             yield waiting.popleft()

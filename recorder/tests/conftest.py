@@ -17,7 +17,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.spool.chunks import Passage
+from scaraspec_recorder.spool.chunks import ForwardedChunk
 
 # A failure prints the blob that replays it; examples are drawn the same way on every machine.
 settings.register_profile("scaraspec", print_blob=True, deadline=None, derandomize=True)
@@ -54,9 +54,9 @@ class Talk:
 
     def ask(self, name: str, value: Any = None, reply: Any = _SILENT) -> None:
         command = BY_NAME[name]
-        asker, other = command.asker, command.asker.opposite
-        request = Frame(asker, command.opcode, command.request.encode(value))
-        self.send(asker, request.encode())
+        initiator, other = command.initiator, command.initiator.opposite
+        request = Frame(initiator, command.opcode, command.request.encode(value))
+        self.send(initiator, request.encode())
         if reply is not _SILENT:
             answer = Frame(other, command.opcode, command.reply.encode(reply))
             self.send(other, answer.encode(), after_s=0.002)
@@ -143,7 +143,7 @@ def passed(shift: list[WireEvent]) -> list[WireEvent]:
     """The same shift, as a recorder sees it that needs 20 µs to pass on, and asks the system."""
     facts = {field.name for field in fields(WireEvent)}
     return [
-        Passage(
+        ForwardedChunk(
             **{name: getattr(event, name) for name in facts},
             forwarded_ns=event.time_ns + 20_000,
             kernel_time=True,

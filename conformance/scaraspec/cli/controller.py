@@ -18,7 +18,7 @@ from scaraspec.cli.options import Real, password_option
 from scaraspec.cli.problems import Problem, no_such_fault
 from scaraspec.mutants.controller import faults
 from scaraspec.operating_system import ending_signals
-from scaraspec.protocol.frames import Found
+from scaraspec.protocol.frames import StreamItem
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.transports.link import LinkError
@@ -150,11 +150,11 @@ def _store(password: str | None, data: Path | None, programs: Path | None) -> St
     return store
 
 
-def _log(connection: int, seen: Found) -> None:
+def _log(connection: int, seen: StreamItem) -> None:
     _logger.info(line(connection, seen))
 
 
-def _pass(connection: int, seen: Found) -> None:
+def _pass(connection: int, seen: StreamItem) -> None:
     """Log nothing."""
 
 

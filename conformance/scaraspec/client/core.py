@@ -14,7 +14,7 @@ from scaraspec.client.problems import ClientError, LinkLost, LoginFailed
 from scaraspec.client.transfer import Download, Upload, answer_to_chunk
 from scaraspec.protocol.commands import BY_NAME, Parsed, read
 from scaraspec.protocol.direction import C2A
-from scaraspec.protocol.frames import MAX_FRAME_BYTES, Found, Frame, Framer, Skipped
+from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer, Skipped, StreamItem
 from scaraspec.protocol.readings import DEFAULT, Dialect
 
 MAX_REMARKS: Final = 100
@@ -186,7 +186,7 @@ class ClientCore:
         for frame in frames:
             self._outbox += frame.encode()
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         events: list[Event] = []
         for item in found:
             if isinstance(item, Skipped):

@@ -25,7 +25,7 @@ from scaraspec.protocol.commands import (
     PortValue,
     Pose,
 )
-from scaraspec.protocol.fields import Clock, Notes, PayloadError
+from scaraspec.protocol.fields import Clock, Diagnostics, PayloadError
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.readings import Dialect
 
@@ -438,7 +438,7 @@ def _time(text: str) -> datetime:
     Raises:
         PayloadError: It means none.
     """
-    time = _CLOCK.read(str(text).encode(), Notes())
+    time = _CLOCK.read(str(text).encode(), Diagnostics())
     if time is None:
         raise PayloadError(f"{text!r} is no time: it is written as YYYYMMDDHHMMSS (L172)")
     return time

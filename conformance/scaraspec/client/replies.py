@@ -8,10 +8,10 @@ from typing import Any, Final
 from scaraspec.client.problems import Failed, Interrupted, ProtocolError, Refused
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import Command, Parsed
-from scaraspec.protocol.fields import Wrong, show
+from scaraspec.protocol.fields import Defect, show
 from scaraspec.protocol.payloads import Acceptance, Answer, Outcome
 
-_SPELLING: Final = frozenset({Wrong.TRAILING_NUL, Wrong.QUOTES, Wrong.BINARY})
+_SPELLING: Final = frozenset({Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY})
 _CODE_LENGTH: Final = 2
 
 
@@ -34,7 +34,7 @@ def value_of(parsed: Parsed, data: bytes) -> Any:
     wrong = {complaint.wrong for complaint in parsed.decoded.complaints}
     match value:
         case True | Acceptance(accepted=True) | Outcome(done=True):
-            if not wrong <= {Wrong.TRAILING_NUL}:
+            if not wrong <= {Defect.TRAILING_NUL}:
                 raise _unreadable(parsed, data)
             return None
         case False:
@@ -54,14 +54,14 @@ def _failure(command: Command, code: errors.Code | None) -> Failed:
     return Failed(command, code)
 
 
-def _value_of_none(parsed: Parsed, data: bytes, wrong: set[Wrong]) -> str | None:
+def _value_of_none(parsed: Parsed, data: bytes, wrong: set[Defect]) -> str | None:
     """What it means that no value was found: a ``0`` for an answer, or nothing sensible."""
     reply = parsed.command.reply
     if isinstance(reply, Answer) and wrong <= _SPELLING:
         if reply.none_key:
             return None
         raise Refused(parsed.command)
-    if wrong == {Wrong.CODE} and len(data) == _CODE_LENGTH:
+    if wrong == {Defect.CODE} and len(data) == _CODE_LENGTH:
         return show(data)  # a status that table 8-1 lacks is told as it came (4.8/11)
     raise _unreadable(parsed, data)
 

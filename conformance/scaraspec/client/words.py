@@ -15,7 +15,16 @@ from scaraspec.client.operations import direction_of
 from scaraspec.client.problems import Failed, Refused
 from scaraspec.client.results import Status
 from scaraspec.protocol.commands import BY_NAME, COMMANDS, Command
-from scaraspec.protocol.fields import Bits, Clock, Field, Name, Notes, PayloadError, Text, show
+from scaraspec.protocol.fields import (
+    Bits,
+    Clock,
+    Diagnostics,
+    Field,
+    Name,
+    PayloadError,
+    Text,
+    show,
+)
 from scaraspec.protocol.payloads import Jog
 
 TRANSFERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
@@ -64,7 +73,7 @@ def _read(field: Field, text: str) -> Any:
             return datetime.fromisoformat(text)
         except ValueError:
             pass  # the field says better what is wrong with it
-    notes = Notes()
+    notes = Diagnostics()
     value = field.read(text.encode("utf-8", "surrogateescape"), notes)
     if notes.complaints:
         raise PayloadError(notes.complaints[0].text)

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.traffic.events import Ending, Exchange, FrameSeen, Happening
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, TrafficEvent
 
 
 class Sighting(NamedTuple):
@@ -17,7 +17,7 @@ class Sighting(NamedTuple):
     option: str
 
 
-def sightings(happening: Happening) -> Iterator[Sighting]:
+def sightings(happening: TrafficEvent) -> Iterator[Sighting]:
     """The readings that one happening shows; what a gap may have touched shows none."""
     if isinstance(happening, FrameSeen):
         if happening.parsed and happening.certain:
@@ -91,13 +91,13 @@ commands in different ways (jog, A-4.17-4).
 """
 
 
-class DialectSeen:
+class DialectDetector:
     """Counts sightings; says what a peer speaks and where it contradicts itself."""
 
     def __init__(self) -> None:
         self.counts: Counter[Sighting] = Counter()
 
-    def add(self, happening: Happening) -> None:
+    def add(self, happening: TrafficEvent) -> None:
         """Count what one happening shows."""
         for sighting in sightings(happening):
             self.counts[sighting] += 1

@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Final
 
-from scaraspec.judge.dialect_detector import DialectSeen
+from scaraspec.judge.dialect_detector import DialectDetector
 from scaraspec.judge.program_file_readings import file_sightings
 from scaraspec.judge.requirements import REQUIREMENTS, Strength
 from scaraspec.judge.rules import RULES
 from scaraspec.judge.rules.rule import (
     PASSED,
     Check,
-    Judged,
+    RuleResult,
     is_certain,
     kind_of,
     places_of,
@@ -27,8 +27,8 @@ from scaraspec.judge.rules.rule import (
 from scaraspec.judge.verdicts import Cause, Conclusion, Finding, Verdict, conclude, worst
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.dialogue import Dialogue
-from scaraspec.traffic.events import Happening, Transfer
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.events import TrafficEvent, Transfer
+from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import Kind, WireEvent
 
 _KEPT_FINDINGS: Final = 50
@@ -76,14 +76,14 @@ class Judge:
     def __init__(self, dialect: Dialect = DEFAULT, *, needs_login: bool = True) -> None:
         self.tallies: dict[str, Tally] = defaultdict(Tally)
         """Requirements on which something was found, by id."""
-        self.dialect_seen = DialectSeen()
-        self.scenes: OrderedDict[str, Scene] = OrderedDict()
+        self.dialect_seen = DialectDetector()
+        self.scenes: OrderedDict[str, RobotState] = OrderedDict()
         """What is known of each controller, by its address; those of no known address are one."""
         self._dialect = dialect
         self._needs_login = needs_login
         self._dialogues: dict[str, Dialogue] = {}
 
-    def feed(self, event: WireEvent) -> Iterator[Happening | Finding]:
+    def feed(self, event: WireEvent) -> Iterator[TrafficEvent | Finding]:
         """Take the next event; give what happened, each followed by what is wrong with it."""
         dialogue = self._dialogue(event)
         for happening in dialogue.feed(event):
@@ -107,26 +107,26 @@ class Judge:
         self._dialogues[connection] = dialogue
         return dialogue
 
-    def _scene(self, first: WireEvent) -> Scene:
+    def _scene(self, first: WireEvent) -> RobotState:
         """The scene of the controller that a connection goes to, by the note it begins with."""
         controller = _CONTROLLER.search(first.note)
-        scene = self.scenes.setdefault(controller[1] if controller else "", Scene())
+        scene = self.scenes.setdefault(controller[1] if controller else "", RobotState())
         if len(self.scenes) > _MOST_CONTROLLERS:
             self.scenes.popitem(last=False)
         return scene
 
-    def close(self) -> Iterator[Happening | Finding]:
+    def close(self) -> Iterator[TrafficEvent | Finding]:
         """The recording has ended."""
         while self._dialogues:
             yield from self._end(next(iter(self._dialogues)))
 
-    def _end(self, connection: str) -> Iterator[Happening | Finding]:
+    def _end(self, connection: str) -> Iterator[TrafficEvent | Finding]:
         dialogue = self._dialogues.pop(connection)
         for happening in dialogue.close():
             yield happening
             yield from self.judge(happening, dialogue.scene)
 
-    def judge(self, happening: Happening, scene: Scene) -> Iterator[Finding]:
+    def judge(self, happening: TrafficEvent, scene: RobotState) -> Iterator[Finding]:
         """Ask every rule that looks at this happening; give the findings that are no pass."""
         self.dialect_seen.add(happening)
         if isinstance(happening, Transfer):
@@ -161,7 +161,7 @@ _CHECKS: Final[dict[tuple[object, ...], _Checks]] = {}
 """What was found for each kind of happening: the rules are the same for every judge."""
 
 
-def _checks_for(happening: Happening) -> _Checks:
+def _checks_for(happening: TrafficEvent) -> _Checks:
     """The checks that look at such a happening, each once, with what they decide."""
     kind = kind_of(happening)
     checks = _CHECKS.get(kind)
@@ -173,7 +173,7 @@ def _checks_for(happening: Happening) -> _Checks:
     return checks
 
 
-def _finding(requirement: str, judged: Judged, happening: Happening) -> Finding:
+def _finding(requirement: str, judged: RuleResult, happening: TrafficEvent) -> Finding:
     """The finding that a rule's word amounts to.
 
     An observation (INFO) never fails anybody, nor does what a gap or a fault may have touched.

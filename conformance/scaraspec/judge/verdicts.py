@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
-from scaraspec.traffic.wire import Place
+from scaraspec.traffic.wire import WireRange
 
 
 class Verdict(Enum):
@@ -91,7 +91,7 @@ class Finding:
     message: str
     expected: str = ""
     observed: str = ""
-    evidence: tuple[Place, ...] = ()
+    evidence: tuple[WireRange, ...] = ()
     reading: tuple[str, str] | None = None
 
     def __post_init__(self) -> None:

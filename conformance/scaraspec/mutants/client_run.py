@@ -18,9 +18,9 @@ from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.client.harness.access import LOOPBACK
-from scaraspec.suite.client.harness.adapter import ClientSetting
+from scaraspec.suite.client.harness.adapter import ClientAdapter
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.simulated import SimulatedLink, SimulatedLoop
@@ -132,10 +132,10 @@ def prove_client(
         dialect: The readings that it follows, each of which it claims then.
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
-    statement = Statement(
+    statement = Ics(
         name=fault.name if fault else "reference client",
         dialect=spoken,
         claimed=frozenset(READINGS if dialect else spoken.differences()),
     )
     with closing(MemoryClient(fault.wrong if fault else AsyncClient, spoken)) as access:
-        return Run(ClientSetting(access, statement, options, link="memory")).results()
+        return Run(ClientAdapter(access, statement, options, link="memory")).results()

@@ -15,10 +15,10 @@ from scaraspec.mutants.controller import Fault
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.own_files import TOKEN_LETTERS
 from scaraspec.suite.engine.hooks import HookError
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.memory import MemoryNetwork
@@ -130,7 +130,7 @@ def prove_controller(
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
     robot = Robot(fault.wrong if fault else Brain, spoken)
-    statement = Statement(
+    statement = Ics(
         name=fault.name if fault else "virtual controller",
         dialect=spoken,
         claimed=frozenset(READINGS if dialect else spoken.differences()),
@@ -139,7 +139,7 @@ def prove_controller(
     return certified(robot, statement, options)
 
 
-def certified(robot: Robot, statement: Statement, options: Options) -> Results:
+def certified(robot: Robot, statement: Ics, options: Options) -> Results:
     """Run the suite against this machine.
 
     Args:
@@ -148,7 +148,7 @@ def certified(robot: Robot, statement: Statement, options: Options) -> Results:
         options: What to try.
     """
     access = MemoryAccess(robot.network)
-    setting = ControllerSetting(
+    setting = ControllerAdapter(
         access, statement, PASSWORD, options, link="memory", draw_token=tokens().__next__
     )
     return Run(setting).results()

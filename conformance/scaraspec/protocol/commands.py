@@ -157,7 +157,7 @@ class Command:
     reply: Payload
     hazard: Hazard
     result: Payload | None = None
-    asker: Direction = A2C
+    initiator: Direction = A2C
     also: int | None = None
     reply_also: int | None = None
     secret: bool = False
@@ -171,7 +171,7 @@ class Command:
         """The payload that a frame of this command holds; None for a tag it cannot bear."""
         if frame.tagged:
             return self.result
-        return self.request if frame.direction is self.asker else self.reply
+        return self.request if frame.direction is self.initiator else self.reply
 
 
 _RO, _ST, _MO, _DE = Hazard.READ_ONLY, Hazard.STATE, Hazard.MOTION, Hazard.DESTRUCTIVE
@@ -260,7 +260,7 @@ COMMANDS: Final = (
     Command(0x54, "download_name", "Request a download", "请求文件", "5.3", (765, 775),
             _NAME, FLAG, _RO),
     Command(0x56, "download_chunk", "Send a chunk of a download", "控制层发送文件内容", "5.3",
-            (777, 787), FILE_DATA, FLAG, _RO, asker=C2A),
+            (777, 787), FILE_DATA, FLAG, _RO, initiator=C2A),
 )
 # fmt: on
 
@@ -311,5 +311,7 @@ def read(frame: Frame) -> Parsed | None:
     payload = command.payload(frame) if command else None
     if command is None or payload is None:
         return None
-    part = "result" if frame.tagged else "request" if frame.direction is command.asker else "reply"
+    part = (
+        "result" if frame.tagged else "request" if frame.direction is command.initiator else "reply"
+    )
     return Parsed(command, part, payload.decode(frame.data))

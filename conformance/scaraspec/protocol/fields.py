@@ -23,7 +23,7 @@ class PayloadError(ValueError):
     """A value cannot be written as the document wants it; the text says which and why."""
 
 
-class Wrong(Enum):
+class Defect(Enum):
     """How a payload departs from the document. The judge maps each to a requirement."""
 
     SIZE = "size"  # no data where some is due, data where none is, a wrong fixed length
@@ -57,23 +57,23 @@ class Wrong(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Complaint:
+class DecodeIssue:
     """One thing wrong with a payload, in a short clause of English."""
 
-    wrong: Wrong
+    wrong: Defect
     text: str
 
 
 @dataclass(slots=True)
-class Notes:
+class Diagnostics:
     """What a reader noticed: complaints, and readings that the bytes give away."""
 
-    complaints: list[Complaint] = field(default_factory=list)
+    complaints: list[DecodeIssue] = field(default_factory=list)
     readings: dict[str, str] = field(default_factory=dict)
 
-    def add(self, wrong: Wrong, text: str) -> None:
+    def add(self, wrong: Defect, text: str) -> None:
         """Note one complaint."""
-        self.complaints.append(Complaint(wrong, text))
+        self.complaints.append(DecodeIssue(wrong, text))
 
 
 def show(data: bytes, limit: int = 60) -> str:
@@ -103,7 +103,7 @@ class Field(ABC):
     opaque: ClassVar[bool] = False
 
     @abstractmethod
-    def read(self, text: bytes, notes: Notes) -> Any:
+    def read(self, text: bytes, notes: Diagnostics) -> Any:
         """Return the value, or None where there is none to be had; add complaints to `notes`."""
 
     @abstractmethod
@@ -123,11 +123,11 @@ _INTEGER = re.compile(rb"-?[0-9]+")
 class Number(Field):
     """A plain decimal number with "." as its mark (A-T-5); at most 3 decimals are written."""
 
-    def read(self, text: bytes, notes: Notes) -> float | None:
+    def read(self, text: bytes, notes: Diagnostics) -> float | None:
         """Read a number; what other notations mean is guessed for the reader, and complained of."""
         if _DECIMAL.fullmatch(text):
             return float(text)
-        notes.add(Wrong.NUMBER, f"{self.name} {show(text)!r} is no plain decimal number")
+        notes.add(Defect.NUMBER, f"{self.name} {show(text)!r} is no plain decimal number")
         return None
 
     def write(self, value: float, dialect: Dialect) -> bytes:
@@ -148,15 +148,15 @@ class Integer(Field):
     maximum: int = 255
     width: int = 1
 
-    def read(self, text: bytes, notes: Notes) -> int | None:
+    def read(self, text: bytes, notes: Diagnostics) -> int | None:
         """Read an integer; out of bounds it is complained of and still returned."""
         if not _INTEGER.fullmatch(text) or len(text) > 20:  # noqa: PLR2004 - more digits are no integer of this protocol
-            notes.add(Wrong.NUMBER, f"{self.name} {show(text)!r} is no integer")
+            notes.add(Defect.NUMBER, f"{self.name} {show(text)!r} is no integer")
             return None
         value = int(text)
         if not self.minimum <= value <= self.maximum:
             notes.add(
-                Wrong.RANGE, f"{self.name} {value} is outside {self.minimum} to {self.maximum}"
+                Defect.RANGE, f"{self.name} {value} is outside {self.minimum} to {self.maximum}"
             )
         return value
 
@@ -176,12 +176,12 @@ class Text(Field):
     opaque: ClassVar[bool] = True
     maximum_bytes: int = 255
 
-    def read(self, text: bytes, notes: Notes) -> bytes:
+    def read(self, text: bytes, notes: Diagnostics) -> bytes:
         """Read the bytes as they are."""
         if not text:
-            notes.add(Wrong.SIZE, f"{self.name} is empty")
+            notes.add(Defect.SIZE, f"{self.name} is empty")
         elif b"|" in text:
-            notes.add(Wrong.BAR_IN_NAME, f"{self.name} contains the separator '|'")
+            notes.add(Defect.BAR_IN_NAME, f"{self.name} contains the separator '|'")
         return text
 
     def write(self, value: bytes, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
@@ -201,16 +201,16 @@ class Name(Field):
 
     opaque: ClassVar[bool] = True
 
-    def read(self, text: bytes, notes: Notes) -> bytes:
+    def read(self, text: bytes, notes: Diagnostics) -> bytes:
         """Read the bytes as they are."""
         if not text:
-            notes.add(Wrong.EMPTY_NAME, f"{self.name} is empty")
+            notes.add(Defect.EMPTY_NAME, f"{self.name} is empty")
         if b"|" in text:
-            notes.add(Wrong.BAR_IN_NAME, f"{self.name} {show(text)!r} contains the separator '|'")
+            notes.add(Defect.BAR_IN_NAME, f"{self.name} {show(text)!r} contains the separator '|'")
         if len(text) > NAME_MAX_BYTES:
-            notes.add(Wrong.LONG_NAME, f"{self.name} has {len(text)} bytes, more than 30")
+            notes.add(Defect.LONG_NAME, f"{self.name} has {len(text)} bytes, more than 30")
         if b"/" in text or b"\\" in text or b"\0" in text or text in (b".", b".."):
-            notes.add(Wrong.PATH_IN_NAME, f"{self.name} {show(text)!r} has path elements")
+            notes.add(Defect.PATH_IN_NAME, f"{self.name} {show(text)!r} has path elements")
         return text
 
     def write(self, value: bytes, dialect: Dialect) -> bytes:
@@ -227,14 +227,14 @@ class Name(Field):
 class Flag(Field):
     """``1`` or ``0``."""
 
-    def read(self, text: bytes, notes: Notes) -> bool | None:
+    def read(self, text: bytes, notes: Diagnostics) -> bool | None:
         """Read the flag; a binary 0 or 1 is understood and complained of (A-T-1)."""
         if text in (b"1", b"0"):
             return text == b"1"
         if text in (b"\x00", b"\x01"):
-            notes.add(Wrong.BINARY, f"{self.name} is the byte {text[0]:02X}, not an ASCII digit")
+            notes.add(Defect.BINARY, f"{self.name} is the byte {text[0]:02X}, not an ASCII digit")
             return text == b"\x01"
-        notes.add(Wrong.FLAG, f"{self.name} is {show(text)!r}, neither '1' nor '0'")
+        notes.add(Defect.FLAG, f"{self.name} is {show(text)!r}, neither '1' nor '0'")
         return None
 
     def write(self, value: bool, dialect: Dialect) -> bytes:  # noqa: ARG002, FBT001 - one signature for all fields
@@ -246,17 +246,17 @@ class Flag(Field):
 class Clock(Field):
     """YYYYMMDDHHMMSS (L169, L186), read and written as a naive `datetime` (A-4.5-1)."""
 
-    def read(self, text: bytes, notes: Notes) -> datetime | None:
+    def read(self, text: bytes, notes: Diagnostics) -> datetime | None:
         """Read a calendar time."""
         if len(text) != 14 or not text.isdigit():  # noqa: PLR2004 - YYYYMMDDHHMMSS
-            notes.add(Wrong.CLOCK, f"{self.name} {show(text)!r} is not 14 digits YYYYMMDDHHMMSS")
+            notes.add(Defect.CLOCK, f"{self.name} {show(text)!r} is not 14 digits YYYYMMDDHHMMSS")
             return None
         year, *rest = int(text[:4]), *(int(text[i : i + 2]) for i in range(4, 14, 2))
         month, day, hour, minute, second = rest
         try:
             return datetime(year, month, day, hour, minute, second)  # noqa: DTZ001 - the document names no zone
         except ValueError:
-            notes.add(Wrong.CALENDAR, f"{self.name} {show(text)} is no time of the calendar")
+            notes.add(Defect.CALENDAR, f"{self.name} {show(text)} is no time of the calendar")
             return None
 
     def write(self, value: datetime, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
@@ -274,14 +274,14 @@ class Clock(Field):
 class RunTime(Field):
     """DDHHMMSS (L226), read and written in whole seconds; saturates after 99 days (A-4.9-3)."""
 
-    def read(self, text: bytes, notes: Notes) -> int | None:
+    def read(self, text: bytes, notes: Diagnostics) -> int | None:
         """Read a duration in seconds."""
         if len(text) != 8 or not text.isdigit():  # noqa: PLR2004 - DDHHMMSS
-            notes.add(Wrong.RUN_TIME, f"{self.name} {show(text)!r} is not 8 digits DDHHMMSS")
+            notes.add(Defect.RUN_TIME, f"{self.name} {show(text)!r} is not 8 digits DDHHMMSS")
             return None
         days, hours, minutes, seconds = (int(text[i : i + 2]) for i in range(0, 8, 2))
         if hours > 23 or minutes > 59 or seconds > 59:  # noqa: PLR2004 - a day, an hour, a minute
-            notes.add(Wrong.RUN_TIME, f"{self.name} {show(text)} does not carry over")
+            notes.add(Defect.RUN_TIME, f"{self.name} {show(text)} does not carry over")
         return ((days * 24 + hours) * 60 + minutes) * 60 + seconds
 
     def write(self, value: int, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
@@ -296,20 +296,20 @@ class RunTime(Field):
 class Address(Field):
     """An IPv4 address in dotted decimal (L150); zero padding is tolerated (A-4.3-2)."""
 
-    def read(self, text: bytes, notes: Notes) -> str | None:
+    def read(self, text: bytes, notes: Diagnostics) -> str | None:
         """Read an address; it is returned without padding."""
         parts = text.split(b".")
         if (
             len(parts) != 4  # noqa: PLR2004 - IPv4
             or not all(p.isdigit() and len(p) <= 3 and int(p) <= 255 for p in parts)  # noqa: PLR2004 - IPv4
         ):
-            notes.add(Wrong.ADDRESS, f"{self.name} {show(text)!r} is no dotted IPv4 address")
+            notes.add(Defect.ADDRESS, f"{self.name} {show(text)!r} is no dotted IPv4 address")
             return None
         return ".".join(str(int(p)) for p in parts)
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
         """Write an address."""
-        notes = Notes()
+        notes = Diagnostics()
         if self.read(value.encode(), notes) is None:
             raise PayloadError(notes.complaints[0].text)
         return value.encode()
@@ -319,14 +319,14 @@ class Address(Field):
 class StatusCode(Field):
     """Two characters of table 8-1 (L214, L1014), returned in upper case (A-T-7)."""
 
-    def read(self, text: bytes, notes: Notes) -> str | None:
+    def read(self, text: bytes, notes: Diagnostics) -> str | None:
         """Read a code."""
         code = errors.lookup(show(text))
         if code is None:
-            notes.add(Wrong.CODE, f"{self.name} {show(text)!r} is no code of table 8-1")
+            notes.add(Defect.CODE, f"{self.name} {show(text)!r} is no code of table 8-1")
             return None
         if code in errors.RESERVED:
-            notes.add(Wrong.RESERVED_CODE, f"{self.name} {code.text} is reserved in table 8-1")
+            notes.add(Defect.RESERVED_CODE, f"{self.name} {code.text} is reserved in table 8-1")
         return code.text
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
@@ -342,10 +342,10 @@ class Bits(Field):
 
     count: int = 8
 
-    def read(self, text: bytes, notes: Notes) -> str | None:
+    def read(self, text: bytes, notes: Diagnostics) -> str | None:
         """Read the digits."""
         if len(text) != self.count or text.strip(b"01"):
-            notes.add(Wrong.BITS, f"{self.name} {show(text)!r} is not {self.count} digits 0 or 1")
+            notes.add(Defect.BITS, f"{self.name} {show(text)!r} is not {self.count} digits 0 or 1")
             return None
         return text.decode()
 
@@ -363,12 +363,12 @@ _VERSION = re.compile(rb"[0-9]+\.[0-9]+\.[0-9]+")
 class Version(Field):
     """A version text; three dotted integers are drawn (L203), any text is tolerated (A-4.7-1)."""
 
-    def read(self, text: bytes, notes: Notes) -> str:
+    def read(self, text: bytes, notes: Diagnostics) -> str:
         """Read the text."""
         if not text:
-            notes.add(Wrong.SIZE, f"{self.name} is empty")
+            notes.add(Defect.SIZE, f"{self.name} is empty")
         elif not _VERSION.fullmatch(text):
-            notes.add(Wrong.VERSION, f"{self.name} {show(text)!r} has not the form 1.0.0")
+            notes.add(Defect.VERSION, f"{self.name} {show(text)!r} has not the form 1.0.0")
         return show(text, limit=255)
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields

@@ -52,7 +52,7 @@ class Frame(NamedTuple):
         return f"{self.direction.value}{tag} {self.opcode:02X} [{self.data.hex(' ').upper()}]"
 
 
-class Why(Enum):
+class SkipReason(Enum):
     """Why bytes are no part of any frame."""
 
     STRAY = "stray"  # no start byte of this direction begins here
@@ -65,7 +65,7 @@ class Skipped(NamedTuple):
     """Bytes between frames: dropped one at a time, told in runs of one reason."""
 
     data: bytes
-    why: Why
+    why: SkipReason
 
     @property
     def size_bytes(self) -> int:
@@ -73,7 +73,7 @@ class Skipped(NamedTuple):
         return len(self.data)
 
 
-Found = Frame | Skipped
+StreamItem = Frame | Skipped
 """What a stream is tiled with: every byte belongs to one of them, so that offsets are sums."""
 
 
@@ -85,8 +85,8 @@ class Framer:
 
     Args:
         direction: Whose frames these are.
-        foothold: Where given, the scan starts unsynchronised (a capture that begins mid-stream)
-            and takes as its first frame only one for which ``foothold(opcode, tagged)`` holds.
+        resync_filter: If given, the scan starts unsynchronised (a capture that begins mid-stream).
+            The first frame is one for which ``resync_filter(opcode, tagged)`` is true.
         recovery: Where given, this is asked of the first frame behind bytes that are none: a wrong
             end byte may look like a start byte, and "CC CC 09 ..." is no frame with the opcode CC.
     """
@@ -94,14 +94,14 @@ class Framer:
     def __init__(
         self,
         direction: Direction,
-        foothold: Callable[[int, bool], bool] | None = None,
+        resync_filter: Callable[[int, bool], bool] | None = None,
         recovery: Callable[[int, bool], bool] | None = None,
     ) -> None:
         self.direction = direction
         self.offset_bytes = 0
         """Stream offset of the first byte not yet told as part of a frame or a skipped run."""
         self._held = b""
-        self._foothold = foothold
+        self._foothold = resync_filter
         self._recovery = recovery
         self._start, self._end = direction.start, direction.end
         self._tag = TAG if direction is Direction.C2A else -1  # clients send no tag (3/15)
@@ -113,14 +113,14 @@ class Framer:
         """How many bytes of an unfinished frame are held back."""
         return len(self._held)
 
-    def feed(self, data: bytes) -> list[Found]:
+    def feed(self, data: bytes) -> list[StreamItem]:
         """Take the next bytes of the stream and return what they complete, in order.
 
         The first thing found begins at `offset_bytes` as it was before the call, each other where
         the one before it ends. The loop below is the tool's hottest.
         """
         buffer = self._held + data if self._held else data
-        found: list[Found] = []
+        found: list[StreamItem] = []
         at, size = 0, len(buffer)
         if self._foothold is None:
             direction, start, end, tag, make = self._marks
@@ -146,7 +146,7 @@ class Framer:
         self.offset_bytes += at
         return found
 
-    def finish(self) -> list[Found]:
+    def finish(self) -> list[StreamItem]:
         """Give up on an unfinished frame: the stream ended, or was silent for too long (A-3-11).
 
         What is held is searched once more for whole frames; the rest is told as truncated.
@@ -163,22 +163,24 @@ class Framer:
         head = 4 if self._held[1:2] == bytes((TAG,)) and self._tag == TAG else 3
         return head + self._held[head - 1] + 1 if held_bytes >= head else held_bytes
 
-    def abandon(self, held_bytes: int) -> list[Found]:
+    def abandon(self, held_bytes: int) -> list[StreamItem]:
         """Give up the frame that so many held bytes begin; what is behind them begins anew."""
         self._held, rest = self._held[:held_bytes], self._held[held_bytes:]
         return self._give_up() + self.feed(rest)
 
-    def lose(self, length_bytes: int, foothold: Callable[[int, bool], bool]) -> list[Found]:
+    def lose(
+        self, length_bytes: int, resync_filter: Callable[[int, bool], bool]
+    ) -> list[StreamItem]:
         """Account for bytes that passed unseen: finish, move on, and look for a new foothold."""
         found = self.finish()
         self.offset_bytes += length_bytes
-        self._foothold = foothold
+        self._foothold = resync_filter
         return found
 
-    def _search(self, buffer: bytes, at: int, found: list[Found]) -> int:
+    def _search(self, buffer: bytes, at: int, found: list[StreamItem]) -> int:
         """Take frames and skipped runs from `at` on; return where an unfinished frame begins."""
         size, start = len(buffer), bytes((self._start,))
-        run_from, run_why = at, Why.STRAY  # bytes skipped since the last frame, and why
+        run_from, run_why = at, SkipReason.STRAY  # bytes skipped since the last frame, and why
 
         def tell_run(until: int) -> None:
             if run_from < until:
@@ -202,20 +204,22 @@ class Framer:
                 self._foothold = None
                 found.append(Frame(self.direction, buffer[head - 2], buffer[head:stop], tagged))
                 at = run_from = stop + 1
-                run_why = Why.STRAY
+                run_why = SkipReason.STRAY
                 continue
-            if run_why is Why.STRAY:  # stray bytes before a false frame are a run of their own
+            if (
+                run_why is SkipReason.STRAY
+            ):  # stray bytes before a false frame are a run of their own
                 tell_run(at)
                 run_from = at
-                run_why = Why.BAD_END if plausible else Why.IMPLAUSIBLE
+                run_why = SkipReason.BAD_END if plausible else SkipReason.IMPLAUSIBLE
             self._foothold = self._foothold or self._recovery
             at += 1
         tell_run(at)
         return at
 
-    def _give_up(self) -> list[Found]:
+    def _give_up(self) -> list[StreamItem]:
         """Drop the held start byte, take whole frames hidden behind it; the rest is truncated."""
-        found: list[Found] = []
+        found: list[StreamItem] = []
         run = b""
         while self._held:
             held, self._held = self._held, b""
@@ -226,9 +230,9 @@ class Framer:
                     run += item.data
                     continue
                 if run:
-                    found.append(Skipped(run, Why.TRUNCATED))
+                    found.append(Skipped(run, SkipReason.TRUNCATED))
                     run = b""
                 found.append(item)
         if run:
-            found.append(Skipped(run, Why.TRUNCATED))
+            found.append(Skipped(run, SkipReason.TRUNCATED))
         return found

@@ -12,14 +12,14 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from scaraspec.protocol.fields import (
-    Complaint,
+    DecodeIssue,
+    Defect,
+    Diagnostics,
     Field,
     Flag,
     Name,
-    Notes,
     PayloadError,
     StatusCode,
-    Wrong,
     show,
 )
 from scaraspec.protocol.readings import DEFAULT, Dialect
@@ -32,7 +32,7 @@ class Decoded(NamedTuple):
     """
 
     value: Any
-    complaints: tuple[Complaint, ...] = ()
+    complaints: tuple[DecodeIssue, ...] = ()
     readings: tuple[tuple[str, str], ...] = ()
 
 
@@ -51,7 +51,7 @@ class Payload(ABC):
 
     def decode(self, data: bytes) -> Decoded:
         """Read `data`; never raises."""
-        notes = Notes()
+        notes = Diagnostics()
         value = self.read(data, notes)
         return Decoded(value, tuple(notes.complaints), tuple(notes.readings.items()))
 
@@ -67,7 +67,7 @@ class Payload(ABC):
         return data
 
     @abstractmethod
-    def read(self, data: bytes, notes: Notes) -> Any:
+    def read(self, data: bytes, notes: Diagnostics) -> Any:
         """Read the value and add to `notes`."""
 
     @abstractmethod
@@ -84,10 +84,10 @@ class Nothing(Payload):
         """Nothing is drawn."""
         return "–"
 
-    def read(self, data: bytes, notes: Notes) -> None:
+    def read(self, data: bytes, notes: Diagnostics) -> None:
         """Complain of any data."""
         if data:
-            notes.add(Wrong.SIZE, f"{len(data)} bytes of data where none are due")
+            notes.add(Defect.SIZE, f"{len(data)} bytes of data where none are due")
 
     def write(self, value: None, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all payloads
         """Write nothing."""
@@ -117,12 +117,12 @@ class Record(Payload):
         """The parts."""
         return self.parts
 
-    def read(self, data: bytes, notes: Notes) -> Any:
+    def read(self, data: bytes, notes: Diagnostics) -> Any:
         """Split at the bars and read each field."""
         texts = split(tidy(data, notes), self.parts, notes)
         if len(texts) != len(self.parts):
             notes.add(
-                Wrong.FIELD_COUNT,
+                Defect.FIELD_COUNT,
                 f"{len(texts)} fields where {len(self.parts)} are due: {self.form}",
             )
             return None
@@ -139,24 +139,24 @@ class Record(Payload):
         return b"|".join(texts) + nul
 
 
-def tidy(data: bytes, notes: Notes, *, digit: bool = True) -> bytes:
+def tidy(data: bytes, notes: Diagnostics, *, digit: bool = True) -> bytes:
     """Take off what text must not carry: quotes (A-0-3), a trailing NUL (A-T-3).
 
     Alone, or before others, a NUL is a binary digit where one can stand there, and else the end
     of no text.
     """
     if data.endswith(b"\0") and (len(data) > 1 or not digit):
-        notes.add(Wrong.TRAILING_NUL, "a NUL byte ends the text")
+        notes.add(Defect.TRAILING_NUL, "a NUL byte ends the text")
         notes.readings["trailing_nul"] = "yes"
         data = data.rstrip(b"\0") or (b"\0" if digit else b"")
     for opening, closing in ((b'"', b'"'), ("“".encode(), "”".encode())):
         if len(data) > len(opening) and data.startswith(opening) and data.endswith(closing):
-            notes.add(Wrong.QUOTES, "the quotation marks of the examples are sent")
+            notes.add(Defect.QUOTES, "the quotation marks of the examples are sent")
             data = data[len(opening) : -len(closing)]
     return data
 
 
-def split(data: bytes, parts: tuple[Field, ...], notes: Notes) -> list[bytes]:
+def split(data: bytes, parts: tuple[Field, ...], notes: Diagnostics) -> list[bytes]:
     """Split at the bars, into a text for each part if that can be.
 
     Blanks for bars are understood, and so are blanks around bars (A-T-4), which a name or a
@@ -166,11 +166,11 @@ def split(data: bytes, parts: tuple[Field, ...], notes: Notes) -> list[bytes]:
     if count == 1:
         return [data]
     if data.count(b"|") == count and data.endswith(b"|"):
-        notes.add(Wrong.TRAILING_BAR, "a bar ends the text")
+        notes.add(Defect.TRAILING_BAR, "a bar ends the text")
         data = data[:-1]
     if b"|" not in data and data.count(b" ") == count - 1:
         notes.add(
-            Wrong.SPACE_FOR_BAR,
+            Defect.SPACE_FOR_BAR,
             "blanks where bars are due (a copy of the document that lost them?)",
         )
         return data.split(b" ")
@@ -179,7 +179,7 @@ def split(data: bytes, parts: tuple[Field, ...], notes: Notes) -> list[bytes]:
         return texts
     bare = [t if part.opaque else t.strip(b" ") for part, t in zip(parts, texts, strict=True)]
     if bare != texts:
-        notes.add(Wrong.BLANKS, "blanks around a bar")
+        notes.add(Defect.BLANKS, "blanks around a bar")
     return bare
 
 
@@ -201,14 +201,14 @@ class Answer(Payload):
         """Those of X."""
         return self.inner.fields
 
-    def read(self, data: bytes, notes: Notes) -> Any:
+    def read(self, data: bytes, notes: Diagnostics) -> Any:
         """Return X, or None for ``0``."""
         data = tidy(data, notes)
         flag, bar, rest = data[:1], data[1:2], data[2:]
         if flag in (b"\0", b"\1"):
             notes.readings["runinfo_binary"] = "binary"
             if not self.none_key:
-                notes.add(Wrong.BINARY, f"the flag is the byte {flag[0]:02X}, not an ASCII digit")
+                notes.add(Defect.BINARY, f"the flag is the byte {flag[0]:02X}, not an ASCII digit")
             flag = b"1" if flag == b"\1" else b"0"
         if flag == b"0" and not bar:
             if self.none_key:
@@ -219,15 +219,15 @@ class Answer(Payload):
             notes.readings[self.none_key] = "0||"
             return None
         if flag not in (b"0", b"1"):
-            notes.add(Wrong.FLAG, f"the flag is {show(flag)!r}, neither '1' nor '0'")
+            notes.add(Defect.FLAG, f"the flag is {show(flag)!r}, neither '1' nor '0'")
             return None
         if flag == b"0":
-            notes.add(Wrong.FLAG, f"a '0' is followed by {show(data[1:])!r}")
+            notes.add(Defect.FLAG, f"a '0' is followed by {show(data[1:])!r}")
             return None
         if bar == b" ":
-            notes.add(Wrong.SPACE_FOR_BAR, "a blank where the bar after the flag is due")
+            notes.add(Defect.SPACE_FOR_BAR, "a blank where the bar after the flag is due")
         elif bar != b"|":
-            notes.add(Wrong.FIELD_COUNT, f"no bar after the flag in {show(data)!r}")
+            notes.add(Defect.FIELD_COUNT, f"no bar after the flag in {show(data)!r}")
             return None
         return self.inner.read(rest, notes)
 
@@ -259,14 +259,14 @@ class Outcome(NamedTuple):
 _CODE = StatusCode("code")
 
 
-def _read_coded(data: bytes, zero: bytes, notes: Notes) -> str | None:
+def _read_coded(data: bytes, zero: bytes, notes: Diagnostics) -> str | None:
     """Read ``zero|code``."""
     sep, text = data[len(zero) : len(zero) + 1], data[len(zero) + 1 :]
     if sep == b" ":
-        notes.add(Wrong.SPACE_FOR_BAR, "a blank where the bar before the code is due (A-0-2)")
+        notes.add(Defect.SPACE_FOR_BAR, "a blank where the bar before the code is due (A-0-2)")
         notes.readings["err_sep"] = "space"
     elif sep != b"|":
-        notes.add(Wrong.FIELD_COUNT, f"{show(data)!r} has no bar before its code")
+        notes.add(Defect.FIELD_COUNT, f"{show(data)!r} has no bar before its code")
         return None
     value = _CODE.read(text, notes)
     return value if isinstance(value, str) else None
@@ -290,26 +290,26 @@ class FirstReply(Payload):
         """Both shapes."""
         return "1 or 0|code" if self.reasoned else "1 or 0"
 
-    def read(self, data: bytes, notes: Notes) -> Acceptance | None:
+    def read(self, data: bytes, notes: Diagnostics) -> Acceptance | None:
         """Read the acceptance or the refusal."""
         data = tidy(data, notes)
         if data in (b"1", b"\1"):
             if data == b"\1":
-                notes.add(Wrong.BINARY, "the flag is the byte 01, not an ASCII digit")
+                notes.add(Defect.BINARY, "the flag is the byte 01, not an ASCII digit")
             return Acceptance(accepted=True)
         if data in (b"0", b"\0"):
             if data == b"\0":
-                notes.add(Wrong.BINARY, "the flag is the byte 00, not an ASCII digit")
+                notes.add(Defect.BINARY, "the flag is the byte 00, not an ASCII digit")
             if self.bare_key:
                 notes.readings[self.bare_key] = "0"
             elif self.reasoned:
-                notes.add(Wrong.NO_CODE, "the refusal gives no reason")
+                notes.add(Defect.NO_CODE, "the refusal gives no reason")
             return Acceptance(accepted=False)
         if data[:1] == b"0" and self.reasoned:
             if self.bare_key:
                 notes.readings[self.bare_key] = "0|code"
             return Acceptance(accepted=False, code=_read_coded(data, b"0", notes))
-        notes.add(Wrong.FLAG, f"{show(data)!r} is not {self.form}")
+        notes.add(Defect.FLAG, f"{show(data)!r} is not {self.form}")
         return Acceptance(accepted=False) if data[:1] == b"0" else None
 
     def write(self, value: Acceptance, dialect: Dialect) -> bytes:
@@ -332,14 +332,14 @@ class FinalResult(Payload):
         """Both shapes."""
         return "11 or 00|code"
 
-    def read(self, data: bytes, notes: Notes) -> Outcome | None:
+    def read(self, data: bytes, notes: Diagnostics) -> Outcome | None:
         """Read success or failure."""
         data = tidy(data, notes)
         if data == b"11":
             return Outcome(done=True)
         if data[:2] == b"00":
             return Outcome(done=False, code=_read_coded(data, b"00", notes))
-        notes.add(Wrong.FLAG, f"{show(data)!r} is not {self.form}")
+        notes.add(Defect.FLAG, f"{show(data)!r} is not {self.form}")
         return None
 
     def write(self, value: Outcome, dialect: Dialect) -> bytes:
@@ -370,7 +370,7 @@ class NameList(Payload):
         """One message of the list."""
         return "0|name|… or 1|name|…"
 
-    def read(self, data: bytes, notes: Notes) -> NameListPart | None:
+    def read(self, data: bytes, notes: Diagnostics) -> NameListPart | None:
         """Read one message; the bar after the flag is a reading (A-4.10-2)."""
         if not data:
             notes.readings["list_empty"] = "empty"
@@ -378,7 +378,7 @@ class NameList(Payload):
         data = tidy(data, notes)
         flag, rest = data[:1], data[1:]
         if flag not in (b"0", b"1"):
-            notes.add(Wrong.FLAG, f"the list begins with {show(flag)!r}, neither '0' nor '1'")
+            notes.add(Defect.FLAG, f"the list begins with {show(flag)!r}, neither '0' nor '1'")
             return None
         more = flag == b"1"
         if rest in (b"", b"|"):
@@ -388,16 +388,16 @@ class NameList(Payload):
         notes.readings["list_prefix_sep"] = "0|a" if barred else "0a"
         body = rest[1:] if barred else rest
         if not barred and body[:1] == b" " and b"|" not in body:
-            notes.add(Wrong.SPACE_FOR_BAR, "blanks where bars are due")
+            notes.add(Defect.SPACE_FOR_BAR, "blanks where bars are due")
             body = body[1:].replace(b" ", b"|")
         if body.endswith(b"|"):
-            notes.add(Wrong.TRAILING_BAR, "a bar ends the list")
+            notes.add(Defect.TRAILING_BAR, "a bar ends the list")
             body = body[:-1]
         names = tuple(body.split(b"|"))
         for name in names:
             _NAME.read(name, notes)
         if len(set(names)) < len(names):
-            notes.add(Wrong.REPEATED_NAME, "a name stands twice in the list")
+            notes.add(Defect.REPEATED_NAME, "a name stands twice in the list")
         return NameListPart(more, names)
 
     def write(self, value: NameListPart, dialect: Dialect) -> bytes:
@@ -418,7 +418,7 @@ class OptionalName(Payload):
         """A name or nothing."""
         return "name or nothing"
 
-    def read(self, data: bytes, notes: Notes) -> bytes:
+    def read(self, data: bytes, notes: Diagnostics) -> bytes:
         """Return the name, empty where there is none."""
         data = tidy(data, notes, digit=False)
         if data in (b"", b"0"):
@@ -456,14 +456,14 @@ class Jog(Payload):
         """One digit."""
         return "1|2|3|4 (one byte: +y, -y, +x, -x)"
 
-    def read(self, data: bytes, notes: Notes) -> JogDirection | None:
+    def read(self, data: bytes, notes: Diagnostics) -> JogDirection | None:
         """Read the direction; the two notations do not overlap."""
         if len(data) != 1:
-            notes.add(Wrong.SIZE, f"{len(data)} bytes where exactly one is due")
+            notes.add(Defect.SIZE, f"{len(data)} bytes where exactly one is due")
             return None
         number = data[0] - 0x30 if data[0] >= 0x30 else data[0]  # noqa: PLR2004 - ASCII '0'
         if not 1 <= number <= 4:  # noqa: PLR2004 - L605-608
-            notes.add(Wrong.RANGE, f"direction {data.hex().upper()} is none of 1 to 4")
+            notes.add(Defect.RANGE, f"direction {data.hex().upper()} is none of 1 to 4")
             return None
         notes.readings["jog_byte"] = "ascii" if data[0] >= 0x30 else "binary"  # noqa: PLR2004 - as above
         return JogDirection(number)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple
 
-from scaraspec.protocol.fields import Notes, PayloadError, Wrong
+from scaraspec.protocol.fields import Defect, Diagnostics, PayloadError
 from scaraspec.protocol.payloads import Payload
 from scaraspec.protocol.readings import DEFAULT, Dialect
 
@@ -68,10 +68,10 @@ class FileData(Payload):
         """The structure's members."""
         return "fileSize, position, length (uint32 each), data[200]"
 
-    def read(self, data: bytes, notes: Notes) -> Chunk | None:
+    def read(self, data: bytes, notes: Diagnostics) -> Chunk | None:
         """Read the structure; an empty payload (the error signal of L787) is None."""
         if len(data) < HEAD_BYTES:
-            notes.add(Wrong.SIZE, f"{len(data)} bytes are no fileData of {FILE_DATA_BYTES}")
+            notes.add(Defect.SIZE, f"{len(data)} bytes are no fileData of {FILE_DATA_BYTES}")
             return None
         chunks = {order: read_as(data, order) for order in _ORDERS}
         legal = [order for order, chunk in chunks.items() if chunk.legal]
@@ -85,10 +85,10 @@ class FileData(Payload):
         elif len(data) == HEAD_BYTES + chunk.length:
             notes.readings["chunk_trunc"] = "truncated"
         else:
-            notes.add(Wrong.SIZE, f"{len(data)} bytes are no fileData of {FILE_DATA_BYTES}")
+            notes.add(Defect.SIZE, f"{len(data)} bytes are no fileData of {FILE_DATA_BYTES}")
         if not chunk.legal:
             notes.add(
-                Wrong.CHUNK,
+                Defect.CHUNK,
                 f"length {chunk.length} at position {chunk.position} is out of bounds "
                 f"(buffer {BUFFER_BYTES}, file {chunk.file_size})",
             )

@@ -21,11 +21,11 @@ from scaraspec.traffic.events import (
     Ending,
     Exchange,
     FrameSeen,
-    Happening,
+    InvalidBytes,
+    TrafficEvent,
     Transfer,
-    Undecodable,
 )
-from scaraspec.traffic.wire import Place
+from scaraspec.traffic.wire import WireRange
 
 _RECENT_FRAMES: Final = 256
 _FINDINGS_PER_REQUIREMENT: Final = 50
@@ -38,14 +38,14 @@ class Exhibits:
     """Takes what a judge yields, and makes evidence of the places that findings name."""
 
     def __init__(self) -> None:
-        self._recent: deque[FrameSeen | Undecodable] = deque(maxlen=_RECENT_FRAMES)
+        self._recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self._last: tuple[FrameSeen, ...] = ()
-        self._kept: dict[Place, Evidence] = {}
+        self._kept: dict[WireRange, Evidence] = {}
         self._findings: Counter[str] = Counter()
         self._exchange: Exchange | None = None  # judged just now, and nothing wrong with it so far
         self._sound: dict[str, tuple[FrameSeen, ...]] = {}
 
-    def add(self, item: Happening | Finding) -> None:
+    def add(self, item: TrafficEvent | Finding) -> None:
         """Take the next thing; a finding follows the happening that it judges."""
         if isinstance(item, Finding):
             if item.verdict is Verdict.FAIL:
@@ -54,7 +54,7 @@ class Exhibits:
             self._sound[self._exchange.name] = self._exchange.frames
             self._exchange = None
         match item:
-            case FrameSeen() | Undecodable():
+            case FrameSeen() | InvalidBytes():
                 self._recent.append(item)
             case Exchange():
                 self._last = item.frames
@@ -64,7 +64,7 @@ class Exhibits:
             case Finding():
                 self._keep(item)
 
-    def evidence(self, place: Place) -> Evidence:
+    def evidence(self, place: WireRange) -> Evidence:
         """What is at a place, with its bytes where they were kept."""
         return self._kept.get(place) or _evidence(place)
 
@@ -83,9 +83,9 @@ class Exhibits:
                 self._kept[seen.place] = exhibit(seen)
 
 
-def exhibit(seen: FrameSeen | Undecodable) -> Evidence:
+def exhibit(seen: FrameSeen | InvalidBytes) -> Evidence:
     """A frame, or bytes that are none, as evidence; passwords are hidden."""
-    if isinstance(seen, Undecodable):
+    if isinstance(seen, InvalidBytes):
         return _evidence(seen.place, f"no frame: {seen.why.value}", mask_loose(seen.data))
     frame = seen.frame
     if is_secret(frame):
@@ -98,7 +98,7 @@ def exhibit(seen: FrameSeen | Undecodable) -> Evidence:
 
 
 def _evidence(
-    place: Place, note: str = "", data: bytes = b"", fields: tuple[FrameField, ...] = ()
+    place: WireRange, note: str = "", data: bytes = b"", fields: tuple[FrameField, ...] = ()
 ) -> Evidence:
     return Evidence(
         place.connection,

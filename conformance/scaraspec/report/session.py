@@ -22,17 +22,17 @@ from scaraspec.report.model import (
     TransferSeen,
 )
 from scaraspec.traffic.events import (
+    CaptureGap,
     Ending,
     Exchange,
     FrameSeen,
-    Happening,
     Injected,
+    InvalidBytes,
     LinkChange,
-    Lost,
+    TrafficEvent,
     Transfer,
-    Undecodable,
 )
-from scaraspec.traffic.wire import Kind, Place, WireEvent
+from scaraspec.traffic.wire import Kind, WireEvent, WireRange
 
 _LISTED: Final = 500
 _RUNS: Final = ("run_program", "simulate_program")
@@ -86,7 +86,7 @@ class SessionStats:
         self._losses: list[Loss] = []
         self._unlisted: Counter[str] = Counter()
 
-    def add(self, item: Happening | Finding) -> None:
+    def add(self, item: TrafficEvent | Finding) -> None:
         """Take the next thing that a judge yields."""
         self.exhibits.add(item)
         match item:
@@ -95,12 +95,12 @@ class SessionStats:
                 connection = self._passed(item.place)
                 if connection:
                     connection.frames += 1
-            case Undecodable():
+            case InvalidBytes():
                 self._undecodable_bytes += item.place.length_bytes
                 self._passed(item.place)
             case LinkChange(event):
                 self._link(event)
-            case Lost(event):
+            case CaptureGap(event):
                 self._lost(event)
             case Injected(event):
                 self._injected(event)
@@ -160,7 +160,7 @@ class SessionStats:
         connection.ended_ns = max(connection.ended_ns, time_ns)
         return connection
 
-    def _passed(self, place: Place) -> _Connection | None:
+    def _passed(self, place: WireRange) -> _Connection | None:
         self._bytes[place.direction] += place.length_bytes
         connection = self._at(place.connection, place.time_ns)
         if connection:

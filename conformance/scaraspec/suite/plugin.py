@@ -19,11 +19,11 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.operating_system import state_directory
 from scaraspec.report import terminal
 from scaraspec.suite.controller.harness.access import UrlAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
 from scaraspec.suite.engine.case import declare_mark
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import ControllerBusyError, Journal, JournalError
 from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.suite.engine.run import Run
@@ -60,9 +60,9 @@ def pytest_configure(config: pytest.Config) -> None:
     folder = Path(os.environ.get("SCARASPEC_STATE") or state_directory())
     held = ExitStack()
     try:
-        setting = ControllerSetting(
+        setting = ControllerAdapter(
             UrlAccess(url, config.getoption("--patience")),
-            Statement.read(Path(ics)) if ics else Statement(),
+            Ics.read(Path(ics)) if ics else Ics(),
             config.getoption("--subject-password").encode(),
             Options(
                 only=frozenset(r.id for r in select(only)) if only else None,

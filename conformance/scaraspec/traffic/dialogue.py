@@ -9,22 +9,22 @@ from typing import Final
 
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec.protocol.frames import TAG, Why
+from scaraspec.protocol.frames import TAG, SkipReason
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.traffic.events import (
+    CaptureGap,
     Ending,
     Exchange,
     FrameSeen,
-    Happening,
     Injected,
+    InvalidBytes,
     LinkChange,
-    Lost,
-    Unasked,
-    Undecodable,
+    TrafficEvent,
+    UnsolicitedReply,
 )
-from scaraspec.traffic.pending_requests import Waiting
-from scaraspec.traffic.pending_results import Executing
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.pending_requests import PendingRequests
+from scaraspec.traffic.pending_results import PendingResults
+from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.stream import Stream
 from scaraspec.traffic.transfers import NAMES, TransferTracker, refuses_an_answer
 from scaraspec.traffic.wire import Kind, WireEvent
@@ -45,7 +45,7 @@ class Dialogue:
     def __init__(
         self,
         connection: str,
-        scene: Scene,
+        scene: RobotState,
         dialect: Dialect = DEFAULT,
         *,
         needs_login: bool = True,
@@ -62,8 +62,8 @@ class Dialogue:
         self._login_sent = False
         self._refused_login: FrameSeen | None = None
         self._streams = {d: Stream(self.connection, d) for d in Direction}
-        self._waiting = Waiting(self._dialect)
-        self._executing = Executing(self.connection, self.scene)
+        self._waiting = PendingRequests(self._dialect)
+        self._executing = PendingResults(self.connection, self.scene)
         self._transfers = TransferTracker(self.scene, self._dialect)
         self._listing: Exchange | None = None  # a program list of which parts are due
         self._last: dict[str, Exchange] = {}
@@ -76,7 +76,7 @@ class Dialogue:
         """Whether a file may be under way."""
         return self._transfers.unfinished
 
-    def feed(self, event: WireEvent) -> Iterator[Happening]:
+    def feed(self, event: WireEvent) -> Iterator[TrafficEvent]:
         """Take the next event of this connection and give what it brought about, in order."""
         self._now_ns = event.time_ns
         if event.kind is Kind.BYTES and event.offset_bytes and not self._begun:
@@ -88,7 +88,7 @@ class Dialogue:
             case Kind.GAP:
                 for item in self._streams[event.direction].lose(event.length_bytes):
                     yield from self._take(item)
-                yield Lost(event)
+                yield CaptureGap(event)
                 yield from self._lose(event.direction, ended=event.length_bytes < 0)
             case Kind.INJECTED:
                 yield Injected(event)
@@ -105,13 +105,13 @@ class Dialogue:
                     yield from self.close()
                     self.scene.hang_up(event.time_ns, self._hung_up)
 
-    def _begin_midway(self, event: WireEvent) -> Iterator[Happening]:
+    def _begin_midway(self, event: WireEvent) -> Iterator[TrafficEvent]:
         """What passed before its first event is not known."""
         for direction, stream in self._streams.items():
             yield from stream.lose(event.offset_bytes if direction is event.direction else 0)
             yield from self._lose(direction, ended=True)
 
-    def _bytes(self, event: WireEvent) -> Iterator[Happening]:
+    def _bytes(self, event: WireEvent) -> Iterator[TrafficEvent]:
         yield from self._waiting.overdue(self._now_ns)
         yield from self._transfers.expire(self._now_ns)
         self.scene.doubt.end_gap(self.connection, event.direction, self._answered_ns)
@@ -120,7 +120,7 @@ class Dialogue:
         for item in self._streams[event.direction].feed(event):
             yield from self._take(item)
 
-    def close(self) -> Iterator[Happening]:
+    def close(self) -> Iterator[TrafficEvent]:
         """The link or the capture has ended: hand out what is still open. May be called again."""
         for stream in self._streams.values():
             for item in stream.finish():
@@ -140,7 +140,7 @@ class Dialogue:
         """When everything that has been asked by now is answered, if ever."""
         return self._now_ns + self._waiting.reply_ns
 
-    def _lose(self, direction: Direction, *, ended: bool) -> Iterator[Happening]:
+    def _lose(self, direction: Direction, *, ended: bool) -> Iterator[TrafficEvent]:
         """A gap may have hidden requests, replies and results: judge nothing that spans it."""
         yield from self._mistrust(direction, ended=ended)
         yield from self._waiting.lose(direction)
@@ -148,7 +148,7 @@ class Dialogue:
             yield from self._end_listing(Ending.UNSEEN)
             yield from self._executing.close(Ending.UNSEEN, -1)
 
-    def _mistrust(self, direction: Direction, *, ended: bool = True) -> Iterator[Happening]:
+    def _mistrust(self, direction: Direction, *, ended: bool = True) -> Iterator[TrafficEvent]:
         """The sides may not agree on what was sent: what is open is not sure, nor what follows."""
         self.scene.doubt.begin(self.connection, direction, self._answered_ns, ended=ended)
         self.scene.lose_track()
@@ -163,18 +163,18 @@ class Dialogue:
         """Whether no gap can have hidden what this frame belongs to."""
         return seen.certain and not self.scene.doubt.covers(self.connection, seen.place.time_ns)
 
-    def _take(self, item: FrameSeen | Undecodable) -> Iterator[Happening]:
+    def _take(self, item: FrameSeen | InvalidBytes) -> Iterator[TrafficEvent]:
         yield item
-        if isinstance(item, Undecodable):
+        if isinstance(item, InvalidBytes):
             yield from self._malformed(item)
             return
         command, direction = item.command, item.frame.direction
-        asker = command.asker if command else A2C
+        initiator = command.initiator if command else A2C
         if item.frame.tagged:
             yield from self._result(item)
         elif refuses_an_answer(item.frame) and self._is_stray(item):
             pass  # nothing is awaited, nor was this
-        elif direction is asker:
+        elif direction is initiator:
             yield from self._request(item)
         else:
             yield from self._reply(item)
@@ -182,7 +182,7 @@ class Dialogue:
     def _is_stray(self, refusal: FrameSeen) -> bool:
         return self._transfers.refused() or not self._certain(refusal)
 
-    def _request(self, seen: FrameSeen) -> Iterator[Happening]:
+    def _request(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange = Exchange(
             seen,
             seen.command,
@@ -205,7 +205,7 @@ class Dialogue:
             self.scene.forget(exchange.asked or b"")
         yield from self._transfers.request(exchange)
 
-    def _reply(self, seen: FrameSeen) -> Iterator[Happening]:
+    def _reply(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange = self._waiting.match(seen)
         if seen.name == "download_chunk":
             self._transfers.answered(exchange, seen.place.time_ns)
@@ -232,7 +232,7 @@ class Dialogue:
             yield from self._transfers.reply(exchange)
             yield self._answered(exchange)
 
-    def _list_part(self, exchange: Exchange, seen: FrameSeen) -> Iterator[Happening]:
+    def _list_part(self, exchange: Exchange, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange.parts.append(seen)
         exchange.certain = exchange.certain and seen.certain
         if len(exchange.parts) > _MOST_PARTS:
@@ -244,7 +244,7 @@ class Dialogue:
             self._listing = None
             yield self._answered(exchange)
 
-    def _end_listing(self, ending: Ending) -> Iterator[Happening]:
+    def _end_listing(self, ending: Ending) -> Iterator[TrafficEvent]:
         listing, self._listing = self._listing, None
         if listing:
             listing.ending = ending
@@ -272,14 +272,14 @@ class Dialogue:
         elif name == "get_status" and exchange.answer == "00" and exchange.certain:
             self.scene.results_doubtful = False
 
-    def _result(self, seen: FrameSeen) -> Iterator[Happening]:
+    def _result(self, seen: FrameSeen) -> Iterator[TrafficEvent]:
         exchange = self._executing.match(seen)
         if exchange:
             yield self._answered(exchange)
         else:
             yield self._unasked(seen, late=self._executing.take_owed(seen.name))
 
-    def _unasked(self, seen: FrameSeen, *, late: bool) -> Unasked:
+    def _unasked(self, seen: FrameSeen, *, late: bool) -> UnsolicitedReply:
         tagged = seen.frame.tagged
         waiting = self._waiting.asked_by(seen.frame.direction.opposite)
         if not late and not tagged:
@@ -287,11 +287,11 @@ class Dialogue:
                 exchange.stray = exchange.stray or seen
         certain = self._certain(seen) and not (tagged and self.scene.results_doubtful)
         elsewhere = tagged and self.scene.begun_elsewhere(seen.name, self.connection)
-        return Unasked(seen, self._last.get(seen.name), waiting, certain, late, elsewhere)
+        return UnsolicitedReply(seen, self._last.get(seen.name), waiting, certain, late, elsewhere)
 
-    def _malformed(self, found: Undecodable) -> Iterator[Happening]:
+    def _malformed(self, found: InvalidBytes) -> Iterator[TrafficEvent]:
         """Bytes that begin like an answer to what is open take its place."""
-        torn = found.touches_gap or found.why in (Why.STRAY, Why.TRUNCATED)
+        torn = found.touches_gap or found.why in (SkipReason.STRAY, SkipReason.TRUNCATED)
         direction, head = found.place.direction, found.data[1:3]
         if torn or len(head) < 2:  # noqa: PLR2004 - tag and opcode, or opcode and length
             return

@@ -10,10 +10,10 @@ from enum import Enum
 from typing import Any
 
 from scaraspec.protocol.commands import Command, Parsed
-from scaraspec.protocol.frames import Frame, Why
+from scaraspec.protocol.frames import Frame, SkipReason
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.transfer import Chunk, State
-from scaraspec.traffic.wire import Place, WireEvent
+from scaraspec.traffic.wire import WireEvent, WireRange
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class FrameSeen:
     """
 
     frame: Frame
-    place: Place
+    place: WireRange
     begun_ns: int
     parsed: Parsed | None
     certain: bool = True
@@ -56,7 +56,7 @@ class FrameSeen:
 
 
 @dataclass(frozen=True, slots=True)
-class Undecodable:
+class InvalidBytes:
     """Bytes that are no frame, in one run.
 
     Attributes:
@@ -67,8 +67,8 @@ class Undecodable:
     """
 
     data: bytes
-    why: Why
-    place: Place
+    why: SkipReason
+    place: WireRange
     touches_gap: bool = False
 
     @property
@@ -85,7 +85,7 @@ class LinkChange:
 
 
 @dataclass(frozen=True, slots=True)
-class Lost:
+class CaptureGap:
     """Bytes passed unseen, or may have: nothing that depends on them can be judged."""
 
     event: WireEvent
@@ -156,7 +156,7 @@ class Exchange:
     reply: FrameSeen | None = None
     result: FrameSeen | None = None
     parts: list[FrameSeen] = field(default_factory=list)
-    malformed: Undecodable | None = None
+    malformed: InvalidBytes | None = None
     ending: Ending = Ending.OPEN
     logged_in: bool | None = None
     behind_login: bool = False
@@ -282,7 +282,7 @@ class Transfer:
 
 
 @dataclass(frozen=True, slots=True)
-class Unasked:
+class UnsolicitedReply:
     """A reply or a final result that answers nothing that is open.
 
     Attributes:
@@ -302,4 +302,13 @@ class Unasked:
     elsewhere: bool = False
 
 
-Happening = FrameSeen | Undecodable | LinkChange | Lost | Injected | Exchange | Transfer | Unasked
+TrafficEvent = (
+    FrameSeen
+    | InvalidBytes
+    | LinkChange
+    | CaptureGap
+    | Injected
+    | Exchange
+    | Transfer
+    | UnsolicitedReply
+)

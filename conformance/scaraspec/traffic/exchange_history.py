@@ -11,14 +11,14 @@ from itertools import islice
 from typing import Final
 
 from scaraspec.protocol.errors import Kind, lookup
-from scaraspec.traffic.events import Exchange, FrameSeen, Happening
+from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent
 
 KEPT_EXCHANGES: Final = 64
 """Exchanges remembered of each command."""
 _KEPT_NAMES: Final = 4096
 
 
-class Memory:
+class ExchangeHistory:
     """What the recording has shown since its last gap, over all connections."""
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class Memory:
             if begin_ns < x.time_ns:
                 yield x
 
-    def take(self, happening: Happening, *, busy: bool) -> None:
+    def take(self, happening: TrafficEvent, *, busy: bool) -> None:
         """Remember what a happening says, once it has been judged.
 
         Args:

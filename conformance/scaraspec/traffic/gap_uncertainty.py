@@ -13,7 +13,7 @@ from scaraspec.protocol.direction import Direction
 _FOR_EVER_NS: Final = 1 << 63
 
 
-class Doubt:
+class GapUncertainty:
     """The doubts of all connections."""
 
     def __init__(self) -> None:

@@ -29,7 +29,7 @@ class _Open:
     repeated: bool = False
 
 
-class Waiting:
+class PendingRequests:
     """Open requests, oldest first; the oldest is given up where there are too many.
 
     Args:

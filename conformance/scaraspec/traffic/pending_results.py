@@ -10,14 +10,14 @@ from dataclasses import replace
 from typing import Final
 
 from scaraspec.protocol.payloads import FinalResult
-from scaraspec.traffic.events import Ending, Exchange, FrameSeen, Undecodable
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, InvalidBytes
+from scaraspec.traffic.robot_state import RobotState
 
 _MOST: Final = 16
 _STOP: Final = "emergency_stop"
 
 
-class Executing:
+class PendingResults:
     """Follows the two-stage commands of one connection.
 
     Args:
@@ -25,7 +25,7 @@ class Executing:
         scene: Shared by all connections.
     """
 
-    def __init__(self, connection: str, scene: Scene) -> None:
+    def __init__(self, connection: str, scene: RobotState) -> None:
         self._connection = connection
         self._scene = scene
         self._owed: Counter[str] = Counter()
@@ -94,7 +94,7 @@ class Executing:
         self._scene.end(exchange)
         return exchange
 
-    def match_malformed(self, found: Undecodable, opcode: int) -> Exchange | None:
+    def match_malformed(self, found: InvalidBytes, opcode: int) -> Exchange | None:
         """Take out the command whose final result these bytes should have been."""
         for exchange in self._mine():
             if exchange.request.frame.opcode == opcode:

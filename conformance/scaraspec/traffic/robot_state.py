@@ -9,15 +9,15 @@ from collections import OrderedDict
 from typing import Final
 
 from scaraspec.protocol.direction import C2A, Direction
-from scaraspec.traffic.events import Exchange, Happening, Transfer
-from scaraspec.traffic.exchange_history import Memory
-from scaraspec.traffic.gap_uncertainty import Doubt
+from scaraspec.traffic.events import Exchange, TrafficEvent, Transfer
+from scaraspec.traffic.exchange_history import ExchangeHistory
+from scaraspec.traffic.gap_uncertainty import GapUncertainty
 
 FILES_LIMIT_BYTES: Final = 64 * 2**20
 FILES_LIMIT: Final = 4096
 
 
-class Scene:
+class RobotState:
     """The robot, as far as the wire shows it."""
 
     def __init__(self) -> None:
@@ -29,13 +29,13 @@ class Scene:
         """Rises with every change of what executes: equal numbers mean that nothing changed."""
         self.files: OrderedDict[bytes, Transfer] = OrderedDict()
         """The last completed upload of each name, until it may be gone; oldest dropped first."""
-        self.memory = Memory()
+        self.memory = ExchangeHistory()
         """What was said before, for rules that hold one value against another."""
         self.connected: set[str] = set()
         """Connections that have not ended."""
         self.sessions: set[str] = set()
         """Those of them that have logged in."""
-        self.doubt = Doubt()
+        self.doubt = GapUncertainty()
         """Which happenings a gap may have touched."""
         self.results_doubtful = False
         """A two-stage command may be executing that was accepted in a gap."""
@@ -52,7 +52,7 @@ class Scene:
         """Whether a two-stage command executes that no stop has interrupted."""
         return bool(self.executing) and any(not x.interrupted_by for x in self.executing)
 
-    def remember(self, happening: Happening) -> None:
+    def remember(self, happening: TrafficEvent) -> None:
         """Keep what was said, once it has been judged."""
         if isinstance(happening, Exchange) and happening.reply:
             if happening.certain:
@@ -91,7 +91,7 @@ class Scene:
     def lose_track(self) -> None:
         """Bytes passed unseen: nothing of what was known is sure."""
         self.results_doubtful = True
-        self.memory = Memory()
+        self.memory = ExchangeHistory()
         self.last.clear()
         self.files.clear()
         self._files_bytes = 0

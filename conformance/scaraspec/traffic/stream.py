@@ -12,9 +12,9 @@ from typing import Final
 
 from scaraspec.protocol import commands
 from scaraspec.protocol.direction import Direction
-from scaraspec.protocol.frames import Found, Frame, Framer, Skipped, Why
-from scaraspec.traffic.events import FrameSeen, Undecodable
-from scaraspec.traffic.wire import Place, WireEvent
+from scaraspec.protocol.frames import Frame, Framer, Skipped, SkipReason, StreamItem
+from scaraspec.traffic.events import FrameSeen, InvalidBytes
+from scaraspec.traffic.wire import WireEvent, WireRange
 
 _KEPT_UNDECODABLE_BYTES: Final = 4096
 _SILENCE_NS: Final = 2_000_000_000
@@ -29,13 +29,13 @@ class Stream:
         self._direction = direction
         self._framer = Framer(direction, recovery=commands.plausible)
         self._pieces: deque[tuple[int, int]] = deque()  # offset of the first byte, time
-        self._run: Undecodable | None = None
+        self._run: InvalidBytes | None = None
         self._in_step = True
         self._ends_with_frame = False
         self._silent_bytes = 0  # at which offset there was a long silence within a frame
         self._claimed_bytes = 0  # up to which one a frame that was given up would have reached
 
-    def feed(self, event: WireEvent) -> Iterator[FrameSeen | Undecodable]:
+    def feed(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
         """Take the next bytes."""
         if event.data:
             if self._framer.held_bytes:
@@ -45,7 +45,7 @@ class Stream:
             at = self._framer.offset_bytes
             yield from self._tell(at, self._framer.feed(event.data), certain=self._in_step)
 
-    def _resume(self, event: WireEvent) -> Iterator[FrameSeen | Undecodable]:
+    def _resume(self, event: WireEvent) -> Iterator[FrameSeen | InvalidBytes]:
         """Wait no longer for the rest of a frame where after a long silence another one stands.
 
         Who does wait may take what follows for that rest: up to there nothing is certain.
@@ -57,7 +57,7 @@ class Stream:
         if held_bytes > 0 and framer.stands_behind(held_bytes, event.data):
             self._claimed_bytes = at + framer.announced_bytes(held_bytes)
             wrong = [
-                item if isinstance(item, Frame) else item._replace(why=Why.BAD_END)
+                item if isinstance(item, Frame) else item._replace(why=SkipReason.BAD_END)
                 for item in framer.abandon(held_bytes)
             ]
             yield from self._tell(at, wrong, certain=False)
@@ -68,7 +68,7 @@ class Stream:
         """How many bytes there are of a frame that is not whole yet."""
         return self._framer.held_bytes
 
-    def settle(self) -> Iterator[Undecodable]:
+    def settle(self) -> Iterator[InvalidBytes]:
         """The other side speaks: what is no frame is over.
 
         Where the bytes end with a frame just then, they are in step again after a gap: a frame
@@ -79,38 +79,38 @@ class Stream:
         if self._ends_with_frame and not self._framer.held_bytes:
             self._in_step = True
 
-    def lose(self, length_bytes: int) -> Iterator[FrameSeen | Undecodable]:
+    def lose(self, length_bytes: int) -> Iterator[FrameSeen | InvalidBytes]:
         """Bytes passed unseen; a frame that they tear is not searched for others."""
         at = self._framer.offset_bytes
         found = self._framer.lose(max(length_bytes, 0), commands.plausible)
         torn = b"".join(i.encode() if isinstance(i, Frame) else i.data for i in found)
         if torn:
-            yield from self._tell(at, [Skipped(torn, Why.TRUNCATED)], certain=False)
+            yield from self._tell(at, [Skipped(torn, SkipReason.TRUNCATED)], certain=False)
         if self._run:
             self._run = replace(self._run, touches_gap=True)
         yield from self.flush()
         self._in_step = self._ends_with_frame = False
 
-    def finish(self) -> Iterator[FrameSeen | Undecodable]:
+    def finish(self) -> Iterator[FrameSeen | InvalidBytes]:
         """No more bytes come; frames within an unfinished one are a guess."""
         at = self._framer.offset_bytes
         yield from self._tell(at, self._framer.finish(), certain=False)
         yield from self.flush()
 
-    def flush(self) -> Iterator[Undecodable]:
+    def flush(self) -> Iterator[InvalidBytes]:
         """Hand out the run of undecodable bytes that is open, if there is one."""
         run, self._run = self._run, None
         if run:
             yield run
 
     def _tell(
-        self, at: int, found: list[Found], *, certain: bool
-    ) -> Iterator[FrameSeen | Undecodable]:
+        self, at: int, found: list[StreamItem], *, certain: bool
+    ) -> Iterator[FrameSeen | InvalidBytes]:
         pieces = self._pieces
         for item in found:
             end = at + item.size_bytes
             begun_ns, time_ns = self._time(at), self._time(end - 1)
-            place = Place(self._connection, self._direction, at, end - at, time_ns)
+            place = WireRange(self._connection, self._direction, at, end - at, time_ns)
             at = end
             while len(pieces) > 1 and pieces[1][0] <= at:
                 pieces.popleft()
@@ -123,11 +123,12 @@ class Stream:
             else:
                 yield from self._skip(item, place)
 
-    def _skip(self, item: Skipped, place: Place) -> Iterator[Undecodable]:
+    def _skip(self, item: Skipped, place: WireRange) -> Iterator[InvalidBytes]:
         """Join what the framer told in pieces: a false frame takes in what follows it."""
         run = self._run
         if run and (
-            item.why is Why.STRAY or (run.why is not Why.STRAY and item.why is not Why.TRUNCATED)
+            item.why is SkipReason.STRAY
+            or (run.why is not SkipReason.STRAY and item.why is not SkipReason.TRUNCATED)
         ):
             room = max(_KEPT_UNDECODABLE_BYTES - len(run.data), 0)
             length_bytes = run.place.length_bytes + place.length_bytes
@@ -135,10 +136,10 @@ class Stream:
             self._run = replace(run, data=run.data + item.data[:room], place=place)
             return
         yield from self.flush()
-        if item.why is Why.IMPLAUSIBLE and item.size_bytes == 1 and self._in_step:
+        if item.why is SkipReason.IMPLAUSIBLE and item.size_bytes == 1 and self._in_step:
             return  # the wrong end byte of a frame that has been told
         data = item.data[:_KEPT_UNDECODABLE_BYTES]
-        self._run = Undecodable(data, item.why, place, touches_gap=not self._in_step)
+        self._run = InvalidBytes(data, item.why, place, touches_gap=not self._in_step)
 
     def _time(self, offset_bytes: int) -> int:
         """When the byte at this offset passed."""

@@ -13,7 +13,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import Dialect
 from scaraspec.protocol.transfer import HEAD_BYTES, Chunk, State, read_as
 from scaraspec.traffic.events import Exchange, FrameSeen, Transfer
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 NAMES: Final = ("upload_name", "download_name")
 CHUNKS: Final = ("upload_chunk", "download_chunk")
@@ -66,7 +66,7 @@ class TransferTracker:
         dialect: The transfer time-out; a transfer ends after twice that silence (A-5-13).
     """
 
-    def __init__(self, scene: Scene, dialect: Dialect) -> None:
+    def __init__(self, scene: RobotState, dialect: Dialect) -> None:
         self._scene = scene
         timeout_s = dialect.seconds("xfer_timeout")
         self._timeout_ns = 2 * int((timeout_s if timeout_s is not None else 1e9) * _NS)

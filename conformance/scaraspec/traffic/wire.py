@@ -53,7 +53,7 @@ class WireEvent:
     note: str = ""
 
 
-class Place(NamedTuple):
+class WireRange(NamedTuple):
     """Where on the wire something is: the evidence for it."""
 
     connection: str

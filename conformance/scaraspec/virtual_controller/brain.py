@@ -13,8 +13,8 @@ from typing import Any
 
 from scaraspec.protocol.commands import BY_OPCODE, Command
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.fields import Wrong
-from scaraspec.protocol.frames import TAG, Found, Frame, Skipped
+from scaraspec.protocol.fields import Defect
+from scaraspec.protocol.frames import TAG, Frame, Skipped, StreamItem
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import FLAG, Acceptance, Answer, FirstReply
 from scaraspec.protocol.readings import DEFAULT, Dialect
@@ -29,11 +29,11 @@ from scaraspec.virtual_controller.store import Store
 MAX_QUEUED = 16
 """Requests that wait for a busy robot under the reading ``busy_reply=queue``."""
 
-_FORGIVEN = frozenset({Wrong.TRAILING_NUL, Wrong.LONG_NAME})
+_FORGIVEN = frozenset({Defect.TRAILING_NUL, Defect.LONG_NAME})
 """Departures in a request that are understood and acted upon (A-T-3, A-5-20)."""
 
 
-def _ignore(_connection: int, _seen: Found) -> None:
+def _ignore(_connection: int, _seen: StreamItem) -> None:
     """Watch nothing."""
 
 
@@ -52,7 +52,7 @@ class Brain(Behaviour):
         plant: Plant,
         store: Store,
         dialect: Dialect = DEFAULT,
-        watch: Callable[[int, Found], None] = _ignore,
+        watch: Callable[[int, StreamItem], None] = _ignore,
     ) -> None:
         super().__init__(plant, store, dialect)
         self._watch = watch
@@ -252,7 +252,7 @@ class Brain(Behaviour):
             self.robot.stop(now_s)
             self._settle(now_s)
 
-    def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
+    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         """Serve what arrived together, in order, as far as the client stays (A-3-14)."""
         held: list[Action] = []  # under the reading "any-order": what is sent last
         frames = 0
@@ -311,7 +311,7 @@ def _only_reads(frame: Frame) -> bool:
 
 def _failure(command: Command) -> Any:
     """The failure form of a first reply, or silence where the document draws none (A-3-9)."""
-    if command.asker is not A2C:
+    if command.initiator is not A2C:
         return SILENCE
     if isinstance(command.reply, FirstReply):
         return Acceptance(accepted=False, code=BAD_ARGUMENT)

@@ -5,7 +5,7 @@ How the controller resynchronises (A-3-10) and for how long it waits for the res
 """
 
 from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.frames import Found, Frame, Framer, Skipped, Why
+from scaraspec.protocol.frames import Frame, Framer, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.readings import Dialect
 
 _HEAD_BYTES = 3
@@ -36,12 +36,12 @@ class Inlet:
             return None
         return self._heard_s + self._timeout_s
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         """Take the next bytes and return what they complete, in order."""
         self._heard_s = now_s
         return self._flushed(self._framer.feed(data))
 
-    def expire(self, now_s: float) -> list[Found]:
+    def expire(self, now_s: float) -> list[StreamItem]:
         """Give up an unfinished frame whose time is over; what it hid may be whole frames."""
         deadline_s = self.deadline_s
         if deadline_s is None or now_s < deadline_s:
@@ -51,7 +51,7 @@ class Inlet:
     def _new_framer(self) -> "Framer | _WholeCandidates":
         return _WholeCandidates() if self._resync == "framewise" else Framer(A2C)
 
-    def _flushed(self, found: list[Found]) -> list[Found]:
+    def _flushed(self, found: list[StreamItem]) -> list[StreamItem]:
         """Under the reading "flush": forget everything buffered behind the first bad bytes."""
         if self._resync == "flush":
             for index, item in enumerate(found):
@@ -71,15 +71,15 @@ class _WholeCandidates:
     def held_bytes(self) -> int:
         return len(self._held)
 
-    def feed(self, data: bytes) -> list[Found]:
+    def feed(self, data: bytes) -> list[StreamItem]:
         buffer = self._held + data
-        found: list[Found] = []
+        found: list[StreamItem] = []
         at = 0
         while len(buffer) - at >= _HEAD_BYTES:
             if buffer[at] != A2C.start:
                 start = buffer.find(A2C.start, at)
                 until = start if start >= 0 else len(buffer)
-                found.append(Skipped(buffer[at:until], Why.STRAY))
+                found.append(Skipped(buffer[at:until], SkipReason.STRAY))
             else:
                 until = at + _FRAME_BYTES + buffer[at + 2]
                 if until > len(buffer):
@@ -88,12 +88,12 @@ class _WholeCandidates:
                 found.append(
                     Frame(A2C, whole[1], whole[_HEAD_BYTES:-1])
                     if whole[-1] == A2C.end
-                    else Skipped(whole, Why.BAD_END)
+                    else Skipped(whole, SkipReason.BAD_END)
                 )
             at = until
         self._held = buffer[at:]
         return found
 
-    def finish(self) -> list[Found]:
+    def finish(self) -> list[StreamItem]:
         held, self._held = self._held, b""
-        return [Skipped(held, Why.TRUNCATED)] if held else []
+        return [Skipped(held, SkipReason.TRUNCATED)] if held else []

@@ -3,14 +3,14 @@
 from scaraspec.protocol.commands import BY_OPCODE, Command
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
-from scaraspec.protocol.frames import Found, Frame, Skipped
+from scaraspec.protocol.frames import Frame, Skipped, StreamItem
 from scaraspec.protocol.redaction import is_secret
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
 
 _MASK = "••••"
 
 
-def line(connection: int, seen: Found) -> str:
+def line(connection: int, seen: StreamItem) -> str:
     """Tell what was seen on a connection: ``#1 > 0x09 get_status``, ``#1 < 0x09 get_status 00``."""
     if isinstance(seen, Skipped):  # never its bytes: a torn login holds the password too
         return f"#{connection} > skipped {seen.size_bytes} bytes: {seen.why.value}"

@@ -22,7 +22,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.traffic.wire import Kind
 from scaraspec_recorder.sources.capture import open_capture
-from scaraspec_recorder.spool.chunks import Passage
+from scaraspec_recorder.spool.chunks import ForwardedChunk
 from scaraspec_recorder.spool.locks import spool_folder
 
 LOCAL = ("--listen", "127.0.0.1:0")
@@ -163,7 +163,7 @@ def test_the_kernels_time_is_recorded(processes: Any, controller: str, tmp_path:
     ask(url_in(recorder.stdout.readline()))
     end(recorder)
     events = list(open_capture(tmp_path / "capture.mcap", port=None))
-    passages = [event for event in events if isinstance(event, Passage)]
+    passages = [event for event in events if isinstance(event, ForwardedChunk)]
     assert len(passages) == sum(event.kind is Kind.BYTES for event in events)
     assert all(event.time_ns <= event.forwarded_ns for event in passages)
     assert any(event.kernel_time for event in passages)

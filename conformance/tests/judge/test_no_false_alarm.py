@@ -291,7 +291,7 @@ likely: dict[str, SearchStrategy[Any]] = {
     "set_digital_output": st.builds(PortValue, st.integers(1, 16), st.integers(0, 1)),
     "set_gripper_center": st.builds(Point, *[st.sampled_from([0.0, 12.5])] * 3),
 }
-ASKED = [c for c in COMMANDS if c.asker is A2C and c.clause < "5" and c.name != "login"]
+ASKED = [c for c in COMMANDS if c.initiator is A2C and c.clause < "5" and c.name != "login"]
 
 
 def requests(command: Command) -> SearchStrategy[tuple[Any, ...]]:

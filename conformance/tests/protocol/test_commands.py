@@ -32,7 +32,7 @@ def test_complete() -> None:
     assert {c.opcode for c in COMMANDS if c.two_stage} == {
         0x30, 0x31, 0x32, 0x33, 0x39, 0x3A, 0x3B, 0x3D,
     }  # fmt: skip
-    assert [c.name for c in COMMANDS if c.asker is C2A] == ["download_chunk"]
+    assert [c.name for c in COMMANDS if c.initiator is C2A] == ["download_chunk"]
     assert {c.name for c in COMMANDS if c.secret} == {"login", "set_password"}
 
 

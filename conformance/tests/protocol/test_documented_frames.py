@@ -160,7 +160,7 @@ def test_the_command_table_reads_every_row(rows: list[Row]) -> None:
         assert reading is not None, row
         assert reading.command.clause == row.clause, row
         assert reading.decoded.complaints == (), row
-        asks = row.direction == reading.command.asker.name
+        asks = row.direction == reading.command.initiator.name
         assert reading.part == ("result" if row.tagged else "request" if asks else "reply"), row
 
 

@@ -8,7 +8,14 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import plausible
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec.protocol.frames import MAX_FRAME_BYTES, Found, Frame, Framer, Skipped, Why
+from scaraspec.protocol.frames import (
+    MAX_FRAME_BYTES,
+    Frame,
+    Framer,
+    Skipped,
+    SkipReason,
+    StreamItem,
+)
 from scaraspec.suite.engine.strategies import frames
 
 directions = st.sampled_from(Direction)
@@ -24,9 +31,9 @@ def pieces(data: bytes, cuts: list[int]) -> list[bytes]:
     return [data[a:b] for a, b in pairwise(edges)]
 
 
-def run(framer: Framer, *parts: bytes) -> list[Found]:
+def run(framer: Framer, *parts: bytes) -> list[StreamItem]:
     """Everything found in the parts and at the end, skipped runs joined."""
-    found: list[Found] = []
+    found: list[StreamItem] = []
     for item in [i for part in parts for i in framer.feed(part)] + framer.finish():
         last = found[-1] if found else None
         if isinstance(item, Skipped) and isinstance(last, Skipped):
@@ -89,16 +96,16 @@ def test_delimiters_inside_data() -> None:
 @pytest.mark.parametrize(
     ("stream", "expected"),
     [
-        (b"\x00\x01\xaa\x09\x00\xcc", [(b"\x00\x01", Why.STRAY)]),
-        (b"\xaa\x09\x00\xcd\xaa\x09\x00\xcc", [(b"\xaa\x09\x00\xcd", Why.BAD_END)]),
+        (b"\x00\x01\xaa\x09\x00\xcc", [(b"\x00\x01", SkipReason.STRAY)]),
+        (b"\xaa\x09\x00\xcd\xaa\x09\x00\xcc", [(b"\xaa\x09\x00\xcd", SkipReason.BAD_END)]),
         (
             b"\x55\xaa\x09\x00\xcd\xaa\x09\x00\xcc",
-            [(b"\x55", Why.STRAY), (b"\xaa\x09\x00\xcd", Why.BAD_END)],
+            [(b"\x55", SkipReason.STRAY), (b"\xaa\x09\x00\xcd", SkipReason.BAD_END)],
         ),
-        (b"\xaa\xff\xaa\x09\x00\xcc", [(b"\xaa\xff", Why.TRUNCATED)]),
+        (b"\xaa\xff\xaa\x09\x00\xcc", [(b"\xaa\xff", SkipReason.TRUNCATED)]),
     ],
 )
-def test_resynchronisation(stream: bytes, expected: list[tuple[bytes, Why]]) -> None:
+def test_resynchronisation(stream: bytes, expected: list[tuple[bytes, SkipReason]]) -> None:
     """After garbage the next frame is found, and the garbage is told with its reason (A-3-10)."""
     framer = Framer(A2C)
     found = framer.feed(stream) + framer.finish()
@@ -110,14 +117,14 @@ def test_truncated_end() -> None:
     framer = Framer(C2A)
     assert framer.feed(b"\xcc\x09\x0200\xaa\xcc\x38\x17200|300") == [Frame(C2A, 0x09, b"00")]
     assert framer.offset_bytes == 6
-    assert framer.finish() == [Skipped(b"\xcc\x38\x17200|300", Why.TRUNCATED)]
+    assert framer.finish() == [Skipped(b"\xcc\x38\x17200|300", SkipReason.TRUNCATED)]
 
 
 def test_foothold() -> None:
     """In mid-stream the first frame taken is one of a known command; then all are."""
     framer = Framer(C2A, plausible)
     assert framer.feed(b"\xcc\xee\x00\xaa\xcc\x09\x0200\xaa\xcc\xee\x00\xaa") == [
-        Skipped(b"\xcc\xee\x00\xaa", Why.IMPLAUSIBLE),
+        Skipped(b"\xcc\xee\x00\xaa", SkipReason.IMPLAUSIBLE),
         Frame(C2A, 0x09, b"00"),
         Frame(C2A, 0xEE),
     ]
@@ -143,7 +150,7 @@ def test_a_gap_moves_the_offset() -> None:
     """Bytes that passed unseen count, and what was held before them is given up."""
     framer = Framer(A2C)
     framer.feed(b"\xaa\x01\x08pass")
-    assert framer.lose(100, plausible) == [Skipped(b"\xaa\x01\x08pass", Why.TRUNCATED)]
+    assert framer.lose(100, plausible) == [Skipped(b"\xaa\x01\x08pass", SkipReason.TRUNCATED)]
     assert framer.offset_bytes == 107
     assert framer.feed(b"\xaa\x09\x00\xcc") == [Frame(A2C, 0x09)]
 

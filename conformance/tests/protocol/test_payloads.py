@@ -13,7 +13,7 @@ from scaraspec.protocol.commands import (
     Point,
     RunningProgram,
 )
-from scaraspec.protocol.fields import PayloadError, Wrong, show
+from scaraspec.protocol.fields import Defect, PayloadError, show
 from scaraspec.protocol.payloads import Acceptance, JogDirection, NameListPart, Outcome, Payload
 from scaraspec.protocol.readings import Dialect
 
@@ -38,47 +38,47 @@ def payload(where: str) -> Payload:
 @pytest.mark.parametrize(
     ("where", "data", "value", "wrong"),
     [
-        ("get_network.reply", b"1.0.0.1 255.0.0.0 1.0.0.2", NETWORK, Wrong.SPACE_FOR_BAR),
-        ("get_network.reply", b"10.0.0.1,255.0.0.0,10.0.0.2", None, Wrong.FIELD_COUNT),
-        ("get_network.reply", b"10.0.0.256|255.0.0.0|10.0.0.2", None, Wrong.ADDRESS),
-        ("get_gripper_center.reply", b"1|2|3|", Point(1, 2, 3), Wrong.TRAILING_BAR),
-        ("get_gripper_center.reply", b"1 | 2 | 3", Point(1, 2, 3), Wrong.BLANKS),
-        ("get_running_program.reply", b"1| a |00000001 ", RunningProgram(b" a ", 1), Wrong.BLANKS),
-        ("get_gripper_center.reply", b"1|2|3\0", Point(1, 2, 3), Wrong.TRAILING_NUL),
-        ("get_gripper_center.reply", b'"1|2|3"', Point(1, 2, 3), Wrong.QUOTES),
-        ("get_gripper_center.reply", b"1,5|2|3", None, Wrong.NUMBER),
-        ("get_gripper_center.reply", b"1e3|2|3", None, Wrong.NUMBER),
-        ("get_gripper_center.reply", b"nan|2|3", None, Wrong.NUMBER),
-        ("get_gripper_center.reply", b"|2|3", None, Wrong.NUMBER),
-        ("set_tool_coordinates.request", b"101|1|2|3|4|5|6", TOO_FAST, Wrong.RANGE),
-        ("set_tool_coordinates.request", b"5.5|1|2|3|4|5|6", None, Wrong.NUMBER),
-        ("login.reply", b"\1", True, Wrong.BINARY),
-        ("login.reply", b"2", None, Wrong.FLAG),
-        ("reset.reply", b"0 11", Acceptance(accepted=False, code="11"), Wrong.SPACE_FOR_BAR),
-        ("reset.reply", b"0", Acceptance(accepted=False), Wrong.NO_CODE),
-        ("reset.reply", b"0|21", Acceptance(accepted=False), Wrong.CODE),
-        ("reset.reply", b"0|08", Acceptance(accepted=False, code="08"), Wrong.RESERVED_CODE),
-        ("reset.result", b"00|11|", Outcome(done=False), Wrong.CODE),
-        ("reset.result", b"1", None, Wrong.FLAG),
-        ("emergency_stop.reply", b"0|11", Acceptance(accepted=False), Wrong.FLAG),
-        ("get_time.reply", b"2014122214300", None, Wrong.CLOCK),
-        ("get_time.reply", b"20150229000000", None, Wrong.CALENDAR),
-        ("get_running_program.reply", b"1myprog00011230", None, Wrong.FIELD_COUNT),
-        ("get_running_program.reply", b"1|a|00016530", RunningProgram(b"a", 7530), Wrong.RUN_TIME),
-        ("get_digital_inputs.reply", b"1|1000000", None, Wrong.BITS),
-        ("list_programs.reply", b"2|a", None, Wrong.FLAG),
-        ("list_programs.reply", b"0|a|a", listed(b"a", b"a"), Wrong.REPEATED_NAME),
-        ("list_programs.reply", b"0|a||b", listed(b"a", b"", b"b"), Wrong.EMPTY_NAME),
-        ("get_version.reply", b"v1", "v1", Wrong.VERSION),
-        ("get_status.request", b"0", None, Wrong.SIZE),
-        ("jog.request", b"5", None, Wrong.RANGE),
-        ("jog.request", b"11", None, Wrong.SIZE),
-        ("upload_name.request", b"../x", b"../x", Wrong.PATH_IN_NAME),
-        ("upload_name.request", b"a|b", b"a|b", Wrong.BAR_IN_NAME),
-        ("upload_name.request", b"n" * 31, b"n" * 31, Wrong.LONG_NAME),
+        ("get_network.reply", b"1.0.0.1 255.0.0.0 1.0.0.2", NETWORK, Defect.SPACE_FOR_BAR),
+        ("get_network.reply", b"10.0.0.1,255.0.0.0,10.0.0.2", None, Defect.FIELD_COUNT),
+        ("get_network.reply", b"10.0.0.256|255.0.0.0|10.0.0.2", None, Defect.ADDRESS),
+        ("get_gripper_center.reply", b"1|2|3|", Point(1, 2, 3), Defect.TRAILING_BAR),
+        ("get_gripper_center.reply", b"1 | 2 | 3", Point(1, 2, 3), Defect.BLANKS),
+        ("get_running_program.reply", b"1| a |00000001 ", RunningProgram(b" a ", 1), Defect.BLANKS),
+        ("get_gripper_center.reply", b"1|2|3\0", Point(1, 2, 3), Defect.TRAILING_NUL),
+        ("get_gripper_center.reply", b'"1|2|3"', Point(1, 2, 3), Defect.QUOTES),
+        ("get_gripper_center.reply", b"1,5|2|3", None, Defect.NUMBER),
+        ("get_gripper_center.reply", b"1e3|2|3", None, Defect.NUMBER),
+        ("get_gripper_center.reply", b"nan|2|3", None, Defect.NUMBER),
+        ("get_gripper_center.reply", b"|2|3", None, Defect.NUMBER),
+        ("set_tool_coordinates.request", b"101|1|2|3|4|5|6", TOO_FAST, Defect.RANGE),
+        ("set_tool_coordinates.request", b"5.5|1|2|3|4|5|6", None, Defect.NUMBER),
+        ("login.reply", b"\1", True, Defect.BINARY),
+        ("login.reply", b"2", None, Defect.FLAG),
+        ("reset.reply", b"0 11", Acceptance(accepted=False, code="11"), Defect.SPACE_FOR_BAR),
+        ("reset.reply", b"0", Acceptance(accepted=False), Defect.NO_CODE),
+        ("reset.reply", b"0|21", Acceptance(accepted=False), Defect.CODE),
+        ("reset.reply", b"0|08", Acceptance(accepted=False, code="08"), Defect.RESERVED_CODE),
+        ("reset.result", b"00|11|", Outcome(done=False), Defect.CODE),
+        ("reset.result", b"1", None, Defect.FLAG),
+        ("emergency_stop.reply", b"0|11", Acceptance(accepted=False), Defect.FLAG),
+        ("get_time.reply", b"2014122214300", None, Defect.CLOCK),
+        ("get_time.reply", b"20150229000000", None, Defect.CALENDAR),
+        ("get_running_program.reply", b"1myprog00011230", None, Defect.FIELD_COUNT),
+        ("get_running_program.reply", b"1|a|00016530", RunningProgram(b"a", 7530), Defect.RUN_TIME),
+        ("get_digital_inputs.reply", b"1|1000000", None, Defect.BITS),
+        ("list_programs.reply", b"2|a", None, Defect.FLAG),
+        ("list_programs.reply", b"0|a|a", listed(b"a", b"a"), Defect.REPEATED_NAME),
+        ("list_programs.reply", b"0|a||b", listed(b"a", b"", b"b"), Defect.EMPTY_NAME),
+        ("get_version.reply", b"v1", "v1", Defect.VERSION),
+        ("get_status.request", b"0", None, Defect.SIZE),
+        ("jog.request", b"5", None, Defect.RANGE),
+        ("jog.request", b"11", None, Defect.SIZE),
+        ("upload_name.request", b"../x", b"../x", Defect.PATH_IN_NAME),
+        ("upload_name.request", b"a|b", b"a|b", Defect.BAR_IN_NAME),
+        ("upload_name.request", b"n" * 31, b"n" * 31, Defect.LONG_NAME),
     ],
 )  # fmt: skip
-def test_departures(where: str, data: bytes, value: Any, wrong: Wrong) -> None:
+def test_departures(where: str, data: bytes, value: Any, wrong: Defect) -> None:
     """Each departure has its complaint, and what was meant is read where that can be told."""
     decoded = payload(where).decode(data)
     assert wrong in {c.wrong for c in decoded.complaints}
@@ -133,7 +133,7 @@ def test_a_binary_flag_may_end_with_a_nul() -> None:
     """Of two NULs the first is the flag: two readings at once (A-T-1, A-T-3)."""
     decoded = payload("get_running_program.reply").decode(b"\0\0")
     assert decoded.value is None
-    assert [c.wrong for c in decoded.complaints] == [Wrong.TRAILING_NUL]
+    assert [c.wrong for c in decoded.complaints] == [Defect.TRAILING_NUL]
     assert ("runinfo_binary", "binary") in decoded.readings
 
 

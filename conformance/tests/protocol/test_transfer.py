@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.protocol.fields import Wrong
+from scaraspec.protocol.fields import Defect
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import (
     FILE_DATA,
@@ -149,5 +149,5 @@ def test_receiver_never_raises(stream: list[bytes]) -> None:
 def test_complaints() -> None:
     """A structure of a wrong size or out of bounds is complained of, and still read."""
     decoded = FILE_DATA.decode(FILE_DATA.encode(Chunk(100, 90, 20, bytes(20)))[:50])
-    assert {c.wrong for c in decoded.complaints} == {Wrong.SIZE, Wrong.CHUNK}
+    assert {c.wrong for c in decoded.complaints} == {Defect.SIZE, Defect.CHUNK}
     assert decoded.value[:3] == (100, 90, 20)

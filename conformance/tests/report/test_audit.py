@@ -13,14 +13,14 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.audit import from_audit
 from scaraspec.report.model import ReadingSeen, Results, Role, Subject
 from scaraspec.report.session import SessionStats
-from scaraspec.traffic.wire import Place
+from scaraspec.traffic.wire import WireRange
 
 SUBJECT = Subject(Role.CAPTURE, file="x.pcapng")
 
 
 def failure(message: str, at: int = 0) -> Finding:
     """A failure of 3/18 at one place."""
-    place = Place("1", C2A, at, 5, at)
+    place = WireRange("1", C2A, at, 5, at)
     return Finding("3/18", Verdict.FAIL, Cause.SUBJECT, message, "one", "two", (place,))
 
 

@@ -6,26 +6,26 @@ from scaraspec.judge.verdicts import Cause, Finding, Verdict
 from scaraspec.protocol import commands
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A, Direction
-from scaraspec.protocol.frames import Frame, Why
+from scaraspec.protocol.frames import Frame, SkipReason
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
 from scaraspec.report.evidence import Exhibits, exhibit
 from scaraspec.report.model import FrameField
-from scaraspec.traffic.events import Ending, Exchange, FrameSeen, Undecodable
-from scaraspec.traffic.wire import Place
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, InvalidBytes
+from scaraspec.traffic.wire import WireRange
 
 
 def seen(frame: Frame, at: int = 0) -> FrameSeen:
     """A frame at this place of its stream."""
-    place = Place("1", frame.direction, at, frame.size_bytes, 1000 + at)
+    place = WireRange("1", frame.direction, at, frame.size_bytes, 1000 + at)
     return FrameSeen(frame, place, 1000 + at, commands.read(frame))
 
 
-def undecodable(direction: Direction, data: bytes) -> Undecodable:
+def undecodable(direction: Direction, data: bytes) -> InvalidBytes:
     """Bytes that are no frame."""
-    return Undecodable(data, Why.BAD_END, Place("1", direction, 0, len(data), 5))
+    return InvalidBytes(data, SkipReason.BAD_END, WireRange("1", direction, 0, len(data), 5))
 
 
-def finding(*places: Place, requirement: str = "3/18") -> Finding:
+def finding(*places: WireRange, requirement: str = "3/18") -> Finding:
     """A failure that rests on these places."""
     return Finding(requirement, Verdict.FAIL, Cause.SUBJECT, "wrong", evidence=places)
 
@@ -148,9 +148,12 @@ def test_memory_is_bounded() -> None:
     exhibits = Exhibits()
     for at in range(2000):
         exhibits.add(seen(Frame(A2C, 0x09), at))
-        exhibits.add(finding(Place("1", A2C, at, 4, 1000 + at)))
+        exhibits.add(finding(WireRange("1", A2C, at, 4, 1000 + at)))
     assert len(exhibits._kept) == 50
-    assert FrameField("start", 0, 1, "A2C") in exhibits.evidence(Place("1", A2C, 0, 4, 1000)).fields
+    assert (
+        FrameField("start", 0, 1, "A2C")
+        in exhibits.evidence(WireRange("1", A2C, 0, 4, 1000)).fields
+    )
 
 
 def test_the_nearest_right_exchange() -> None:

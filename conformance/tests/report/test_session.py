@@ -10,7 +10,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import State
 from scaraspec.report.model import Results, Session
 from scaraspec.report.session import SessionStats
-from scaraspec.traffic.events import LinkChange, Lost, Transfer
+from scaraspec.traffic.events import CaptureGap, LinkChange, Transfer
 from scaraspec.traffic.wire import Kind, WireEvent
 
 MS = 10**6
@@ -140,7 +140,7 @@ def test_lists_are_bounded_and_what_is_beyond_is_counted() -> None:
     for number in range(700):
         stats.add(LinkChange(WireEvent(number, str(number), A2C, Kind.OPENED)))
         stats.add(LinkChange(WireEvent(number, str(number), A2C, Kind.CLOSED)))
-        stats.add(Lost(WireEvent(number, "0", C2A, Kind.GAP, length_bytes=3)))
+        stats.add(CaptureGap(WireEvent(number, "0", C2A, Kind.GAP, length_bytes=3)))
         stats.add(Transfer(upload=True, name=b"a", begun_ns=number, state=State.DONE))
     session = stats.session()
     assert session

@@ -10,7 +10,7 @@ from scaraspec.mutants.controller_run import Robot, certified, hooks_of
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Case, Results
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.virtual_controller.brain import Brain
 
@@ -71,7 +71,7 @@ def _tried(
     robot = Robot(brain, spoken or claims.get("dialect", DEFAULT))
     hooks = {name: hook for name, hook in hooks_of(robot).items() if name in handled}
     options = Options(frozenset(only), frozenset(allowed), undefined=True, examples=examples)
-    return Tried(certified(robot, Statement(hooks=hooks, **claims), options))
+    return Tried(certified(robot, Ics(hooks=hooks, **claims), options))
 
 
 @pytest.fixture

@@ -14,9 +14,9 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
@@ -63,7 +63,7 @@ def test_nothing_else_is_sent(allowed: frozenset[Hazard]) -> None:
 
     robot = Robot(make, DEFAULT)  # type: ignore[arg-type] # it only calls it
     options = Options(allowed=frozenset(allowed), examples=1)
-    cases = certified(robot, Statement(hooks=hooks_of(robot)), options).cases
+    cases = certified(robot, Ics(hooks=hooks_of(robot)), options).cases
     bad = (Verdict.ERROR, Verdict.FAIL, Verdict.INCONCLUSIVE)
     assert [f"{case.id}: {case.message}" for case in cases if case.verdict in bad] == []
     heard = set().union(*(brain.heard for brain in brains))
@@ -91,6 +91,6 @@ def test_what_a_killed_run_has_left_is_not_forgotten(tmp_path: Path) -> None:
     assert not file.exists()
 
 
-def _setting(robot: Robot, options: Options, journal: Journal) -> ControllerSetting:
+def _setting(robot: Robot, options: Options, journal: Journal) -> ControllerAdapter:
     access = MemoryAccess(robot.network)
-    return ControllerSetting(access, Statement(), PASSWORD, options, journal=journal)
+    return ControllerAdapter(access, Ics(), PASSWORD, options, journal=journal)

@@ -6,7 +6,7 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller_run import Robot, certified
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options, why_not
 from scaraspec.suite.engine.run import collect
 from scaraspec.virtual_controller.brain import Brain
@@ -17,7 +17,7 @@ from scaraspec.virtual_controller.brain import Brain
 def test_no_requirement_is_lost(most: int, *, undefined: bool) -> None:
     """Whatever is allowed, what a slow case judges is judged by one that is not slow, too."""
     options = Options(allowed=frozenset(list(Hazard)[:most]), undefined=undefined)
-    cases = [case for case in collect(options) if not why_not(case, options, Statement())]
+    cases = [case for case in collect(options) if not why_not(case, options, Ics())]
     everything = {requirement for case in cases for requirement in case.requirements}
     quick = {requirement for case in cases if not case.slow for requirement in case.requirements}
     assert quick == everything
@@ -27,7 +27,7 @@ def test_no_requirement_is_lost(most: int, *, undefined: bool) -> None:
 def test_what_is_slow_is_not_run() -> None:
     """It is told as not run, and why; what judges the same is run."""
     options = Options(frozenset({"4.5/6"}), ALL, brief=True)
-    results = certified(Robot(Brain, DEFAULT), Statement(), options)
+    results = certified(Robot(Brain, DEFAULT), Ics(), options)
     cases = {case.id: case for case in results.cases}
     assert cases["4.5/6.new-year"].verdict is Verdict.NONE
     assert "--exhaustive" in cases["4.5/6.new-year"].message

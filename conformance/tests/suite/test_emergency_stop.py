@@ -14,7 +14,7 @@ from scaraspec.protocol.payloads import Acceptance
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.emergency_stop import StopMonitor
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.robot import DONE
@@ -144,7 +144,7 @@ def _certified(brain: type[Brain], monkeypatch: pytest.MonkeyPatch) -> Tried:
 
     robot = Robot(Watched, DEFAULT)
     options = Options(ONLY, ALL, undefined=True, examples=2)
-    results = certified(robot, Statement(hooks=hooks_of(robot)), options)
+    results = certified(robot, Ics(hooks=hooks_of(robot)), options)
     at = failed_at[0] if failed_at else len(heard)
     return Tried(results, heard[:at], heard[at:])
 

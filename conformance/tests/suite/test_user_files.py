@@ -27,10 +27,10 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.guard import EVERYTHING, SETTINGS
 from scaraspec.suite.engine import journal as journal_module
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
@@ -251,9 +251,9 @@ class Device:
         moments, path = moments or Moments(), Path(folder) / "journal"
         journal = WatchedJournal(path, moments)
         tokens = iter((token, *(f"aa{a}{b}" for a in "abc" for b in "abcdefgh")))
-        setting = ControllerSetting(
+        setting = ControllerAdapter(
             WatchedAccess(self.robot.network, moments=moments, journal=path),
-            Statement(hooks={"restart": hooks_of(self.robot)["restart"]}),
+            Ics(hooks={"restart": hooks_of(self.robot)["restart"]}),
             PASSWORD,
             Options(only=frozenset(r.id for r in select(",".join(only))), allowed=ALL, examples=2),
             journal=journal,

@@ -32,17 +32,17 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk
 from scaraspec.traffic.events import (
+    CaptureGap,
     Exchange,
     FrameSeen,
-    Happening,
     Injected,
+    InvalidBytes,
     LinkChange,
-    Lost,
+    TrafficEvent,
     Transfer,
-    Unasked,
-    Undecodable,
+    UnsolicitedReply,
 )
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import Kind, WireEvent
 
 _LINE = re.compile(r"(?P<name>\w*)(?P<who>[<>])(?P<tag>90)? (?P<what>[^ =]+|=)(?: ?(?P<data>.*))?")
@@ -155,11 +155,11 @@ class Record:
     """What a judge made of a session."""
 
     judge: Judge
-    happenings: list[Happening]
+    happenings: list[TrafficEvent]
     findings: list[Finding]
 
     @property
-    def scene(self) -> Scene:
+    def scene(self) -> RobotState:
         """What is known of the only controller."""
         (scene,) = self.judge.scenes.values()
         return scene
@@ -175,14 +175,14 @@ class Record:
         return [h for h in self.happenings if isinstance(h, Transfer)]
 
     @property
-    def unasked(self) -> list[Unasked]:
+    def unasked(self) -> list[UnsolicitedReply]:
         """What answered nothing."""
-        return [h for h in self.happenings if isinstance(h, Unasked)]
+        return [h for h in self.happenings if isinstance(h, UnsolicitedReply)]
 
     @property
-    def undecodable(self) -> list[Undecodable]:
+    def undecodable(self) -> list[InvalidBytes]:
         """Bytes that are no frame."""
-        return [h for h in self.happenings if isinstance(h, Undecodable)]
+        return [h for h in self.happenings if isinstance(h, InvalidBytes)]
 
     def exchange(self, name: str) -> Exchange:
         """The only exchange of a command."""
@@ -208,14 +208,14 @@ class Record:
         ]
 
 
-def _untimed(happening: Happening) -> tuple[Any, ...]:
+def _untimed(happening: TrafficEvent) -> tuple[Any, ...]:
     match happening:
         case FrameSeen():
             return ("frame", happening.frame, happening.place.offset_bytes, happening.certain)
-        case Undecodable():
+        case InvalidBytes():
             place = happening.place
             return ("bytes", happening.data, happening.why, place.offset_bytes, place.length_bytes)
-        case LinkChange() | Lost() | Injected():
+        case LinkChange() | CaptureGap() | Injected():
             return (happening.event.kind, happening.event.direction)
         case Exchange():
             frames = [seen.frame for seen in happening.frames]
@@ -232,7 +232,7 @@ def _untimed(happening: Happening) -> tuple[Any, ...]:
             )
         case Transfer():
             return (happening.name, happening.state, happening.reason, bytes(happening.content))
-        case Unasked():
+        case UnsolicitedReply():
             waiting = [x.name for x in happening.waiting]
             return ("unasked", happening.seen.frame, waiting, happening.certain, happening.late)
 
@@ -243,7 +243,7 @@ def _judged(
     judge = Judge(dialect, needs_login=needs_login)
     record = Record(judge, [], [])
 
-    def take(items: Iterable[Happening | Finding]) -> None:
+    def take(items: Iterable[TrafficEvent | Finding]) -> None:
         for item in items:
             if isinstance(item, Finding):
                 record.findings.append(item)

@@ -13,8 +13,8 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.readings import Dialect
 from scaraspec.traffic.dialogue import Dialogue
-from scaraspec.traffic.events import Ending, Exchange, Lost, Undecodable
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.events import CaptureGap, Ending, Exchange, InvalidBytes
+from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import Kind, WireEvent
 
 Judged = Callable[..., Any]
@@ -369,10 +369,10 @@ def test_a_gap_hides_replies_of_its_direction(judged: Judged) -> None:
 def test_a_gap_is_told_with_what_it_tore(judged: Judged) -> None:
     """Bytes that it may have torn are no fault, and are searched for nothing."""
     record = judged("login\n> = AA 52 D4 AA 09 00 CC\n> gap 5\n> get_status")
-    torn, lost = (h for h in record.happenings if isinstance(h, Undecodable | Lost))
-    assert isinstance(torn, Undecodable)
+    torn, lost = (h for h in record.happenings if isinstance(h, InvalidBytes | CaptureGap))
+    assert isinstance(torn, InvalidBytes)
     assert torn.touches_gap
-    assert isinstance(lost, Lost)
+    assert isinstance(lost, CaptureGap)
     assert not record.failed
     assert [x.name for x in record.exchanges] == ["login", "get_status"]
 
@@ -486,7 +486,7 @@ def test_floods_take_no_memory(direction: Direction, data: bytes, times: int) ->
     """What one side sends without end is handed out and forgotten."""
     held = []
     for share in (1, 2):
-        dialogue = Dialogue("1", Scene())
+        dialogue = Dialogue("1", RobotState())
         tracemalloc.start()
         for event in flood(data, direction, times * share):
             for _ in dialogue.feed(event):
@@ -512,7 +512,7 @@ def test_what_never_ends_takes_no_memory(opcode: int) -> None:
     request = Frame(A2C, opcode, b"" if opcode == 0x32 else b"1").encode()
     held = []
     for times in (150, 300):
-        dialogue, kept = Dialogue("1", Scene()), {}
+        dialogue, kept = Dialogue("1", RobotState()), {}
         tracemalloc.start()
         for event in exchanges_without_end(request, Frame(C2A, opcode, b"1").encode(), times):
             for happening in dialogue.feed(event):

@@ -4,14 +4,14 @@ from collections.abc import Callable
 
 import pytest
 
-from scaraspec.traffic.exchange_history import KEPT_EXCHANGES, Memory
+from scaraspec.traffic.exchange_history import KEPT_EXCHANGES, ExchangeHistory
 
 STATUS = "> get_status\n< get_status {}\n"
 MOVE = "> reset\n< reset 1\n<90 reset 11\n"
 
 
 @pytest.fixture
-def memory_of(judged: Callable) -> Callable[[str], Memory]:
+def memory_of(judged: Callable) -> Callable[[str], ExchangeHistory]:
     """What is remembered behind a session."""
     return lambda session: judged("login\n" + session).scene.memory
 
@@ -28,7 +28,7 @@ def test_exchanges_are_found_by_time(judged: Callable) -> None:
     assert memory.last("get_time") is None
 
 
-def test_memory_is_bounded(memory_of: Callable[[str], Memory]) -> None:
+def test_memory_is_bounded(memory_of: Callable[[str], ExchangeHistory]) -> None:
     """However long a recording is."""
     logins = "".join(f"> login {i}\n< login 1\n" for i in range(9))
     memory = memory_of(
@@ -39,14 +39,14 @@ def test_memory_is_bounded(memory_of: Callable[[str], Memory]) -> None:
     assert len(memory.passwords) == 2
 
 
-def test_no_file_is_kept(memory_of: Callable[[str], Memory]) -> None:
+def test_no_file_is_kept(memory_of: Callable[[str], ExchangeHistory]) -> None:
     """Exchanges of transfers hold their content; the scene keeps files, in bounds of its own."""
     memory = memory_of("> upload_name a\n< upload_name 1\n> chunk 0/9\n< upload_chunk 1\n")
     assert set(memory.recent) == {"login"}
     assert set(memory.asked) == {"login", "upload_name", "upload_chunk"}
 
 
-def test_a_gap_empties_it(memory_of: Callable[[str], Memory]) -> None:
+def test_a_gap_empties_it(memory_of: Callable[[str], ExchangeHistory]) -> None:
     """Nothing that was said before it is sure behind it."""
     memory = memory_of(
         STATUS.format("00") + MOVE + "> delete_program a\n< delete_program 1\n> gap 5"
@@ -74,13 +74,17 @@ def test_a_gap_empties_it(memory_of: Callable[[str], Memory]) -> None:
         ("> jog 1\n< jog 1\n> emergency_stop\n< emergency_stop 1\n<90 emergency_stop 11", 8),
     ],
 )
-def test_idleness(session: str, since_ms: int | None, memory_of: Callable[[str], Memory]) -> None:
+def test_idleness(
+    session: str, since_ms: int | None, memory_of: Callable[[str], ExchangeHistory]
+) -> None:
     """Known by a result or a status 00, and no longer by anything else."""
     since_ns = memory_of(session).idle_since_ns
     assert since_ns == (None if since_ms is None else since_ms * 1_000_000)
 
 
-def test_a_deletion_holds_until_the_name_comes_back(memory_of: Callable[[str], Memory]) -> None:
+def test_a_deletion_holds_until_the_name_comes_back(
+    memory_of: Callable[[str], ExchangeHistory],
+) -> None:
     """Even where the upload is not known to have succeeded."""
     deletion = "> delete_program a\n< delete_program 1\n"
     assert set(memory_of(deletion).deleted) == {b"a"}
@@ -88,7 +92,7 @@ def test_a_deletion_holds_until_the_name_comes_back(memory_of: Callable[[str], M
     assert not memory_of("> delete_program a\n< delete_program 0").deleted
 
 
-def test_a_new_password_replaces_the_old(memory_of: Callable[[str], Memory]) -> None:
+def test_a_new_password_replaces_the_old(memory_of: Callable[[str], ExchangeHistory]) -> None:
     """What was accepted before is right no longer."""
     assert memory_of("").passwords == {b"password"}
     assert memory_of("> set_password password|new\n< set_password 1").passwords == {b"new"}

@@ -7,7 +7,7 @@ import pytest
 
 from scaraspec.traffic import robot_state as scene_module
 from scaraspec.traffic.events import Transfer
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 Judged = Callable[..., Any]
 
@@ -21,7 +21,7 @@ def test_files_are_kept_in_bounded_memory(monkeypatch: pytest.MonkeyPatch) -> No
     """The oldest give way, by bytes and by number; a name is there once."""
     monkeypatch.setattr(scene_module, "FILES_LIMIT_BYTES", 100)
     monkeypatch.setattr(scene_module, "FILES_LIMIT", 3)
-    scene = Scene()
+    scene = RobotState()
     for name, size in ((b"a", 60), (b"b", 30), (b"a", 50), (b"c", 30)):
         scene.stored(stored(name, size))
     assert list(scene.files) == [b"a", b"c"]

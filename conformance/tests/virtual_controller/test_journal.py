@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.frames import Found, Frame, Skipped, Why
+from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
 from scaraspec.virtual_controller.journal import line
 
@@ -27,10 +27,10 @@ from scaraspec.virtual_controller.journal import line
         ),
         (Frame(A2C, 0x56, b"1"), "#3 > 0x56 download_chunk 1"),
         (Frame(A2C, 0x52, b""), "#3 > 0x52 upload_chunk"),
-        (Skipped(b"\xaa\x01\x06secret", Why.BAD_END), "#3 > skipped 9 bytes: bad end"),
+        (Skipped(b"\xaa\x01\x06secret", SkipReason.BAD_END), "#3 > skipped 9 bytes: bad end"),
     ],
 )
-def test_what_is_told(seen: Found, told: str) -> None:
+def test_what_is_told(seen: StreamItem, told: str) -> None:
     """Connection, arrow, opcode, name, data."""
     assert line(3, seen) == told
 

@@ -64,9 +64,9 @@ class Condition:
             return ""
         if self.part == "result" and not command.two_stage:
             return f"{command.name} has no final result"
-        asker = command.asker if self.part == "request" else command.asker.opposite
-        if self.part and self.direction not in (None, asker.value):
-            return f"the {self.part} of {command.name} goes {asker.value}"
+        initiator = command.initiator if self.part == "request" else command.initiator.opposite
+        if self.part and self.direction not in (None, initiator.value):
+            return f"the {self.part} of {command.name} goes {initiator.value}"
         return ""
 
     def __str__(self) -> str:

@@ -12,7 +12,7 @@ from itertools import takewhile
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.direction import Direction
-from scaraspec.protocol.frames import Found, Frame, Framer, Skipped
+from scaraspec.protocol.frames import Frame, Framer, Skipped, StreamItem
 from scaraspec_recorder.fault_injection.conditions import Condition, Passing
 from scaraspec_recorder.fault_injection.faults import Coalesce, HoldBack, Parcel
 from scaraspec_recorder.fault_injection.rules import Injection, at_work
@@ -158,7 +158,7 @@ class Injector:
         at = lane.framer.offset_bytes
         self._take(lane, lane.framer.finish(), at, now_s)
 
-    def _take(self, lane: _Lane, found: Iterable[Found], at: int, now_s: float) -> None:
+    def _take(self, lane: _Lane, found: Iterable[StreamItem], at: int, now_s: float) -> None:
         """Put what was found from offset `at` on its way, and do to it what is due."""
         for item in found:
             if self._over:
@@ -233,5 +233,5 @@ class Injector:
         return actions
 
 
-def _bytes_of(item: Found) -> bytes:
+def _bytes_of(item: StreamItem) -> bytes:
     return item.encode() if isinstance(item, Frame) else item.data

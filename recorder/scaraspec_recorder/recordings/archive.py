@@ -12,7 +12,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.quantities import Limits, show_size
 from scaraspec_recorder.recordings.marks import with_marks
-from scaraspec_recorder.recordings.recording_files import Shelf, facts
+from scaraspec_recorder.recordings.recording_files import RecordingFolder, facts
 from scaraspec_recorder.recordings.recording_index import Contents
 from scaraspec_recorder.recordings.recover import sweep
 from scaraspec_recorder.recordings.retention import PERIOD_NS, Retention
@@ -83,7 +83,7 @@ def archive_sink(
         raise SinkFailed(_too_little(archive))
     known = {"robot": archive.robot, **archive.session}
     session = facts(known, needs_login=archive.needs_login, redact=archive.redact)
-    shelf = Shelf(folder, contents, archive.robot, session, archive.draw)
+    shelf = RecordingFolder(folder, contents, archive.robot, session, archive.draw)
     judge = Judge(needs_login=archive.needs_login)
     outputs = with_marks([Rotation(shelf, judge, archive.rotate)], archive.triggers, folder)
     deriver = Deriver(outputs, judge, Redactor() if archive.redact else None)
@@ -100,7 +100,9 @@ def _too_little(archive: Archive) -> str:
 class _Retained:
     """A sink that makes room as it writes; where there is none to make, it ends its files."""
 
-    def __init__(self, sink: Sink, retention: Retention, shelf: Shelf, too_little: str) -> None:
+    def __init__(
+        self, sink: Sink, retention: Retention, shelf: RecordingFolder, too_little: str
+    ) -> None:
         self._sink = sink
         self._retention = retention
         self._shelf = shelf

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.recording_index import Contents
-from scaraspec_recorder.recordings.recording_stats import DRAWN, Entry, Tally
+from scaraspec_recorder.recordings.recording_stats import DRAWN, RecordingSummary, Tally
 from scaraspec_recorder.sinks.decoder import Item, Output
 from scaraspec_recorder.sinks.mcap.mcap_file import LINK, SERIAL, McapSink
 from scaraspec_recorder.sinks.rerun.optimizing import optimize_later
@@ -21,7 +21,7 @@ from scaraspec_recorder.sinks.text import Line
 
 
 @dataclass(slots=True)
-class Shelf:
+class RecordingFolder:
     """Where file sets are put.
 
     Attributes:
@@ -137,7 +137,7 @@ class FileSet:
         session: What is known of it.
     """
 
-    def __init__(self, shelf: Shelf, name: str, session: Mapping[str, str]) -> None:
+    def __init__(self, shelf: RecordingFolder, name: str, session: Mapping[str, str]) -> None:
         self._shelf = shelf
         self._tally = Tally()
         made = make_files(shelf.folder, name, session, draw=shelf.draw, optimized=False)
@@ -152,7 +152,7 @@ class FileSet:
         return self._paths[0]
 
     @property
-    def entry(self) -> Entry:
+    def entry(self) -> RecordingSummary:
         """Its line in the table of contents."""
         return self._tally.entry(self._paths)
 

@@ -17,7 +17,7 @@ from typing import Any, Final
 from mcap.records import Channel, Message
 
 from scaraspec_recorder.problems import CaptureError
-from scaraspec_recorder.recordings.recording_stats import DRAWN, Entry, Tally
+from scaraspec_recorder.recordings.recording_stats import DRAWN, RecordingSummary, Tally
 from scaraspec_recorder.recordings.recover import discard_empty, is_full, recover
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.restarts import is_ours
@@ -49,7 +49,7 @@ class Contents:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.entries: dict[str, Entry] = {}
+        self.entries: dict[str, RecordingSummary] = {}
         self._path = folder / FILE_NAME
         self._saved = self._path.exists()
         self._unsaved: list[dict[str, Any]] = []
@@ -96,7 +96,7 @@ class Contents:
         self._unsaved.clear()
         self._saved = True
 
-    def add(self, entry: Entry) -> None:
+    def add(self, entry: RecordingSummary) -> None:
         """Add a file.
 
         Raises:
@@ -140,7 +140,7 @@ class Contents:
         if "removed" in line:
             self.entries.pop(line["removed"], None)
         else:
-            entry = Entry.read({**line, "streams": {}})
+            entry = RecordingSummary.read({**line, "streams": {}})
             self.entries[entry.name] = entry
 
     def _find_new(self) -> None:
@@ -165,7 +165,7 @@ class Contents:
                 self.remove(entry.name, entry.end_ns, "it was not there any more")
 
 
-def survey(path: Path) -> Entry:
+def survey(path: Path) -> RecordingSummary:
     """Repair a recording where it needs it, and count what it holds.
 
     What cannot be read at all has an entry too, which says so.
@@ -216,5 +216,5 @@ def _decode(text: bytes) -> dict[str, Any]:
     if not text.endswith(b"\n") or not isinstance(line, dict):
         raise ValueError("torn")
     if not isinstance(line.get("removed"), str):
-        Entry.read(line)
+        RecordingSummary.read(line)
     return line

@@ -29,7 +29,7 @@ Stream = Mapping[str, int | str]
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class RecordingSummary:
     """A recording that is complete.
 
     Attributes:
@@ -67,7 +67,7 @@ class Entry:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def read(cls, line: Mapping[str, Any]) -> "Entry":
+    def read(cls, line: Mapping[str, Any]) -> "RecordingSummary":
         """Return the entry that a line holds.
 
         Raises:
@@ -122,7 +122,7 @@ class Tally:
         found = {f"findings {verdict}": str(count) for verdict, count in self.findings.items()}
         return {"exchanges": str(self.exchanges), **found}
 
-    def entry(self, paths: tuple[Path, ...], notes: tuple[str, ...] = ()) -> Entry:
+    def entry(self, paths: tuple[Path, ...], notes: tuple[str, ...] = ()) -> RecordingSummary:
         """Return the entry of a file that is closed.
 
         Args:
@@ -136,7 +136,7 @@ class Tally:
         a2c_bytes = self._recorded[A2C.value]
         if not self.begin_ns:
             self.begin_ns = self.end_ns = paths[0].stat().st_mtime_ns
-        return Entry(
+        return RecordingSummary(
             name=paths[0].name,
             files=tuple(path.name for path in paths),
             size_bytes=sum(path.stat().st_size for path in paths),

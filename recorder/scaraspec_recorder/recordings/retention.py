@@ -10,7 +10,7 @@ from typing import Final
 
 from scaraspec_recorder.quantities import SECOND_NS, Limits, show_size
 from scaraspec_recorder.recordings.recording_index import Contents
-from scaraspec_recorder.recordings.recording_stats import Entry
+from scaraspec_recorder.recordings.recording_stats import RecordingSummary
 
 PERIOD_NS: Final = 10 * SECOND_NS
 """How often it is looked whether something is to be removed."""
@@ -77,11 +77,11 @@ class Retention:
             self._remove(entry, now_ns, f"less than {least} free on the disk")
         return free_bytes >= self._min_free_bytes
 
-    def _oldest_first(self) -> list[Entry]:
+    def _oldest_first(self) -> list[RecordingSummary]:
         entries = self._contents.entries.values()
         return sorted(entries, key=lambda entry: (entry.begin_ns, entry.name))
 
-    def _remove(self, entry: Entry, now_ns: int, reason: str) -> None:
+    def _remove(self, entry: RecordingSummary, now_ns: int, reason: str) -> None:
         for name in entry.files:
             (self._contents.folder / name).unlink(missing_ok=True)
         self._contents.remove(entry.name, now_ns, reason)

@@ -17,9 +17,9 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError, parse_limits
-from scaraspec_recorder.recordings.recording_files import FileSet, Shelf
+from scaraspec_recorder.recordings.recording_files import FileSet, RecordingFolder
 from scaraspec_recorder.sinks.decoder import Item, judged
-from scaraspec_recorder.sinks.restarts import Links
+from scaraspec_recorder.sinks.restarts import OpenConnections
 from scaraspec_recorder.sinks.sinks import TICK_NS
 from scaraspec_recorder.sinks.text import Line
 
@@ -69,11 +69,11 @@ class Rotation:
         rotate: When a file ends.
     """
 
-    def __init__(self, shelf: Shelf, judge: Judge, rotate: Rotate) -> None:
+    def __init__(self, shelf: RecordingFolder, judge: Judge, rotate: Rotate) -> None:
         self._shelf = shelf
         self._judge = judge
         self._rotate = rotate
-        self._links = Links()
+        self._links = OpenConnections()
         self._now_ns = 0
         self._files: FileSet | None = None
         self._first_ns = 0  # when its first event was

@@ -25,7 +25,7 @@ from scaraspec.judge.requirements import UnknownRequirementError, requirement
 from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.errors import lookup
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.traffic.events import FrameSeen, LinkChange, Lost, Undecodable
+from scaraspec.traffic.events import CaptureGap, FrameSeen, InvalidBytes, LinkChange
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_duration
 from scaraspec_recorder.sinks import text as wording
@@ -169,7 +169,7 @@ class _Late(Watcher):
     def item(self, item: Item) -> str:
         if isinstance(item, FrameSeen):
             return self._frame(item)
-        if isinstance(item, LinkChange | Lost):
+        if isinstance(item, LinkChange | CaptureGap):
             self._due.pop(item.event.connection, None)
         return ""
 
@@ -199,7 +199,7 @@ class _Malformed(Watcher):
     """What a gap may have torn is not malformed."""
 
     def item(self, item: Item) -> str:
-        if isinstance(item, Undecodable) and item.certain:
+        if isinstance(item, InvalidBytes) and item.certain:
             line = wording.line(item)
             return line.text if line else ""
         if isinstance(item, FrameSeen) and item.certain and (found := wording.complaints(item)):

@@ -24,7 +24,7 @@ DRAIN_S: Final = 600.0
 """How long the scribe may take to write what is left."""
 
 
-class Aside:
+class BackgroundRecorder:
     """A recording of the wire events that its program gives it.
 
     Args:

@@ -12,7 +12,7 @@ from typing import Final, Protocol
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.traffic.events import Exchange, FrameSeen, Happening
+from scaraspec.traffic.events import Exchange, FrameSeen, TrafficEvent
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.sinks import text as wording
 from scaraspec_recorder.sinks.gap_filler import Mender
@@ -25,7 +25,7 @@ _log = logging.getLogger(__name__)
 _LOGGED_FINDINGS: Final = 10
 """How often a log names findings of one requirement and verdict."""
 
-Item = Happening | Finding
+Item = TrafficEvent | Finding
 
 
 class Output(Protocol):

@@ -28,7 +28,7 @@ class _Link:
     """Where each direction has come to: an offset, or a gap of unknown length before all."""
 
 
-class Links:
+class OpenConnections:
     """Follows which connections are open, and how far each direction has come."""
 
     def __init__(self) -> None:

@@ -109,7 +109,7 @@ class _Guarded:
             self._sink = None
 
 
-class Scribe:
+class SinkRunner:
     """Feeds the sinks from the spool.
 
     Args:
@@ -227,7 +227,7 @@ def run(spool: Path, out_dir: Path, sinks: Sequence[SinkFactory], line: socket.s
 
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
-        scribe = Scribe(SpoolReader(spool), out_dir, sinks)
+        scribe = SinkRunner(SpoolReader(spool), out_dir, sinks)
         collect_rarely()
         complete = False
         while True:

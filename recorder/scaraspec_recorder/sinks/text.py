@@ -19,18 +19,18 @@ from scaraspec.protocol.payloads import Acceptance, Answer, NameListPart, Option
 from scaraspec.protocol.redaction import is_secret, mask_loose
 from scaraspec.protocol.transfer import Chunk, State
 from scaraspec.traffic.events import (
+    CaptureGap,
     Ending,
     Exchange,
     FrameSeen,
-    Happening,
     Injected,
+    InvalidBytes,
     LinkChange,
-    Lost,
+    TrafficEvent,
     Transfer,
-    Unasked,
-    Undecodable,
+    UnsolicitedReply,
 )
-from scaraspec.traffic.wire import Place
+from scaraspec.traffic.wire import WireRange
 
 SECRET: Final = "(password)"  # noqa: S105 - what stands in a password's place
 _TEXT_LIMIT: Final = 200
@@ -63,7 +63,7 @@ _LEVELS: Final = {
 }
 
 
-def line(item: Happening | Finding) -> Line | None:
+def line(item: TrafficEvent | Finding) -> Line | None:
     """The line for what deserves one in a log that is kept sparse; None for single frames."""
     make = _LINES.get(type(item))
     return make(item) if make else None
@@ -132,14 +132,14 @@ def attachment_name(transfer: Transfer) -> str:
     return f"{'upload' if transfer.upload else 'download'} {name}"
 
 
-def hex_text(item: Undecodable) -> str:
+def hex_text(item: InvalidBytes) -> str:
     """The first bytes of an undecodable run, passwords masked."""
     data = mask_loose(item.data)
     more = "…" if item.place.length_bytes > _HEX_BYTES else ""
     return data[:_HEX_BYTES].hex(" ").upper() + more
 
 
-def place_text(place: Place) -> str:
+def place_text(place: WireRange) -> str:
     """Where on the wire something is, for a reader who looks for it."""
     return (
         f"connection {place.connection} {place.direction.value} "
@@ -153,7 +153,7 @@ def _duration_text(duration_ns: int) -> str:
     )
 
 
-def _undecodable_text(item: Undecodable) -> str:
+def _undecodable_text(item: InvalidBytes) -> str:
     size = item.place.length_bytes
     gap = ", beside a gap" if item.touches_gap else ""
     return (
@@ -162,7 +162,7 @@ def _undecodable_text(item: Undecodable) -> str:
     )
 
 
-def _gap_text(item: Lost) -> str:
+def _gap_text(item: CaptureGap) -> str:
     event = item.event
     size = "an unknown number of" if event.length_bytes < 0 else event.length_bytes
     return f"{size} bytes from the {_SENDER[event.direction.value]} are missing: {event.note}"
@@ -246,7 +246,7 @@ def _exchange_line(exchange: Exchange) -> Line:
     return Line(_exchange_level(exchange), exchange.name, exchange_text(exchange))
 
 
-def _undecodable_line(item: Undecodable) -> Line:
+def _undecodable_line(item: InvalidBytes) -> Line:
     return Line(Level.WARN, "undecodable", _undecodable_text(item))
 
 
@@ -256,7 +256,7 @@ def _link_line(item: LinkChange) -> Line:
     return Line(Level.INFO, "connection", f"connection {event.connection} {event.kind.value}{note}")
 
 
-def _lost_line(item: Lost) -> Line:
+def _lost_line(item: CaptureGap) -> Line:
     return Line(Level.WARN, "gap", _gap_text(item))
 
 
@@ -270,7 +270,7 @@ def _transfer_line(transfer: Transfer) -> Line:
     return Line(level, "transfer", transfer_text(transfer))
 
 
-def _unasked_line(item: Unasked) -> Line:
+def _unasked_line(item: UnsolicitedReply) -> Line:
     seen = item.seen
     text = f"unasked {part_of(seen)} of {name_of(seen)}: {frame_text(seen)}"
     return Line(Level.WARN, name_of(seen), text)
@@ -279,10 +279,10 @@ def _unasked_line(item: Unasked) -> Line:
 _LINES: Final[dict[type, Callable[[Any], Line]]] = {
     Finding: _finding_line,
     Exchange: _exchange_line,
-    Undecodable: _undecodable_line,
+    InvalidBytes: _undecodable_line,
     LinkChange: _link_line,
-    Lost: _lost_line,
+    CaptureGap: _lost_line,
     Injected: _injected_line,
     Transfer: _transfer_line,
-    Unasked: _unasked_line,
+    UnsolicitedReply: _unasked_line,
 }

@@ -26,7 +26,7 @@ from scaraspec_recorder.sinks.gap_filler import Mender
 from scaraspec_recorder.sinks.mcap import schemas
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sinks.mcap.mcap_file import LINK, SERIAL, SESSION
-from scaraspec_recorder.spool.chunks import Passage
+from scaraspec_recorder.spool.chunks import ForwardedChunk
 
 _MAX_RECORD_BYTES: Final = 1 << 26  # far beyond a chunk or an attachment of ours: damage
 _SEQUENCES: Final = 1 << 32
@@ -123,7 +123,7 @@ def _event(time_ns: int, message: schemas.Message) -> WireEvent:
             kind, length = Kind.BYTES, 0
             if forwarded_ns or kernel:
                 raw = (time_ns, connection, Direction(direction), kind, data, offset, length, note)
-                return Passage(*raw, forwarded_ns or 0, kernel)
+                return ForwardedChunk(*raw, forwarded_ns or 0, kernel)
         case schemas.Gap(connection, direction, offset, length, note):
             kind, data = Kind.GAP, b""
         case schemas.ConnectionEvent(connection, direction, offset, name, note):

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from scaraspec.traffic.events import Exchange, FrameSeen
-from scaraspec.traffic.wire import Place, WireEvent
+from scaraspec.traffic.wire import WireEvent, WireRange
 
 _MOST_OPEN: Final = 4096
 
 
 @dataclass(frozen=True, slots=True)
-class Passage(WireEvent):
+class ForwardedChunk(WireEvent):
     """Bytes that a recorder passed on; `time_ns` is when they came in.
 
     Attributes:
@@ -46,7 +46,9 @@ class Latencies:
 
     def __init__(self) -> None:
         self._last: WireEvent | None = None
-        self._passages: dict[Place, Passage] = {}  # of frames whose exchange may still come
+        self._passages: dict[
+            WireRange, ForwardedChunk
+        ] = {}  # of frames whose exchange may still come
 
     def write(self, event: WireEvent) -> None:
         """Take a raw event."""
@@ -56,7 +58,7 @@ class Latencies:
         """Take a frame that the last raw event brought about."""
         last, place = self._last, seen.place
         if (
-            isinstance(last, Passage)
+            isinstance(last, ForwardedChunk)
             and last.forwarded_ns
             and (last.connection, last.direction) == (place.connection, place.direction)
             and last.time_ns == place.time_ns  # else it was complete before, and held back

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from scaraspec.protocol.direction import A2C, Direction
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.spool.chunks import Passage
+from scaraspec_recorder.spool.chunks import ForwardedChunk
 from scaraspec_recorder.spool.records import Mark, Record, stream_number
 
 _HOLE: Final = "records are missing"
@@ -133,7 +133,7 @@ class Unspooler:
                 stream.count.recorded_bytes += size_bytes
                 place = (time_ns, stream.name, stream.direction, bytes_kind, payload, offset)
                 if forwarded_ns or kernel_time:
-                    add(Passage(*place, 0, "", forwarded_ns, kernel_time))
+                    add(ForwardedChunk(*place, 0, "", forwarded_ns, kernel_time))
                 else:
                     add(WireEvent(*place))
             else:

@@ -19,7 +19,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.recordings import recording_files as file_sets
-from scaraspec_recorder.recordings.recording_files import Shelf
+from scaraspec_recorder.recordings.recording_files import RecordingFolder
 from scaraspec_recorder.recordings.recording_index import FILE_NAME, Contents
 from scaraspec_recorder.recordings.rotation import Rotate, Rotation
 from scaraspec_recorder.sinks.decoder import Deriver
@@ -29,13 +29,13 @@ from scaraspec_recorder.sinks.sinks import Folder
 NAME = "2026-11-20T22-58-37Z_line-3.mcap"
 
 
-def new_shelf(folder: Path, *, draw: bool = False) -> Shelf:
+def new_shelf(folder: Path, *, draw: bool = False) -> RecordingFolder:
     contents = Contents(folder)
     contents.save()
-    return Shelf(Folder(folder, []), contents, "line 3", draw=draw)
+    return RecordingFolder(Folder(folder, []), contents, "line 3", draw=draw)
 
 
-def begin(shelf: Shelf) -> Deriver:
+def begin(shelf: RecordingFolder) -> Deriver:
     judge = Judge()
     return Deriver([Rotation(shelf, judge, Rotate())], judge)
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scaraspec_recorder.quantities import SECOND_NS, Limits, parse_limits
 from scaraspec_recorder.recordings.recording_index import FILE_NAME, Contents
-from scaraspec_recorder.recordings.recording_stats import Entry
+from scaraspec_recorder.recordings.recording_stats import RecordingSummary
 from scaraspec_recorder.recordings.retention import Retention
 
 HOUR_NS = 3600 * SECOND_NS
@@ -33,7 +33,7 @@ class Disk:
         for file in files:
             (self.contents.folder / file).touch()
         begin_ns = end_ns - HOUR_NS
-        self.contents.add(Entry(files[0], files, size_mb * MB, begin_ns, end_ns))
+        self.contents.add(RecordingSummary(files[0], files, size_mb * MB, begin_ns, end_ns))
 
     def enforce(self, keep: str = "", *, min_free_mb: int = 0, written_mb: int = 0) -> bool:
         limits = parse_limits(keep) if keep else Limits()

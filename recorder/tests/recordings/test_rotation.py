@@ -15,13 +15,13 @@ from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError
-from scaraspec_recorder.recordings.recording_files import Shelf
+from scaraspec_recorder.recordings.recording_files import RecordingFolder
 from scaraspec_recorder.recordings.recording_index import Contents
 from scaraspec_recorder.recordings.rotation import PATIENCE_TICKS, Rotate, Rotation, parse_rotate
 from scaraspec_recorder.sinks.decoder import Deriver
 from scaraspec_recorder.sinks.gap_filler import Mender
 from scaraspec_recorder.sinks.mcap import schemas
-from scaraspec_recorder.sinks.restarts import Links
+from scaraspec_recorder.sinks.restarts import OpenConnections
 from scaraspec_recorder.sinks.sinks import TICK_NS, Folder
 from scaraspec_recorder.sources.mcap_reading import read_mcap
 from scaraspec_recorder.sources.pcap_reading import read_capture
@@ -34,7 +34,7 @@ def recorder(folder: Path, rotate: Rotate) -> Deriver:
     contents = Contents(folder)
     contents.save()
     judge = Judge()
-    shelf = Shelf(Folder(folder, []), contents, "line 3", draw=False)
+    shelf = RecordingFolder(Folder(folder, []), contents, "line 3", draw=False)
     return Deriver([Rotation(shelf, judge, rotate)], judge)
 
 
@@ -114,7 +114,7 @@ def test_files_cut_anywhere_are_the_recording(
 
 def beginnings(events: list[WireEvent], step: int) -> Iterable[list[WireEvent]]:
     """The events from here, from there … on, as a file that begins there holds them."""
-    links = Links()
+    links = OpenConnections()
     for number, event in enumerate(events):
         if number % step == 0:
             yield [*links.reopened(event.time_ns), *events[number:]]

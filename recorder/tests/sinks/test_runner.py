@@ -8,7 +8,7 @@ import pytest
 
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import Kind, WireEvent
-from scaraspec_recorder.sinks.runner import NAMED_FILES, Progress, Scribe
+from scaraspec_recorder.sinks.runner import NAMED_FILES, Progress, SinkRunner
 from scaraspec_recorder.sinks.sinks import TICK_NS, Folder, SinkFailed
 from scaraspec_recorder.spool.records import Mark, stream_number
 from scaraspec_recorder.spool.spool import (
@@ -24,7 +24,7 @@ STREAM = stream_number(1, A2C)
 OTHER = stream_number(1, C2A)
 
 
-class Memory:
+class ExchangeHistory:
     """A sink that remembers, and knows what would have survived a crash."""
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class Memory:
         ]
 
 
-class Failing(Memory):
+class Failing(ExchangeHistory):
     """A sink that raises in one of its methods."""
 
     def __init__(self, method: str, error: Exception) -> None:
@@ -94,15 +94,15 @@ class Bench:
         self.writer.append(kind, stream, self.now_ns, offset, payload)
         self.writer.flush()
 
-    def scribe(self, *sinks: Memory) -> Scribe:
+    def scribe(self, *sinks: ExchangeHistory) -> SinkRunner:
         """A new scribe; one before it is dead."""
         for reader in self.readers:
             reader.close()
         self.readers = [SpoolReader(self.spool)]
         makes = [lambda _folder, sink=sink: sink for sink in sinks]
-        return Scribe(self.readers[0], self.out_dir, makes, now_ns=lambda: self.now_ns)
+        return SinkRunner(self.readers[0], self.out_dir, makes, now_ns=lambda: self.now_ns)
 
-    def tick(self, scribe: Scribe) -> None:
+    def tick(self, scribe: SinkRunner) -> None:
         """Let the scribe take everything, a quarter of a second later."""
         self.now_ns += TICK_NS
         while scribe.step():
@@ -120,7 +120,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 def test_a_connection_is_told_from_beginning_to_end(bench: Bench) -> None:
     """Every field of every event, as the tap saw it."""
-    sink = Memory()
+    sink = ExchangeHistory()
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.BYTES, payload=b"abc")
     bench.put(Kind.BYTES, OTHER, 0, b"de")
@@ -147,8 +147,8 @@ def test_a_robot_that_cannot_be_reached_is_known_until_something_comes_from_it(
     """To the next scribe, too."""
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.RESET, OTHER, payload=b"no connection: No route to host")
-    bench.tick(bench.scribe(Memory()))
-    scribe = bench.scribe(Memory())
+    bench.tick(bench.scribe(ExchangeHistory()))
+    scribe = bench.scribe(ExchangeHistory())
     client, robot = stream_number(2, A2C), stream_number(2, C2A)
     bench.put(Kind.OPENED, client, payload=b"a > b")
     bench.put(Kind.BYTES, client, payload=b"abc")
@@ -171,7 +171,7 @@ def test_the_sinks_tick_by_the_clock(bench: Bench) -> None:
 
 def test_what_was_not_ticked_comes_again(bench: Bench) -> None:
     """A scribe that dies between ticks costs nothing; what was ticked does not come twice."""
-    first, second = Memory(), Memory()
+    first, second = ExchangeHistory(), ExchangeHistory()
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.BYTES, payload=b"abc")
     scribe = bench.scribe(first)
@@ -201,9 +201,9 @@ def test_a_failing_disk_ends_the_scribe_and_loses_nothing(
     """All sinks are given up together, and their successors get everything again."""
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.put(Kind.BYTES, payload=b"abc")
-    scribe = bench.scribe(Memory(), Failing(method, error))
+    scribe = bench.scribe(ExchangeHistory(), Failing(method, error))
 
-    def work(scribe: Scribe) -> None:
+    def work(scribe: SinkRunner) -> None:
         bench.now_ns += TICK_NS
         while scribe.step():
             pass
@@ -211,7 +211,7 @@ def test_a_failing_disk_ends_the_scribe_and_loses_nothing(
 
     with pytest.raises(type(error)):
         work(scribe)
-    sink = Memory()
+    sink = ExchangeHistory()
     bench.now_ns += TICK_NS
     scribe = bench.scribe(sink)
     work(scribe)
@@ -223,7 +223,7 @@ def test_a_failing_disk_ends_the_scribe_and_loses_nothing(
 @pytest.mark.parametrize("method", ["write", "tick", "close"])
 def test_a_defect_of_a_sink_costs_only_that_sink(bench: Bench, method: str) -> None:
     """The others go on, and the defect is told."""
-    good, bad = Memory(), Failing(method, ZeroDivisionError("no such axis"))
+    good, bad = ExchangeHistory(), Failing(method, ZeroDivisionError("no such axis"))
     scribe = bench.scribe(bad, good)
     bench.put(Kind.OPENED)
     for offset in range(3):
@@ -240,13 +240,13 @@ def test_a_defect_of_a_sink_costs_only_that_sink(bench: Bench, method: str) -> N
 def test_a_sink_that_cannot_be_made_costs_only_itself(bench: Bench) -> None:
     """For example one whose package is not installed."""
 
-    def make(_folder: Folder) -> Memory:
+    def make(_folder: Folder) -> ExchangeHistory:
         raise ImportError("drawing needs rerun")
 
     bench.writer.flush()
-    sink = Memory()
+    sink = ExchangeHistory()
     bench.readers = [SpoolReader(bench.spool)]
-    scribe = Scribe(bench.readers[0], bench.out_dir, [make, lambda _: sink])
+    scribe = SinkRunner(bench.readers[0], bench.out_dir, [make, lambda _: sink])
     bench.put(Kind.OPENED)
     scribe.step()
     assert len(sink.events) == 1
@@ -258,7 +258,7 @@ def test_gaps_are_counted(bench: Bench) -> None:
     bench.writer = SpoolWriter(
         bench.spool, lambda _delay, _callback: None, limit_bytes=1_600, now_ns=lambda: 5
     )
-    sink = Memory()
+    sink = ExchangeHistory()
     bench.put(Kind.OPENED)
     for offset in range(0, 4_000, 100):
         bench.put(Kind.BYTES, offset=offset, payload=bytes(100))
@@ -278,7 +278,7 @@ def test_gaps_are_counted(bench: Bench) -> None:
 @pytest.mark.parametrize("missing", ["in the middle", "at the end"])
 def test_missing_records_become_a_gap(bench: Bench, missing: str) -> None:
     """Whatever the spool lost, offsets and the tap's own count bring it to light."""
-    sink = Memory()
+    sink = ExchangeHistory()
     bench.put(Kind.OPENED)
     bench.put(Kind.BYTES, payload=b"abc")
     if missing == "in the middle":
@@ -293,7 +293,7 @@ def test_missing_records_become_a_gap(bench: Bench, missing: str) -> None:
 
 def test_a_seam_ends_what_was_open(bench: Bench) -> None:
     """The tap died: what was open is closed behind gaps of unknown length, and names go on."""
-    sink = Memory()
+    sink = ExchangeHistory()
     bench.put(Kind.OPENED)
     bench.put(Kind.BYTES, payload=b"abc")
     bench.writer.close()
@@ -319,12 +319,12 @@ def test_names_go_on_after_a_crash_and_a_seam(bench: Bench) -> None:
     """No two connections of a recording bear one name, whichever process died in between."""
     names: list[str] = []
     for _ in range(3):
-        sink = Memory()
+        sink = ExchangeHistory()
         bench.put(Kind.OPENED)
         bench.tick(bench.scribe(sink))
         names += [e.connection for e in sink.events if e.kind is Kind.OPENED]
         bench.put(Kind.CLOSED)
-        bench.tick(bench.scribe(Memory()))
+        bench.tick(bench.scribe(ExchangeHistory()))
         bench.writer.close()
         bench.writer = bench.new_writer()
     assert names == ["1", "2", "3"]
@@ -332,7 +332,7 @@ def test_names_go_on_after_a_crash_and_a_seam(bench: Bench) -> None:
 
 def test_a_connection_whose_opening_was_lost_is_opened(bench: Bench) -> None:
     """Sinks may count on every connection to begin with OPENED."""
-    sink = Memory()
+    sink = ExchangeHistory()
     bench.put(Kind.BYTES, offset=50, payload=b"abc")
     bench.tick(bench.scribe(sink))
     assert sink.told() == [("1", A2C, Kind.OPENED, 0, 0), ("1", A2C, Kind.BYTES, 50, b"abc")]
@@ -341,7 +341,7 @@ def test_a_connection_whose_opening_was_lost_is_opened(bench: Bench) -> None:
 
 def test_the_end_of_the_recording_ends_what_is_open(bench: Bench) -> None:
     """The tap was killed and not started again: nobody knows how its connections ended."""
-    sink = Memory()
+    sink = ExchangeHistory()
     bench.put(Kind.OPENED)
     bench.put(Kind.BYTES, payload=b"abc")
     scribe = bench.scribe(sink)
@@ -358,15 +358,15 @@ def test_the_end_of_the_recording_ends_what_is_open(bench: Bench) -> None:
 def test_a_finished_recording_is_not_counted_again(bench: Bench) -> None:
     """A recorder killed between the end and the tidying up: the next one counts from nothing."""
     bench.put(Kind.OPENED)
-    scribe = bench.scribe(Memory())
+    scribe = bench.scribe(ExchangeHistory())
     scribe.step()
     scribe.finish()
-    assert bench.scribe(Memory()).progress == Progress()
+    assert bench.scribe(ExchangeHistory()).progress == Progress()
 
 
 def test_ended_connections_are_forgotten(bench: Bench) -> None:
     """Weeks of short connections leave nothing behind in memory or in the checkpoint."""
-    scribe = bench.scribe(Memory())
+    scribe = bench.scribe(ExchangeHistory())
     for number in range(1, 200):
         for kind in (Kind.OPENED, Kind.CLOSED):
             bench.put(kind, stream_number(number, A2C))
@@ -388,7 +388,7 @@ def test_no_file_is_overwritten(tmp_path: Path) -> None:
 
 def test_what_goes_on_goes_on_in_its_time(bench: Bench) -> None:
     """However late the next scribe comes: its connections begin when what it gets next was."""
-    sink = Memory()
+    sink = ExchangeHistory()
     bench.put(Kind.OPENED, payload=b"a > b")
     bench.tick(bench.scribe())
     bench.now_ns += 1
@@ -406,11 +406,11 @@ def test_a_progress_names_the_latest_files_only(bench: Bench) -> None:
     reader = SpoolReader(bench.spool)
     folders: list[Folder] = []
 
-    def make(folder: Folder) -> Memory:
+    def make(folder: Folder) -> ExchangeHistory:
         folders.append(folder)
-        return Memory()
+        return ExchangeHistory()
 
-    scribe = Scribe(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
+    scribe = SinkRunner(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
     for number in range(NAMED_FILES + 5):
         folders[0].new(f"{number}.mcap")
     bench.tick(scribe)
@@ -423,7 +423,7 @@ def test_a_progress_names_the_latest_files_only(bench: Bench) -> None:
 def test_trouble_is_known_until_something_is_written(bench: Bench) -> None:
     """To who watches, and to the file that comes after it; what lasts is news but once."""
     bench.put(Kind.OPENED, payload=b"a > b")
-    bench.tick(bench.scribe(Memory()))
+    bench.tick(bench.scribe(ExchangeHistory()))
     assert note_trouble(bench.spool, 5_000_000_000, "full")
     assert not note_trouble(bench.spool, 6_000_000_000, "full")
     assert note_trouble(bench.spool, 7_000_000_000, "broken")
@@ -432,11 +432,11 @@ def test_trouble_is_known_until_something_is_written(bench: Bench) -> None:
     reader = SpoolReader(bench.spool)
     folders: list[Folder] = []
 
-    def make(folder: Folder) -> Memory:
+    def make(folder: Folder) -> ExchangeHistory:
         folders.append(folder)
-        return Memory()
+        return ExchangeHistory()
 
-    scribe = Scribe(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
+    scribe = SinkRunner(reader, bench.out_dir, [make], now_ns=lambda: bench.now_ns)
     since = "nothing was written since 1970-01-01 00:00:05 UTC: broken"
     assert folders[0].take_news() == {"interrupted": since}
     assert folders[0].take_news() == {}

@@ -12,7 +12,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.recordings.marks import SOURCE
-from scaraspec_recorder.sinks.runner import Scribe
+from scaraspec_recorder.sinks.runner import SinkRunner
 from scaraspec_recorder.sinks.sinks import TICK_NS, Folder, SinkFactory, SinkFailed
 from scaraspec_recorder.sources.mcap_reading import read_mcap
 from scaraspec_recorder.spool.asking import ask, asked
@@ -70,14 +70,14 @@ class Bench:
             self.now_ns = event.time_ns
         self._writer.flush()
 
-    def scribe(self, make: SinkFactory) -> Scribe:
+    def scribe(self, make: SinkFactory) -> SinkRunner:
         """A new scribe; one before it is dead."""
         if self._reader:
             self._reader.close()
         self._reader = SpoolReader(self.spool)
-        return Scribe(self._reader, self.out, [make], now_ns=lambda: self.now_ns)
+        return SinkRunner(self._reader, self.out, [make], now_ns=lambda: self.now_ns)
 
-    def tick(self, scribe: Scribe) -> None:
+    def tick(self, scribe: SinkRunner) -> None:
         self.now_ns += TICK_NS
         while scribe.step():
             pass

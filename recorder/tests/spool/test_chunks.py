@@ -11,15 +11,15 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.sinks.redaction import Redactor
-from scaraspec_recorder.spool.chunks import Latencies, Latency, Passage
+from scaraspec_recorder.spool.chunks import ForwardedChunk, Latencies, Latency
 
 MS = 1_000_000
 
 
-def passage(event: WireEvent, forwarded_ns: int) -> Passage:
+def passage(event: WireEvent, forwarded_ns: int) -> ForwardedChunk:
     """The same bytes, passed on."""
     place = (event.time_ns, event.connection, event.direction, event.kind)
-    return Passage(*place, event.data, event.offset_bytes, 0, event.note, forwarded_ns)
+    return ForwardedChunk(*place, event.data, event.offset_bytes, 0, event.note, forwarded_ns)
 
 
 def latencies(events: list[WireEvent]) -> list[Latency | None]:
@@ -85,8 +85,8 @@ def test_redacting_keeps_what_is_known(passed: list[WireEvent]) -> None:
     redactor = Redactor()
     kept = [event for given in passed for event in redactor.feed(given)]
     kept += redactor.flush()
-    before = {(e.offset_bytes, e.direction): e for e in passed if isinstance(e, Passage)}
-    after = [event for event in kept if isinstance(event, Passage)]
+    before = {(e.offset_bytes, e.direction): e for e in passed if isinstance(e, ForwardedChunk)}
+    after = [event for event in kept if isinstance(event, ForwardedChunk)]
     assert len(after) == len(before)
     for event in after:
         known = before[event.offset_bytes, event.direction]

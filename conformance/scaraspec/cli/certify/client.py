@@ -25,11 +25,11 @@ from scaraspec.cli.options import Real
 from scaraspec.cli.problems import Problem
 from scaraspec.report.model import Role
 from scaraspec.suite.client.harness.access import DriverAccess
-from scaraspec.suite.client.harness.adapter import ClientSetting
+from scaraspec.suite.client.harness.adapter import ClientAdapter
 from scaraspec.suite.client.harness.attended import HELP, Attended
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run, collect
-from scaraspec.suite.engine.stall_detector import Pulse
+from scaraspec.suite.engine.stall_detector import StallDetector
 from scaraspec.transports.url import split_host_port
 
 _GROUPS = {
@@ -95,9 +95,9 @@ def command(  # noqa: PLR0913 - one for each option
             closing(_access(driver, listen, answer_timeout)) as access,
             Files(out, sittings=attended) as files,
             Display(Console(), len(cases), ticks=attended) as display,
-            Pulse() as pulse,
+            StallDetector() as pulse,
         ):
-            setting = ClientSetting(
+            setting = ClientAdapter(
                 access,
                 statement,
                 options,

@@ -28,11 +28,11 @@ from scaraspec.cli.options import DEFAULT_PASSWORD, Duration, Real, password_opt
 from scaraspec.cli.problems import Problem
 from scaraspec.operating_system import state_directory
 from scaraspec.suite.controller.harness.access import UrlAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.suite.engine.run import Run, collect
-from scaraspec.suite.engine.stall_detector import Pulse
+from scaraspec.suite.engine.stall_detector import StallDetector
 from scaraspec.transports.connect import resolved
 
 _GROUPS = {
@@ -143,9 +143,9 @@ def command(  # noqa: PLR0913 - one for each option
             ) as journal,
             Files(out, needs_login=access.needs_login) as files,
             Display(Console(), len(cases)) as display,
-            Pulse() as pulse,
+            StallDetector() as pulse,
         ):
-            setting = ControllerSetting(
+            setting = ControllerAdapter(
                 access,
                 statement,
                 password.encode(),

@@ -17,7 +17,7 @@ from scaraspec.report import terminal
 from scaraspec.report.model import Results, ResultsError
 from scaraspec.suite.client.harness.driver import DriverError
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
-from scaraspec.suite.engine.ics import Statement, StatementError
+from scaraspec.suite.engine.ics import Ics, IcsError
 from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.suite.engine.plan import HazardError
 from scaraspec.suite.engine.run import SuiteError
@@ -60,13 +60,13 @@ def suite_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def statement_of(ics: Path | None, transfer_timeout: float | None) -> Statement:
+def statement_of(ics: Path | None, transfer_timeout: float | None) -> Ics:
     """What the subject claims, by its file and on the command line.
 
     Raises:
-        StatementError: The file cannot be read, or says something that is not known.
+        IcsError: The file cannot be read, or says something that is not known.
     """
-    statement = Statement.read(ics) if ics else Statement()
+    statement = Ics.read(ics) if ics else Ics()
     if transfer_timeout is not None:
         statement = statement.claiming(xfer_timeout=f"{transfer_timeout:g}")
     return statement
@@ -103,7 +103,7 @@ def told() -> Iterator[None]:
     """Tell what a user got wrong in one sentence."""
     try:
         yield
-    except (StatementError, LinkError, ReadingError, DriverError, ResultsError) as error:
+    except (IcsError, LinkError, ReadingError, DriverError, ResultsError) as error:
         raise Problem(f"{error}") from None
     except UnknownRequirementError as error:
         raise Problem(f"--only: {error}") from None

@@ -27,12 +27,12 @@ from scaraspec.report.model import Results
 from scaraspec.report.sanitizing import visible
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.case_runner import Outcome
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, why_not
 from scaraspec.traffic.wire import WireEvent
 from scaraspec_recorder.recordings.capture import capture_sink
-from scaraspec_recorder.sinks.background_recorder import Aside
+from scaraspec_recorder.sinks.background_recorder import BackgroundRecorder
 from scaraspec_recorder.sinks.sinks import SinkFailed
 
 RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
@@ -46,9 +46,7 @@ _RISKS: Final = {
 }
 
 
-def show_plan(
-    cases: Sequence[Case], options: Options, statement: Statement, console: Console
-) -> None:
+def show_plan(cases: Sequence[Case], options: Options, statement: Ics, console: Console) -> None:
     """Say what will be tried, what may move or be lost, and what is left out, and why."""
     runs = [case for case in cases if not why_not(case, options, statement)]
     left_out = Counter(why for case in cases if (why := why_not(case, options, statement)))
@@ -63,7 +61,7 @@ def show_plan(
         console.print(Text(f"  {count:4}  not run: {visible(why)}"), soft_wrap=True)
 
 
-def confirm_motion(cases: Sequence[Case], options: Options, statement: Statement) -> None:
+def confirm_motion(cases: Sequence[Case], options: Options, statement: Ics) -> None:
     """On a terminal, ask before a run that moves the robot.
 
     Raises:
@@ -189,7 +187,7 @@ class Files:
         self, out: Path | None, *, sittings: bool = False, needs_login: bool = True
     ) -> None:
         self._out = out
-        self._recording: Aside | None = None
+        self._recording: BackgroundRecorder | None = None
         self.earlier: Results | None = None
         if out is None:
             return
@@ -203,7 +201,7 @@ class Files:
             folder = out / f"sitting-{len(list(out.glob('sitting-*'))) + 2}"
             folder.mkdir()
         sink = partial(capture_sink, draw=has_viewer(), needs_login=needs_login)
-        self._recording = Aside(folder, [sink])
+        self._recording = BackgroundRecorder(folder, [sink])
 
     @property
     def capture(self) -> str:

@@ -6,10 +6,10 @@ hold readings against each other only within moments of an evidence that nothing
 
 from typing import Final
 
-from scaraspec.judge.rules.rule import Judged, failed, places_of
+from scaraspec.judge.rules.rule import RuleResult, failed, places_of
 from scaraspec.judge.rules.text import observed
 from scaraspec.traffic.events import Exchange
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 JOINTS: Final = "get_joint_angles"
 POSE: Final = "get_tool_coordinates"
@@ -28,7 +28,7 @@ def ended_ns(y: Exchange) -> int:
     return y.result.place.time_ns if y.result else -1
 
 
-def last_motion(x: Exchange, scene: Scene) -> Exchange | None:
+def last_motion(x: Exchange, scene: RobotState) -> Exchange | None:
     """The last two-stage command, if it succeeded and the robot has been idle since."""
     motion = scene.memory.accepted[-1] if scene.memory.accepted else None
     done = motion is not None and motion.outcome is not None and motion.outcome.done
@@ -36,7 +36,7 @@ def last_motion(x: Exchange, scene: Scene) -> Exchange | None:
     return motion if motion and done and idle and x.time_ns > ended_ns(motion) else None
 
 
-def reading_before(motion: Exchange, name: str, scene: Scene) -> Exchange | None:
+def reading_before(motion: Exchange, name: str, scene: RobotState) -> Exchange | None:
     """The last reading before a two-stage command, behind the end of the one before it."""
     earlier = [y for y in scene.memory.accepted if y.time_ns < motion.time_ns]
     found = scene.memory.last(name, before_ns=motion.time_ns)
@@ -45,19 +45,19 @@ def reading_before(motion: Exchange, name: str, scene: Scene) -> Exchange | None
     return found if all(0 < ended_ns(y) < found.time_ns for y in earlier) else None
 
 
-def gripper_asked_since(time_ns: int, scene: Scene) -> bool:
+def gripper_asked_since(time_ns: int, scene: RobotState) -> bool:
     """Whether the gripper centre may have changed, which may be part of the pose (A-4.23-1)."""
     asked = scene.memory.asked.get("set_gripper_center")
     return asked is not None and asked.place.time_ns > time_ns
 
 
-def locked(scene: Scene) -> bool | None:
+def locked(scene: RobotState) -> bool | None:
     """Whether the joints are locked, by the last lock, release or motion; None if not known."""
     about = (y for y in reversed(scene.memory.accepted) if y.name in (LOCK, RELEASE, *MOTIONS))
     return next((y.name != RELEASE for y in about if y.outcome and y.outcome.done), None)
 
 
-def changed(first: Exchange, x: Exchange, what: str) -> Judged:
+def changed(first: Exchange, x: Exchange, what: str) -> RuleResult:
     """Two readings contradict each other."""
     return failed(
         what,

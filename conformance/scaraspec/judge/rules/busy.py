@@ -3,13 +3,13 @@
 from collections.abc import Iterable
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.two_stage import NOT_STOP
 from scaraspec.protocol import errors
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 STATE_OF: Final = {
     "run_program": "01",
@@ -34,7 +34,7 @@ _SWAPPED_NS: Final = 50_000_000
 """By so much packets of two connections are swapped in a capture at most."""
 
 
-def surely_executes(y: Exchange, x: Exchange, scene: Scene) -> bool:
+def surely_executes(y: Exchange, x: Exchange, scene: RobotState) -> bool:
     """Whether a command of `x.during` executed when `x` was answered, not only by its place.
 
     On one connection the order of frames is sure; on two the end must come clearly later, and one
@@ -55,7 +55,7 @@ def surely_executes(y: Exchange, x: Exchange, scene: Scene) -> bool:
 # Further requests
 
 
-def _not_accepted(x: Exchange, scene: Scene, during: Iterable[Exchange]) -> Judged | None:
+def _not_accepted(x: Exchange, scene: RobotState, during: Iterable[Exchange]) -> RuleResult | None:
     executing = [y for y in during if surely_executes(y, x, scene)]
     if not executing or x.unsettled:
         return None
@@ -79,26 +79,26 @@ def _not_accepted(x: Exchange, scene: Scene, during: Iterable[Exchange]) -> Judg
 
 
 @rule("4/6", on=Exchange, names=NOT_STOP)
-def no_second_command(x: Exchange, scene: Scene) -> Judged | None:
+def no_second_command(x: Exchange, scene: RobotState) -> RuleResult | None:
     """While one two-stage command executes no other is answered "1" (L399; A-4-2)."""
     return _not_accepted(x, scene, x.during)
 
 
 @rule("4.15/8", on=Exchange, names=("run_program",))
-def no_second_run(x: Exchange, scene: Scene) -> Judged | None:
+def no_second_run(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A second run during a run is not answered "1" (L1018)."""
     return _not_accepted(x, scene, (y for y in x.during if y.name == "run_program"))
 
 
 @rule("4.25/5", on=Exchange, names=("release_joints",))
-def no_release_in_motion(x: Exchange, scene: Scene) -> Judged | None:
+def no_release_in_motion(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Release is not answered "1" while a program or a move executes (A-4.25-1)."""
     return _not_accepted(x, scene, (y for y in x.during if y.name in STATE_OF))
 
 
 @rule("4.18/2", on=Exchange, names=("reset",))
 @rule("4.35/4", on=Exchange, names=("shutdown",))
-def refused_during_a_program(x: Exchange, scene: Scene) -> Judged | None:
+def refused_during_a_program(x: Exchange, scene: RobotState) -> RuleResult | None:
     """While a program runs the refusal is "0|01" (L394-399, L706); a fault may win (A-4.8-2)."""
     if [y.name for y in x.during] != ["run_program"] or x.unsettled or not x.reply:
         return None
@@ -117,7 +117,7 @@ def refused_during_a_program(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4/15", on=Exchange, names=(*NOT_STOP, "shutdown"))
-def busy_code_is_the_state(x: Exchange, scene: Scene) -> Judged | None:
+def busy_code_is_the_state(x: Exchange, scene: RobotState) -> RuleResult | None:
     """The code of a busy refusal is the state that 0x09 reports then (A-4-2)."""
     code = x.answer.code if x.accepted is False else None
     if code not in BUSY or len(x.during) != 1 or x.unsettled:
@@ -137,7 +137,7 @@ def busy_code_is_the_state(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4/15", on=Exchange, names=_STATUS)
-def idle_robot_is_not_busy(x: Exchange, scene: Scene) -> Judged | None:
+def idle_robot_is_not_busy(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A robot whose status is 00 before and after is not refused as busy between (L1017-1021)."""
     begin_ns = scene.memory.idle_seen_ns
     idle = scene.memory.idle_since_ns is not None and not scene.busy and x.answer == "00"
@@ -159,13 +159,13 @@ def idle_robot_is_not_busy(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4/8", on=Exchange, names=_STATUS)
-def busy_while_executing(x: Exchange, _: Scene) -> Judged | None:
+def busy_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     """Between first reply and final result the status is not 00 (L318)."""
     return PASSED if x.during and not x.unsettled and x.answer in BUSY else None
 
 
 @rule("4/8", on=Exchange, names=STATE_OF)
-def never_idle_while_executing(x: Exchange, _: Scene) -> Judged | None:
+def never_idle_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     """A status 00 that came before the final result contradicts it (L318)."""
     if not x.idle or not x.result:
         return None
@@ -181,7 +181,7 @@ def never_idle_while_executing(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4/7", on=Exchange, names=_STATUS)
-def idle_after_success(x: Exchange, scene: Scene) -> Judged | None:
+def idle_after_success(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After a successful final result the status returns to 00 (L318).
 
     At what moment is not said: not every robot changes both at once, and on another connection they
@@ -210,7 +210,7 @@ def idle_after_success(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.18/6", on=Exchange, names=("reset",))
-def reset_from_error(x: Exchange, scene: Scene) -> Judged | None:
+def reset_from_error(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A robot in error can be reset (A-4.18-2)."""
     status = scene.memory.last("get_status", before_ns=x.time_ns)
     code = errors.lookup(status.answer) if status and status.answer else None

@@ -2,13 +2,13 @@
 
 import re
 
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.traffic.events import Ending, Exchange, FrameSeen, LinkChange, Undecodable
-from scaraspec.traffic.robot_state import Scene
-from scaraspec.traffic.wire import Kind, Place
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, InvalidBytes, LinkChange
+from scaraspec.traffic.robot_state import RobotState
+from scaraspec.traffic.wire import Kind, WireRange
 
 _TLS_RECORD = re.compile(rb"[\x14-\x17]\x03[\x00-\x04]")
 _COMPRESSED = re.compile(rb"\x1f\x8b\x08|\x28\xb5\x2f\xfd")
@@ -16,7 +16,7 @@ _STOP = "emergency_stop"
 
 
 @rule("2/1", on=LinkChange)
-def client_opens(change: LinkChange, _: Scene) -> Judged | None:
+def client_opens(change: LinkChange, _: RobotState) -> RuleResult | None:
     """The client opens the connection, the controller listens (L79)."""
     event = change.event
     if event.kind is not Kind.OPENED:
@@ -27,25 +27,25 @@ def client_opens(change: LinkChange, _: Scene) -> Judged | None:
         "the controller opened the connection",
         expected="opened by the client",
         observed=event.note,
-        at=(Place(event.connection, event.direction, 0, 0, event.time_ns),),
+        at=(WireRange(event.connection, event.direction, 0, 0, event.time_ns),),
     )
 
 
 @rule("2/3", on=LinkChange)
-def default_port(change: LinkChange, _: Scene) -> Judged | None:
+def default_port(change: LinkChange, _: RobotState) -> RuleResult | None:
     """The client connects to port 8877 (L79); to another one its user may have sent it."""
     opened = change.event.kind is Kind.OPENED
     return PASSED if opened and change.event.note.endswith(f":{DEFAULT_PORT}") else None
 
 
 @rule("2/4", on=FrameSeen)
-def readable_frame(_seen: FrameSeen, _: Scene) -> Judged | None:
+def readable_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """What can be read as a frame is plain (L79)."""
     return PASSED
 
 
-@rule("2/4", on=Undecodable)
-def readable_bytes(found: Undecodable, _: Scene) -> Judged | None:
+@rule("2/4", on=InvalidBytes)
+def readable_bytes(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A stream that begins as TLS or as compressed data is not plain (L79)."""
     if found.place.offset_bytes:
         return None
@@ -60,7 +60,7 @@ def readable_bytes(found: Undecodable, _: Scene) -> Judged | None:
 
 
 @rule("2/10", on=Exchange, sender=A2C)
-def login_first(x: Exchange, _: Scene) -> Judged | None:
+def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client logs in before any other command (L79, L104); a stop is forgiven."""
     if x.name == "login" or x.logged_in is None or x.refused_login:
         return None  # behind a refused login 4.1/5 says it
@@ -72,7 +72,7 @@ def login_first(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("2/11", on=Exchange, sender=A2C)
-def nothing_done_without_login(x: Exchange, _: Scene) -> Judged | None:
+def nothing_done_without_login(x: Exchange, _: RobotState) -> RuleResult | None:
     """A connection that has not logged in gets nothing changed, moved or destroyed (L83, L104)."""
     if x.logged_in is not False or x.command is None or x.name == "login":
         return None
@@ -95,7 +95,7 @@ def nothing_done_without_login(x: Exchange, _: Scene) -> Judged | None:
     )
 
 
-def _served_reading(x: Exchange) -> Judged:
+def _served_reading(x: Exchange) -> RuleResult:
     if x.reply and x.reply.text == b"0":  # the failure form of a query
         return PASSED
     return tolerated("prelogin", "reads", f"{x.name} was answered without a login")

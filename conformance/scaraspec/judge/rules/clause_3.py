@@ -5,15 +5,15 @@ from typing import Final
 from scaraspec.judge.rules.busy import BUSY
 from scaraspec.judge.rules.diagnosis import Fault, diagnose
 from scaraspec.judge.rules.ports import OUTPUTS
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated, unsure
 from scaraspec.protocol.commands import BY_OPCODE, UNDOCUMENTED_GAP
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG
 from scaraspec.protocol.payloads import FinalResult
-from scaraspec.traffic.events import Ending, Exchange, FrameSeen, Unasked, Undecodable
+from scaraspec.traffic.events import Ending, Exchange, FrameSeen, InvalidBytes, UnsolicitedReply
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _SOON_NS: Final = 1_000_000_000
 """Within it a status tells how things were."""
@@ -22,30 +22,30 @@ _SOON_NS: Final = 1_000_000_000
 
 
 @rule("3/1", "3/6", "3/7", "3/32", on=FrameSeen)
-def whole_frame(_seen: FrameSeen, _: Scene) -> Judged | None:
+def whole_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """A frame that was found has its layout, its length, and nothing before it (L89-98)."""
     return PASSED
 
 
 @rule("3/8", on=FrameSeen)
-def empty_frame(seen: FrameSeen, _: Scene) -> Judged | None:
+def empty_frame(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """With length 0x00 the end byte follows (L98)."""
     return None if seen.frame.data else PASSED
 
 
 @rule("3/2", "3/3", "3/28", on=FrameSeen, sender=A2C)
-def client_frame(_seen: FrameSeen, _: Scene) -> Judged | None:
+def client_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """A found client frame has AA, CC (L92) and a length that one byte could say (L89)."""
     return PASSED
 
 
 @rule("3/4", "3/5", on=FrameSeen, sender=C2A)
-def controller_frame(_seen: FrameSeen, _: Scene) -> Judged | None:
+def controller_frame(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """A found controller frame has CC and AA (L94)."""
     return PASSED
 
 
-def _blame(found: Undecodable, fault: Fault, what: str) -> Judged | None:
+def _blame(found: InvalidBytes, fault: Fault, what: str) -> RuleResult | None:
     diagnosis = diagnose(found)
     if diagnosis.fault is not fault:
         return None
@@ -53,50 +53,50 @@ def _blame(found: Undecodable, fault: Fault, what: str) -> Judged | None:
     return failed(what + hint, expected=diagnosis.expected, observed=diagnosis.observed)
 
 
-@rule("3/1", on=Undecodable)
-def layout(found: Undecodable, _: Scene) -> Judged | None:
+@rule("3/1", on=InvalidBytes)
+def layout(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Bytes that begin like a frame and do not end like one (L89-90)."""
     return _blame(found, Fault.UNCLEAR, "bytes that begin like a frame are none")
 
 
-@rule("3/2", on=Undecodable, sender=A2C)
-def client_start(found: Undecodable, _: Scene) -> Judged | None:
+@rule("3/2", on=InvalidBytes, sender=A2C)
+def client_start(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Client frames start with AA (L92)."""
     return _blame(found, Fault.START, "a client frame starts with a wrong byte")
 
 
-@rule("3/3", on=Undecodable, sender=A2C)
-def client_end(found: Undecodable, _: Scene) -> Judged | None:
+@rule("3/3", on=InvalidBytes, sender=A2C)
+def client_end(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Client frames end with CC (L92)."""
     return _blame(found, Fault.END, "a client frame ends with a wrong byte")
 
 
-@rule("3/4", on=Undecodable, sender=C2A)
-def controller_start(found: Undecodable, _: Scene) -> Judged | None:
+@rule("3/4", on=InvalidBytes, sender=C2A)
+def controller_start(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Controller frames start with CC (L94)."""
     return _blame(found, Fault.START, "a controller frame starts with a wrong byte")
 
 
-@rule("3/5", on=Undecodable, sender=C2A)
-def controller_end(found: Undecodable, _: Scene) -> Judged | None:
+@rule("3/5", on=InvalidBytes, sender=C2A)
+def controller_end(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """Controller frames end with AA (L94)."""
     return _blame(found, Fault.END, "a controller frame ends with a wrong byte")
 
 
-@rule("3/6", "3/7", on=Undecodable)
-def length(found: Undecodable, _: Scene) -> Judged | None:
+@rule("3/6", "3/7", on=InvalidBytes)
+def length(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """The length is one byte, the number of data bytes that follow (L89, L98)."""
     return _blame(found, Fault.LENGTH, "the length is not the number of data bytes")
 
 
-@rule("3/8", on=Undecodable)
-def no_data_behind_zero(found: Undecodable, scene: Scene) -> Judged | None:
+@rule("3/8", on=InvalidBytes)
+def no_data_behind_zero(found: InvalidBytes, scene: RobotState) -> RuleResult | None:
     """With length 0x00 no data byte is present (L98)."""
     return length(found, scene) if diagnose(found).observed == "0" else None
 
 
-@rule("3/28", on=Undecodable, sender=A2C)
-def one_byte_length(found: Undecodable, _: Scene) -> Judged | None:
+@rule("3/28", on=InvalidBytes, sender=A2C)
+def one_byte_length(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A sender does not attempt more than 255 data bytes in one frame (L89)."""
     diagnosis = diagnose(found)
     if diagnosis.fault is not Fault.LENGTH or diagnosis.surplus_bytes % 256:
@@ -108,14 +108,14 @@ def one_byte_length(found: Undecodable, _: Scene) -> Judged | None:
     )
 
 
-@rule("3/32", on=Undecodable)
-def nothing_between(found: Undecodable, _: Scene) -> Judged | None:
+@rule("3/32", on=InvalidBytes)
+def nothing_between(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A sender sends nothing between frames."""
     return _blame(found, Fault.STRAY, "bytes between frames that belong to none")
 
 
 @rule("3/10", on=FrameSeen)
-def defined_opcode(seen: FrameSeen, _: Scene) -> Judged | None:
+def defined_opcode(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Each frame uses an opcode of clauses 4 and 5 for its direction (L96)."""
     opcode = seen.frame.opcode
     if opcode in BY_OPCODE:
@@ -132,13 +132,13 @@ def defined_opcode(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("3/12", on=FrameSeen, sender=C2A)
-def tagged_layout(seen: FrameSeen, _: Scene) -> Judged | None:
+def tagged_layout(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """A final result is CC 90 opcode length data AA (L320-321)."""
     return PASSED if seen.frame.tagged else None
 
 
-@rule("3/12", on=Unasked, sender=C2A)
-def untagged_result(unasked: Unasked, _: Scene) -> Judged | None:
+@rule("3/12", on=UnsolicitedReply, sender=C2A)
+def untagged_result(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """A final result that lacks its tag (L320-321)."""
     seen, after = unasked.seen, unasked.after
     if seen.frame.tagged or not after or not after.command or not after.command.two_stage:
@@ -155,7 +155,7 @@ def untagged_result(unasked: Unasked, _: Scene) -> Judged | None:
 
 
 @rule("3/14", on=FrameSeen, sender=C2A)
-def tag_only_on_two_stage(seen: FrameSeen, _: Scene) -> Judged | None:
+def tag_only_on_two_stage(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The tag stands only before the eight two-stage commands; another is a warning (A-3-6)."""
     if not seen.frame.tagged:
         return None
@@ -166,15 +166,15 @@ def tag_only_on_two_stage(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("3/15", on=FrameSeen, sender=A2C)
-def client_never_tags(seen: FrameSeen, _: Scene) -> Judged | None:
+def client_never_tags(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The tag is the controller's."""
     if seen.frame.opcode != TAG:
         return PASSED
     return failed("a client frame bears the tag 90", expected="no tag", observed="90")
 
 
-@rule("3/15", on=Undecodable, sender=A2C)
-def client_tagged(found: Undecodable, _: Scene) -> Judged | None:
+@rule("3/15", on=InvalidBytes, sender=A2C)
+def client_tagged(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A frame that would be one but for its tag."""
     return _blame(found, Fault.TAG, "a client frame bears the tag 90")
 
@@ -183,7 +183,7 @@ def client_tagged(found: Undecodable, _: Scene) -> Judged | None:
 
 
 @rule("3/11", on=Exchange, sender=A2C)
-def reply_has_its_opcode(x: Exchange, _: Scene) -> Judged | None:
+def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first reply carries the request's opcode (A-3-14).
 
     A frame with another one is only unsolicited (A-3-16) where the reply comes after all.
@@ -202,13 +202,13 @@ def reply_has_its_opcode(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("3/26", on=Exchange, sender=A2C)
-def asked_for(x: Exchange, _: Scene) -> Judged | None:
+def asked_for(x: Exchange, _: RobotState) -> RuleResult | None:
     """A reply that was asked for."""
     return PASSED if x.reply else None
 
 
-@rule("3/26", on=Unasked, sender=C2A)
-def nothing_unsolicited(unasked: Unasked, scene: Scene) -> Judged | None:
+@rule("3/26", on=UnsolicitedReply, sender=C2A)
+def nothing_unsolicited(unasked: UnsolicitedReply, scene: RobotState) -> RuleResult | None:
     """Only replies, final results, list parts and chunks come from the controller (A-3-16)."""
     frame = unasked.seen.frame
     if frame.tagged or unasked.late or untagged_result(unasked, scene):
@@ -221,7 +221,7 @@ def nothing_unsolicited(unasked: Unasked, scene: Scene) -> Judged | None:
 
 
 @rule("3/24", on=Exchange, sender=A2C)
-def replies_in_order(x: Exchange, _: Scene) -> Judged | None:
+def replies_in_order(x: Exchange, _: RobotState) -> RuleResult | None:
     """First replies come in request order (A-3-14)."""
     if not x.reply or x.overdue:
         return None
@@ -233,7 +233,7 @@ def replies_in_order(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("3/25", on=Exchange, sender=A2C)
-def one_open_request(x: Exchange, _: Scene) -> Judged | None:
+def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client has at most one unanswered request per opcode (A-3-14)."""
     if not x.doubled:
         return PASSED
@@ -250,7 +250,7 @@ def _due(x: Exchange) -> bool:
 
 
 @rule("3/31", on=Exchange, sender=A2C)
-def answered(x: Exchange, scene: Scene) -> Judged | None:
+def answered(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Every valid request is answered, and in the reply time (A-3-15)."""
     if x.command is None or not _due(x):
         return None
@@ -275,7 +275,7 @@ def answered(x: Exchange, scene: Scene) -> Judged | None:
     )
 
 
-def _silence(x: Exchange, scene: Scene) -> Judged | None:
+def _silence(x: Exchange, scene: RobotState) -> RuleResult | None:
     """The readings that allow silence, and what looks like a dead link."""
     if not x.certain:
         return unsure(f"the answer to {x.name} may be in a gap of the recording")
@@ -306,13 +306,13 @@ def _is_text(jog: Exchange) -> bool:
     return jog.request.frame.data >= b"0"
 
 
-def _is_in_its_notation(jog: Exchange, scene: Scene) -> bool:
+def _is_in_its_notation(jog: Exchange, scene: RobotState) -> bool:
     """Whether the last jog that was answered was written in the same notation (A-4.28-1)."""
     last = scene.last.get(jog.name)
     return last is not None and _is_text(last) == _is_text(jog)
 
 
-def _may_be_busy(x: Exchange, scene: Scene) -> bool:
+def _may_be_busy(x: Exchange, scene: RobotState) -> bool:
     """Whether the robot may have been executing although no frame before `x` says so.
 
     The "1" of what was asked before was still on its way, or the end of what was accepted last was
@@ -336,26 +336,26 @@ def _may_be_busy(x: Exchange, scene: Scene) -> bool:
 
 
 @rule("3/16", on=Exchange, sender=A2C)
-def result_after_reply(x: Exchange, _: Scene) -> Judged | None:
+def result_after_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     """The final result follows the first reply "1" (L318)."""
     return PASSED if x.result else None
 
 
-def _misplaced(unasked: Unasked) -> bool:
+def _misplaced(unasked: UnsolicitedReply) -> bool:
     """Whether this is a final result that nothing explains: no delay, no other connection."""
     known = unasked.seen.frame.tagged and unasked.seen.command is not None
     return known and not unasked.late and not unasked.elsewhere
 
 
-def _asked_elsewhere(unasked: Unasked, scene: Scene) -> bool:
+def _asked_elsewhere(unasked: UnsolicitedReply, scene: RobotState) -> bool:
     """Whether another connection has asked for it, be it that its reply is still on the way."""
     asked = scene.memory.asked.get(unasked.seen.name)
     here = unasked.seen.place.connection
     return unasked.elsewhere or (asked is not None and asked.place.connection != here)
 
 
-@rule("3/16", on=Unasked, sender=C2A)
-def result_out_of_the_blue(unasked: Unasked, scene: Scene) -> Judged | None:
+@rule("3/16", on=UnsolicitedReply, sender=C2A)
+def result_out_of_the_blue(unasked: UnsolicitedReply, scene: RobotState) -> RuleResult | None:
     """A final result without an accepted request before it."""
     if _asked_elsewhere(unasked, scene) and not unasked.late:
         what = "a final result of" if unasked.seen.frame.tagged else "a reply to"
@@ -385,14 +385,14 @@ def result_out_of_the_blue(unasked: Unasked, scene: Scene) -> Judged | None:
 
 
 @rule("3/17", on=Exchange, sender=A2C)
-def no_result_after_refusal(x: Exchange, _: Scene) -> Judged | None:
-    """A refusal ends the command; a result that still comes is an `Unasked`."""
+def no_result_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
+    """A refusal ends the command; a result that still comes is an `UnsolicitedReply`."""
     two_stage = x.command is not None and x.command.two_stage
     return PASSED if two_stage and x.accepted is False else None
 
 
-@rule("3/17", on=Unasked, sender=C2A)
-def result_after_refusal(unasked: Unasked, _: Scene) -> Judged | None:
+@rule("3/17", on=UnsolicitedReply, sender=C2A)
+def result_after_refusal(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """After a first reply beginning with "0" no final result is sent."""
     after = unasked.after
     if not _misplaced(unasked) or not after or after.accepted is not False:
@@ -406,7 +406,7 @@ def result_after_refusal(unasked: Unasked, _: Scene) -> Judged | None:
 
 
 @rule("3/18", on=Exchange, sender=A2C)
-def one_result(x: Exchange, _: Scene) -> Judged | None:
+def one_result(x: Exchange, _: RobotState) -> RuleResult | None:
     """Each accepted two-stage command has exactly one final result (L318)."""
     if not x.command or not x.command.two_stage or not x.accepted:
         return None
@@ -430,8 +430,8 @@ def one_result(x: Exchange, _: Scene) -> Judged | None:
     )
 
 
-@rule("3/18", on=Unasked, sender=C2A)
-def second_result(unasked: Unasked, _: Scene) -> Judged | None:
+@rule("3/18", on=UnsolicitedReply, sender=C2A)
+def second_result(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """A second final result of the same command."""
     after = unasked.after
     if not _misplaced(unasked) or not after or not after.result:

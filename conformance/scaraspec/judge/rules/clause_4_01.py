@@ -1,24 +1,24 @@
 """Clause 4.1: login."""
 
 from scaraspec.judge.rules.flag import one_flag
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule
 from scaraspec.judge.rules.settings import UNSEEN_NS
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.events import Exchange, FrameSeen
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _LOGIN = ("login",)
 
 
 @rule("4.1/1", on=FrameSeen, names=_LOGIN, sender=A2C)
-def request_holds_a_password(seen: FrameSeen, _: Scene) -> Judged | None:
+def request_holds_a_password(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """A login request carries the password as its data (L104-109)."""
     if seen.frame.data:
         return PASSED
     return failed("the login carries no password", expected="a password", observed="no data")
 
 
-def _right_before(x: Exchange, scene: Scene) -> bool | None:
+def _right_before(x: Exchange, scene: RobotState) -> bool | None:
     """Whether this password is the one last accepted, which nobody has changed; None if unknown.
 
     Quotation marks or a NUL may make another password of it, and may not (A-0-3, A-T-3).
@@ -32,7 +32,7 @@ def _right_before(x: Exchange, scene: Scene) -> bool | None:
 
 
 @rule("4.1/2", on=Exchange, names=_LOGIN)
-def right_password_accepted(x: Exchange, scene: Scene) -> Judged | None:
+def right_password_accepted(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A correct password is answered "1" (L111-114): right is what was right before.
 
     A controller may refuse further clients while one is logged in (A-2-2).
@@ -55,7 +55,7 @@ def right_password_accepted(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.1/3", on=Exchange, names=_LOGIN)
-def wrong_password_refused(x: Exchange, scene: Scene) -> Judged | None:
+def wrong_password_refused(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A wrong password is answered "0" (L116-119): wrong is what differs from the right one."""
     if x.accepted is None:
         return None
@@ -74,7 +74,7 @@ rule("4.1/4", on=Exchange, names=_LOGIN)(one_flag)
 
 
 @rule("4.1/5", on=Exchange, sender=A2C)
-def nothing_after_a_refused_login(x: Exchange, _: Scene) -> Judged | None:
+def nothing_after_a_refused_login(x: Exchange, _: RobotState) -> RuleResult | None:
     """After a login answered "0" the client uses no other command (L116); a stop is forgiven."""
     if x.name in ("login", "emergency_stop") or x.logged_in is None:
         return None

@@ -4,12 +4,12 @@ from functools import partial
 from typing import Final
 
 from scaraspec.judge.rules.busy import STATE_OF, never_idle_while_executing
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated, unsure
 from scaraspec.protocol import errors
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _STATUS: Final = ("get_status",)
 _REQUIREMENT_OF: Final = {"01": "4.8/4", "02": "4.8/5", "03": "4.8/6", "04": "4.8/7"}
@@ -17,7 +17,7 @@ _REQUIREMENT_OF: Final = {"01": "4.8/4", "02": "4.8/5", "03": "4.8/6", "04": "4.
 
 
 @rule("4.8/1", on=FrameSeen, names=_STATUS, sender=A2C)
-def request_is_empty(seen: FrameSeen, _: Scene) -> Judged | None:
+def request_is_empty(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The request has length 0 (L209-212)."""
     if not seen.frame.data:
         return PASSED
@@ -27,7 +27,7 @@ def request_is_empty(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("4.8/2", on=Exchange, names=_STATUS)
-def one_code(x: Exchange, _: Scene) -> Judged | None:
+def one_code(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply is exactly one two-character code of table 8-1 (L214-217)."""
     if not x.reply:
         return None
@@ -38,12 +38,12 @@ def one_code(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.8/3", on=Exchange, names=_STATUS)
-def idle(x: Exchange, scene: Scene) -> Judged | None:
+def idle(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A robot that does nothing reports 00 (L1017); a capture shows only what was asked of it."""
     return PASSED if x.answer == "00" and not scene.executing else None
 
 
-def _state(x: Exchange, _: Scene, *, name: str) -> Judged | None:
+def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
     """A status given while only this command executed; a fault may win (A-4.8-2).
 
     Of 00 the end of the command decides: without a final result it may be true.
@@ -70,14 +70,14 @@ for _name, _code in STATE_OF.items():
 
 
 @rule("4.8/8", on=Exchange, names=_STATUS)
-def fault_code(x: Exchange, _: Scene) -> Judged | None:
+def fault_code(x: Exchange, _: RobotState) -> RuleResult | None:
     """With a fault present the status is the fault's code (L1022-1043)."""
     code = errors.lookup(x.answer) if x.answer else None
     return PASSED if code and code.kind is errors.Kind.FAULT else None
 
 
 @rule("4.8/9", on=Exchange, names=_STATUS)
-def a_state(x: Exchange, _: Scene) -> Judged | None:
+def a_state(x: Exchange, _: RobotState) -> RuleResult | None:
     """Reserved codes and 20 are no states (L1024-1028; A-8-3)."""
     code = errors.lookup(x.answer) if x.answer else None
     if code is None or code in errors.STATES:
@@ -86,7 +86,7 @@ def a_state(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.8/10", on=Exchange, names=_STATUS)
-def served_while_executing(x: Exchange, _: Scene) -> Judged | None:
+def served_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     """The status is answered while a two-stage command executes (A-4-3)."""
     if not x.during:
         return None

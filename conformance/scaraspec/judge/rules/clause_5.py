@@ -3,7 +3,7 @@
 from scaraspec.judge.rules.flag import one_flag
 from scaraspec.judge.rules.rule import (
     PASSED,
-    Judged,
+    RuleResult,
     failed,
     places_of,
     rule,
@@ -13,8 +13,8 @@ from scaraspec.judge.rules.rule import (
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, State
-from scaraspec.traffic.events import Exchange, FrameSeen, Transfer, Unasked
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.events import Exchange, FrameSeen, Transfer, UnsolicitedReply
+from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.transfers import REFUSED_CHUNK, REFUSED_NAME, SILENCE
 
 _CHUNKS = ("upload_chunk", "download_chunk")
@@ -27,7 +27,7 @@ _DOWNLOAD_CHUNK = ("download_chunk",)
 
 @rule("5.1/1", "5.2/5", on=Exchange, names=_UPLOAD_CHUNK)
 @rule("5.1/1", "5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
-def structure(x: Exchange, _: Scene) -> Judged | None:
+def structure(x: Exchange, _: RobotState) -> RuleResult | None:
     """Content is carried in fileData structures, one a frame (L718-723, L756, L780)."""
     if not x.request.frame.data:
         return None
@@ -43,7 +43,7 @@ def structure(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.1/2", on=Exchange, names=_CHUNKS)
-def structure_size(x: Exchange, _: Scene) -> Judged | None:
+def structure_size(x: Exchange, _: RobotState) -> RuleResult | None:
     """The data length is sizeof(fileData) = 212 (L756, L780; A-5-3)."""
     if x.chunk is None:
         return None
@@ -56,7 +56,7 @@ def structure_size(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.1/3", on=Exchange, names=_CHUNKS)
-def constant_file_size(x: Exchange, _: Scene) -> Judged | None:
+def constant_file_size(x: Exchange, _: RobotState) -> RuleResult | None:
     """The file size is the same in all chunks of a transfer (L729; A-5-7)."""
     transfer = x.transfer
     if x.chunk is None or transfer is None or transfer.size_bytes < 0 or x.error_signal:
@@ -72,7 +72,7 @@ def constant_file_size(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.1/4", on=Exchange, names=_CHUNKS)
-def position_is_an_offset(x: Exchange, _: Scene) -> Judged | None:
+def position_is_an_offset(x: Exchange, _: RobotState) -> RuleResult | None:
     """`position` is the byte offset of the chunk's first byte, from 0 (L731, L737; A-5-5).
 
     The other meanings show at once: an end or a count from 1 in the first chunk, a count from 0
@@ -94,7 +94,7 @@ def position_is_an_offset(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.1/5", "5.4/3", on=Exchange, names=_CHUNKS)
-def length_in_bounds(x: Exchange, _: Scene) -> Judged | None:
+def length_in_bounds(x: Exchange, _: RobotState) -> RuleResult | None:
     """Length is 1 to 200, the size of the buffer (L733-735, L793)."""
     if x.chunk is None or x.error_signal:
         return None
@@ -109,7 +109,7 @@ def length_in_bounds(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.1/6", on=Exchange, names=_CHUNKS)
-def within_the_file(x: Exchange, _: Scene) -> Judged | None:
+def within_the_file(x: Exchange, _: RobotState) -> RuleResult | None:
     """Position + length never exceeds fileSize (L737)."""
     if x.chunk is None or x.error_signal:
         return None
@@ -125,13 +125,13 @@ def within_the_file(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.1/7", on=Transfer)
-def complete(transfer: Transfer, _: Scene) -> Judged | None:
+def complete(transfer: Transfer, _: RobotState) -> RuleResult | None:
     """The transfer is complete at position + length == fileSize (L737)."""
     return PASSED if transfer.state is State.DONE else None
 
 
 @rule("5.1/8", on=Exchange, names=_CHUNKS)
-def ascending(x: Exchange, _: Scene) -> Judged | None:
+def ascending(x: Exchange, _: RobotState) -> RuleResult | None:
     """Chunks come in ascending order without gap or overlap (L737, L793; A-5-8)."""
     if x.chunk is None or x.transfer is None or x.error_signal:
         return None
@@ -146,7 +146,7 @@ def ascending(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.1/9", on=Exchange, names=_CHUNKS)
-def one_byte_order(x: Exchange, _: Scene) -> Judged | None:
+def one_byte_order(x: Exchange, _: RobotState) -> RuleResult | None:
     """The byte order is the same in all chunks that one side sends in a session (A-5-2)."""
     if not x.request.parsed or x.transfer is None or not x.transfer.order:
         return None
@@ -164,7 +164,7 @@ def one_byte_order(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.1/11", on=Exchange, names=_CHUNKS)
-def name_first(x: Exchange, _: Scene) -> Judged | None:
+def name_first(x: Exchange, _: RobotState) -> RuleResult | None:
     """The file name is sent before any content (L712)."""
     if x.transfer:
         return PASSED
@@ -182,7 +182,7 @@ def name_first(x: Exchange, _: Scene) -> Judged | None:
 
 @rule("5.2/1", on=FrameSeen, names=("upload_name",), sender=A2C)
 @rule("5.3/1", on=FrameSeen, names=("download_name",), sender=A2C)
-def request_names_a_file(seen: FrameSeen, _: Scene) -> Judged | None:
+def request_names_a_file(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The request carries the file name (L743-746, L767-770)."""
     if seen.frame.data:
         return PASSED
@@ -190,7 +190,7 @@ def request_names_a_file(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("5.2/18", on=FrameSeen, names=("upload_name",), sender=A2C)
-def short_names(seen: FrameSeen, _: Scene) -> Judged | None:
+def short_names(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Names have at most 30 bytes (L226; A-5-20)."""
     if len(seen.text) <= NAME_MAX_BYTES:
         return PASSED
@@ -205,7 +205,7 @@ rule("5.3/5", on=Exchange, names=_DOWNLOAD_CHUNK)(one_flag)
 
 
 @rule("5.1/10", "5.2/3", "5.4/2", on=Exchange, names=("upload_name",))
-def existing_file_refused(x: Exchange, scene: Scene) -> Judged | None:
+def existing_file_refused(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A name that exists is answered "0" (L739, L748, L791)."""
     stored = scene.files.get(x.asked) if isinstance(x.asked, bytes) else None
     if stored is None or x.accepted is None:
@@ -220,7 +220,7 @@ def existing_file_refused(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("5.4/1", on=Exchange, names=("upload_name",))
-def absent_file_created(x: Exchange, scene: Scene) -> Judged | None:
+def absent_file_created(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A name that does not exist is answered "1" (L791); a refusal may have other reasons."""
     return PASSED if x.accepted and x.asked not in scene.files else None
 
@@ -230,7 +230,7 @@ def absent_file_created(x: Exchange, scene: Scene) -> Judged | None:
 
 @rule("5.2/4", on=Exchange, names=_UPLOAD_CHUNK)
 @rule("5.3/10", on=Exchange, names=_DOWNLOAD_CHUNK)
-def no_content_after_refusal(x: Exchange, _: Scene) -> Judged | None:
+def no_content_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     """No content is sent after 0x50 or 0x54 was answered "0" (L748, L772)."""
     if x.transfer:
         return PASSED
@@ -247,7 +247,7 @@ def no_content_after_refusal(x: Exchange, _: Scene) -> Judged | None:
 
 @rule("5.2/7", on=Exchange, names=_UPLOAD_CHUNK)
 @rule("5.3/6", on=Exchange, names=_DOWNLOAD_CHUNK)
-def stop_and_wait(x: Exchange, _: Scene) -> Judged | None:
+def stop_and_wait(x: Exchange, _: RobotState) -> RuleResult | None:
     """The next chunk is sent only after the answer to the previous one (A-5-9).
 
     Whoever is answered once too often may take that for the answer: no answer has a number.
@@ -264,8 +264,8 @@ def stop_and_wait(x: Exchange, _: Scene) -> Judged | None:
     )
 
 
-@rule("5.3/5", on=Unasked, names=_DOWNLOAD_CHUNK, sender=A2C)
-def one_answer_a_chunk(unasked: Unasked, _: Scene) -> Judged | None:
+@rule("5.3/5", on=UnsolicitedReply, names=_DOWNLOAD_CHUNK, sender=A2C)
+def one_answer_a_chunk(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """The client answers each chunk exactly once (L782-785)."""
     if unasked.late:
         return None
@@ -275,7 +275,7 @@ def one_answer_a_chunk(unasked: Unasked, _: Scene) -> Judged | None:
 
 
 @rule("5.2/8", on=Exchange, names=_UPLOAD_CHUNK)
-def stops_after_refusal(x: Exchange, _: Scene) -> Judged | None:
+def stops_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     """After 0x52 "0" the client stops the transfer (A-5-14)."""
     if x.transfer and not x.transfer.resumed:
         return PASSED
@@ -287,7 +287,7 @@ def stops_after_refusal(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.2/13", on=Exchange, names=_CHUNKS)
-def nothing_after_the_end(x: Exchange, _: Scene) -> Judged | None:
+def nothing_after_the_end(x: Exchange, _: RobotState) -> RuleResult | None:
     """Nothing is exchanged after the answer to the last chunk (L737; A-5-15)."""
     if x.transfer:
         return PASSED
@@ -302,8 +302,8 @@ def nothing_after_the_end(x: Exchange, _: Scene) -> Judged | None:
     )
 
 
-@rule("5.2/13", on=Unasked, names=_UPLOAD_CHUNK, sender=C2A)
-def no_second_last_answer(unasked: Unasked, _: Scene) -> Judged | None:
+@rule("5.2/13", on=UnsolicitedReply, names=_UPLOAD_CHUNK, sender=C2A)
+def no_second_last_answer(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """Nor is the last chunk answered twice (L737; A-5-15)."""
     last = unasked.after
     complete = last and last.transfer and last.transfer.state is State.DONE
@@ -318,7 +318,7 @@ def no_second_last_answer(unasked: Unasked, _: Scene) -> Judged | None:
 
 
 @rule("5.2/17", on=Exchange, names=_UPLOAD_CHUNK)
-def no_empty_chunk(x: Exchange, _: Scene) -> Judged | None:
+def no_empty_chunk(x: Exchange, _: RobotState) -> RuleResult | None:
     """A chunk of length 0 is only the error signal (L737, L787; A-5-10)."""
     if not x.error_signal:
         return PASSED
@@ -328,7 +328,7 @@ def no_empty_chunk(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.2/12", on=Transfer)
-def reads_back(transfer: Transfer, scene: Scene) -> Judged | None:
+def reads_back(transfer: Transfer, scene: RobotState) -> RuleResult | None:
     """A file that was uploaded completely is downloaded with identical content (L737)."""
     stored = scene.files.get(transfer.name)
     if transfer.upload or transfer.state is not State.DONE or stored is None:
@@ -349,7 +349,7 @@ def reads_back(transfer: Transfer, scene: Scene) -> Judged | None:
 
 
 @rule("5.3/4", on=Exchange, names=_DOWNLOAD_CHUNK)
-def content_behind_the_answer(x: Exchange, _: Scene) -> Judged | None:
+def content_behind_the_answer(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first chunk comes behind the answer to the name, not ahead of it (L777; A-5-23)."""
     opening = x.transfer.opening if x.transfer else None
     if opening is None or opening.reply is None:
@@ -365,7 +365,7 @@ def content_behind_the_answer(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("5.3/4", on=Transfer)
-def content_follows(transfer: Transfer, scene: Scene) -> Judged | None:
+def content_follows(transfer: Transfer, scene: RobotState) -> RuleResult | None:
     """After "1" the controller sends the content (L777-780); an empty file has none (A-5-10)."""
     if transfer.upload or transfer.chunks or transfer.reason != SILENCE:
         return None

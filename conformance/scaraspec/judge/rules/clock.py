@@ -7,7 +7,7 @@ from typing import Final
 
 from scaraspec.judge.rules.rule import (
     PASSED,
-    Judged,
+    RuleResult,
     failed,
     places_of,
     rule,
@@ -17,7 +17,7 @@ from scaraspec.judge.rules.rule import (
 from scaraspec.judge.rules.settings import in_force
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _TOLERANCE_S: Final = 2.0
 _DRIFT: Final = 0.01
@@ -68,7 +68,7 @@ def contradicted(
 
 
 @rule("4.5/4", on=Exchange, names=("get_time",))
-def clock_as_set(x: Exchange, scene: Scene) -> Judged | None:
+def clock_as_set(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "1" 0x07 gives the set time and what has passed since, within 2 s (L169, L186)."""
     setting = in_force("set_time", x, scene)
     if setting is None or x.answer is None or x.time_ns - setting.time_ns > _SOON_NS:
@@ -85,7 +85,7 @@ def clock_as_set(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.6/4", on=Exchange, names=("get_time",))
-def clock_runs(x: Exchange, scene: Scene) -> Judged | None:
+def clock_runs(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Readings on one connection do not go back and gain a second a second (L186)."""
     earlier = [y for y in scene.memory.recent.get("get_time", ()) if _comparable(y, x, scene)]
     if not earlier or x.answer is None:
@@ -126,7 +126,7 @@ def _is_summer_time(y: Exchange, x: Exchange) -> bool:
     return bool(y.answer - midnight < night_ends)  # a sum could leave the calendar
 
 
-def _comparable(y: Exchange, x: Exchange, scene: Scene) -> bool:
+def _comparable(y: Exchange, x: Exchange, scene: RobotState) -> bool:
     """Whether the clock must have run from one reading to the other."""
     changes = (scene.memory.asked.get(name) for name in ("set_time", "shutdown"))
     return (

@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated
 from scaraspec.judge.rules.text import has_codes, observed
 from scaraspec.protocol import errors
 from scaraspec.protocol.direction import C2A
 from scaraspec.traffic.events import FrameSeen
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _CODE_BYTES: Final = 2
 
@@ -23,7 +23,7 @@ def _code(seen: FrameSeen) -> bytes | None:
 
 
 @rule("8/1", on=FrameSeen, sender=C2A, payload=has_codes)
-def code_is_text(seen: FrameSeen, _: Scene) -> Judged | None:
+def code_is_text(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Codes are strings (L1014), not numbers in a byte."""
     code = _code(seen)
     if code is None:
@@ -34,7 +34,7 @@ def code_is_text(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("8/2", on=FrameSeen, sender=C2A, payload=has_codes)
-def code_of_the_table(seen: FrameSeen, _: Scene) -> Judged | None:
+def code_of_the_table(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Only codes of table 8-1 are used (L1017-1044); T/7 says that they have two characters."""
     code = _code(seen)
     if code is None or len(code) != _CODE_BYTES or not code.isalnum():
@@ -49,7 +49,7 @@ def code_of_the_table(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("8/3", on=FrameSeen, sender=C2A, payload=has_codes)
-def no_reserved_code(seen: FrameSeen, _: Scene) -> Judged | None:
+def no_reserved_code(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Reserved codes are not sent (L1024-1028; A-8-3)."""
     code = errors.lookup((_code(seen) or b"").decode("latin-1"))
     if code is None:

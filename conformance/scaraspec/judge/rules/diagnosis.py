@@ -5,10 +5,10 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.frames import TAG, Why
+from scaraspec.protocol.frames import TAG, SkipReason
 from scaraspec.protocol.redaction import mask_loose
 from scaraspec.protocol.wrong_lengths import recognise
-from scaraspec.traffic.events import Undecodable
+from scaraspec.traffic.events import InvalidBytes
 
 _SHORTEST_FRAME_BYTES: Final = 4
 _HEAD_BYTES: Final = 3  # start, opcode, length
@@ -41,19 +41,21 @@ class Diagnosis(NamedTuple):
     surplus_bytes: int = 0
 
 
-def diagnose(found: Undecodable) -> Diagnosis:
+def diagnose(found: InvalidBytes) -> Diagnosis:
     """Name the one thing that is wrong with a run of bytes between frames."""
     data, direction = found.data, found.place.direction
     if _FOREIGN.match(data):
         return Diagnosis(Fault.NONE)
-    tagged = data[1:2] == bytes((TAG,)) and found.why is not Why.STRAY
+    tagged = data[1:2] == bytes((TAG,)) and found.why is not SkipReason.STRAY
     if tagged and direction is A2C and len(data) > _HEAD_BYTES and len(data) == data[3] + 5:
         return Diagnosis(Fault.TAG, "no tag", f"{TAG:02X}")
     head = _HEAD_BYTES + (tagged and direction is C2A)
-    if found.why is Why.TRUNCATED:  # no fault, unless it waits for bytes that were never meant
+    if (
+        found.why is SkipReason.TRUNCATED
+    ):  # no fault, unless it waits for bytes that were never meant
         explained = _length(found, head)
         return explained if explained.hint else Diagnosis(Fault.NONE)
-    if found.why is Why.STRAY:
+    if found.why is SkipReason.STRAY:
         return _wrong_start(found) or _stray(found)
     if len(data) < head or (len(data) == _HEAD_BYTES and data[-1]):
         return _stray(found)  # a start byte that begins nothing
@@ -68,11 +70,11 @@ def diagnose(found: Undecodable) -> Diagnosis:
     return Diagnosis(Fault.UNCLEAR)
 
 
-def _stray(found: Undecodable) -> Diagnosis:
+def _stray(found: InvalidBytes) -> Diagnosis:
     return Diagnosis(Fault.STRAY, "nothing", f"{found.place.length_bytes} bytes")
 
 
-def _wrong_start(found: Undecodable) -> Diagnosis | None:
+def _wrong_start(found: InvalidBytes) -> Diagnosis | None:
     """A frame but for its start byte; one of the other direction lacks its end byte as well.
 
     That byte is a start byte of this direction, so that it is not told with the others.
@@ -89,7 +91,7 @@ def _wrong_start(found: Undecodable) -> Diagnosis | None:
     return None
 
 
-def _length(found: Undecodable, head: int) -> Diagnosis:
+def _length(found: InvalidBytes, head: int) -> Diagnosis:
     """A length byte that is not the number of data bytes, and perhaps where it comes from."""
     data = found.data
     if len(data) <= head:

@@ -1,15 +1,15 @@
 """Replies of one flag: a check that several clauses share."""
 
-from scaraspec.judge.rules.rule import PASSED, Judged, failed
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed
 from scaraspec.judge.rules.text import observed
-from scaraspec.protocol.fields import Wrong
+from scaraspec.protocol.fields import Defect
 from scaraspec.traffic.events import Exchange
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
-_OF_THE_TEXT = (Wrong.TRAILING_NUL, Wrong.QUOTES, Wrong.BINARY)
+_OF_THE_TEXT = (Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY)
 
 
-def one_flag(x: Exchange, _: Scene) -> Judged | None:
+def one_flag(x: Exchange, _: RobotState) -> RuleResult | None:
     """The answer is "1" or "0" and nothing else; how it is written is for T/2 to T/4."""
     if not x.reply or not x.reply.parsed:
         return None

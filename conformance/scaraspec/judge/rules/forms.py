@@ -9,13 +9,13 @@ from typing import Final
 
 from scaraspec.judge.rules.diagnosis import Fault, diagnose
 from scaraspec.judge.rules.flag import one_flag
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, payload_of, rule
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, payload_of, rule
 from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.fields import Notes, Number, Wrong, show
+from scaraspec.protocol.fields import Defect, Diagnostics, Number, show
 from scaraspec.protocol.payloads import tidy
-from scaraspec.traffic.events import Exchange, FrameSeen, Undecodable
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.events import Exchange, FrameSeen, InvalidBytes
+from scaraspec.traffic.robot_state import RobotState
 
 _EMPTY_REQUEST: Final = {
     "get_network": "4.3/1",
@@ -38,38 +38,38 @@ _EMPTY_REQUEST: Final = {
 }
 """Commands whose request has length 0, and the requirement that says so."""
 
-_COUNT: Final = (Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR, Wrong.SIZE)
-_NUMBERS: Final = (*_COUNT, Wrong.NUMBER)
-_REASON: Final = (Wrong.FLAG, Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR)
-_OF_THE_TEXT: Final = frozenset({Wrong.TRAILING_NUL, Wrong.QUOTES, Wrong.BINARY})
+_COUNT: Final = (Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR, Defect.SIZE)
+_NUMBERS: Final = (*_COUNT, Defect.NUMBER)
+_REASON: Final = (Defect.FLAG, Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR)
+_OF_THE_TEXT: Final = frozenset({Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY})
 """How it is written, which T/2 to T/4 judge."""
 
 _REQUEST: Final = {
     "4.2/1": ("set_password", _COUNT),
-    "4.4/1": ("set_network", (*_COUNT, Wrong.ADDRESS)),
-    "4.5/1": ("set_time", (Wrong.CLOCK,)),
-    "4.5/2": ("set_time", (Wrong.CALENDAR,)),
-    "4.11/1": ("delete_program", (Wrong.EMPTY_NAME,)),
-    "4.13/1": ("set_default_program", (Wrong.EMPTY_NAME,)),
-    "4.15/1": ("run_program", (Wrong.EMPTY_NAME,)),
-    "4.16/1": ("simulate_program", (Wrong.EMPTY_NAME,)),
+    "4.4/1": ("set_network", (*_COUNT, Defect.ADDRESS)),
+    "4.5/1": ("set_time", (Defect.CLOCK,)),
+    "4.5/2": ("set_time", (Defect.CALENDAR,)),
+    "4.11/1": ("delete_program", (Defect.EMPTY_NAME,)),
+    "4.13/1": ("set_default_program", (Defect.EMPTY_NAME,)),
+    "4.15/1": ("run_program", (Defect.EMPTY_NAME,)),
+    "4.16/1": ("simulate_program", (Defect.EMPTY_NAME,)),
     "4.20/1": ("set_gripper_center", _NUMBERS),
     "4.21/1": ("set_initial_tool_position", _NUMBERS),
-    "4.28/1": ("jog", (Wrong.SIZE,)),
+    "4.28/1": ("jog", (Defect.SIZE,)),
     "4.32/1": ("set_digital_output", _NUMBERS),
 }
 """Requirements on a request's form: its command, and the complaints that break it."""
 
 _REPLY: Final = {
     "4.3/2": ("get_network", _COUNT),
-    "4.3/3": ("get_network", (Wrong.ADDRESS,)),
-    "4.6/2": ("get_time", (Wrong.CLOCK,)),
-    "4.6/3": ("get_time", (Wrong.CALENDAR,)),
-    "4.7/2": ("get_version", (Wrong.SIZE,)),
-    "4.9/3": ("get_running_program", (Wrong.RUN_TIME,)),
-    "4.10/2": ("list_programs", (Wrong.FLAG,)),
-    "4.10/3": ("list_programs", (Wrong.SPACE_FOR_BAR,)),
-    "4.12/3": ("get_default_program", (Wrong.BAR_IN_NAME,)),
+    "4.3/3": ("get_network", (Defect.ADDRESS,)),
+    "4.6/2": ("get_time", (Defect.CLOCK,)),
+    "4.6/3": ("get_time", (Defect.CALENDAR,)),
+    "4.7/2": ("get_version", (Defect.SIZE,)),
+    "4.9/3": ("get_running_program", (Defect.RUN_TIME,)),
+    "4.10/2": ("list_programs", (Defect.FLAG,)),
+    "4.10/3": ("list_programs", (Defect.SPACE_FOR_BAR,)),
+    "4.12/3": ("get_default_program", (Defect.BAR_IN_NAME,)),
     "4.14/2": ("get_motor_temperatures", _NUMBERS),
     "4.16/2": ("simulate_program", _REASON),
     "4.19/2": ("get_gripper_center", _NUMBERS),
@@ -79,9 +79,9 @@ _REPLY: Final = {
     "4.26/2": ("lock_joints", _REASON),
     "4.27/2": ("get_joint_angles", _NUMBERS),
     "4.28/4": ("jog", _REASON),
-    "4.31/2": ("get_digital_inputs", (*_REASON, Wrong.BITS)),
-    "4.33/2": ("get_analog_input", (*_REASON, Wrong.NUMBER)),
-    "4.34/2": ("get_digital_outputs", (*_REASON, Wrong.BITS)),
+    "4.31/2": ("get_digital_inputs", (*_REASON, Defect.BITS)),
+    "4.33/2": ("get_analog_input", (*_REASON, Defect.NUMBER)),
+    "4.34/2": ("get_digital_outputs", (*_REASON, Defect.BITS)),
 }
 """Requirements on a first reply's form: its command, and the complaints that break it."""
 
@@ -117,14 +117,16 @@ _MOVE: Final = ("set_tool_coordinates",)
 _NUMBER: Final = Number("a field")
 
 
-def _empty_request(seen: FrameSeen, _: Scene) -> Judged | None:
+def _empty_request(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The request has length 0."""
     if not seen.frame.data:
         return PASSED
     return failed("the request carries data", expected="length 0", observed=observed(seen))
 
 
-def _form(seen: FrameSeen, _: Scene, *, part: str, wrongs: Collection[Wrong]) -> Judged | None:
+def _form(
+    seen: FrameSeen, _: RobotState, *, part: str, wrongs: Collection[Defect]
+) -> RuleResult | None:
     """The payload has none of these complaints."""
     if not seen.parsed or seen.parsed.part != part:
         return None
@@ -138,11 +140,11 @@ def _form(seen: FrameSeen, _: Scene, *, part: str, wrongs: Collection[Wrong]) ->
 
 
 @rule("4.24/1", on=FrameSeen, names=_MOVE, sender=A2C)
-def seven_numbers(seen: FrameSeen, scene: Scene) -> Judged | None:
+def seven_numbers(seen: FrameSeen, scene: RobotState) -> RuleResult | None:
     """The request holds seven numbers (L483-486); that the first is an integer is said next."""
     judged = _form(seen, scene, part="request", wrongs=_COUNT)
-    notes = Notes()
-    texts = tidy(seen.frame.data, Notes()).removesuffix(b"|").split(b"|")  # A-T-4
+    notes = Diagnostics()
+    texts = tidy(seen.frame.data, Diagnostics()).removesuffix(b"|").split(b"|")  # A-T-4
     for text in texts if judged is PASSED else ():
         _NUMBER.read(text.strip(b" "), notes)
     if not notes.complaints:
@@ -151,11 +153,11 @@ def seven_numbers(seen: FrameSeen, scene: Scene) -> Judged | None:
 
 
 @rule("4.24/2", on=FrameSeen, names=_MOVE, sender=A2C)
-def speed_in_percent(seen: FrameSeen, scene: Scene) -> Judged | None:
+def speed_in_percent(seen: FrameSeen, scene: RobotState) -> RuleResult | None:
     """Speed is an integer percentage, 1 to 100 (L488; A-4.24-4)."""
     if _form(seen, scene, part="request", wrongs=_COUNT) is not PASSED:
         return None
-    text = tidy(seen.frame.data, Notes()).split(b"|")[0]
+    text = tidy(seen.frame.data, Diagnostics()).split(b"|")[0]
     if text.isdigit() and len(text) <= _SPEED_DIGITS and 1 <= int(text) <= 100:  # noqa: PLR2004 - percent
         return PASSED
     return failed(
@@ -163,7 +165,7 @@ def speed_in_percent(seen: FrameSeen, scene: Scene) -> Judged | None:
     )
 
 
-def _real_length(x: Exchange, _: Scene) -> Judged | None:
+def _real_length(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply's length is its real number of bytes."""
     if x.reply:
         return PASSED
@@ -171,12 +173,12 @@ def _real_length(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.18/5", on=Exchange, names=("reset",))
-def length_of_a_failure(x: Exchange, _: Scene) -> Judged | None:
+def length_of_a_failure(x: Exchange, _: RobotState) -> RuleResult | None:
     """A failed reset's length is its real number of bytes: 5, not the printed 4 (A-4.18-1)."""
     return _wrong_length(x.malformed) if x.accepted and x.malformed else None
 
 
-def _wrong_length(found: Undecodable) -> Judged | None:
+def _wrong_length(found: InvalidBytes) -> RuleResult | None:
     diagnosis = diagnose(found)
     if diagnosis.fault is not Fault.LENGTH:
         return None
@@ -190,19 +192,19 @@ def _wrong_length(found: Undecodable) -> Judged | None:
 
 
 @rule("4.21/6", on=FrameSeen, names=("set_initial_tool_position",), sender=A2C)
-def length_of_a_position(_seen: FrameSeen, _: Scene) -> Judged | None:
+def length_of_a_position(_seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """A request that was found has its real length: 23 for the documented text (L450)."""
     return PASSED
 
 
-@rule("4.21/6", on=Undecodable, sender=A2C)
-def wrong_length_of_a_position(found: Undecodable, _: Scene) -> Judged | None:
+@rule("4.21/6", on=InvalidBytes, sender=A2C)
+def wrong_length_of_a_position(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     """A request whose length is not that of its bytes, such as the printed 25 (A-4.21-1)."""
     return _wrong_length(found) if found.data[1:2] == bytes((_SET_POSITION,)) else None
 
 
 @rule("4.33/1", on=FrameSeen, names=("get_analog_input",), sender=A2C)
-def port_in_two_characters(seen: FrameSeen, _: Scene) -> Judged | None:
+def port_in_two_characters(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The request is the port number in two characters (L667-670; A-4.32-1)."""
     text = seen.text
     if len(text) == _PORT_DIGITS and text.isdigit():

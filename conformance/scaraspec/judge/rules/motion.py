@@ -18,7 +18,7 @@ from scaraspec.judge.rules.arm import (
     reading_before,
 )
 from scaraspec.judge.rules.busy import STATE_OF
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.settings import PROGRAMS, executed_since, in_force
 from scaraspec.judge.rules.text import observed
 from scaraspec.judge.tolerances import STANDSTILL, farthest
@@ -27,7 +27,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _AXES: Final = {
     JogDirection.PLUS_Y: (1, 1),
@@ -48,7 +48,7 @@ _BEYOND_ALL_REACH_MM: Final = 1_000_000
 
 
 @rule("4.24/8", on=Exchange, names=(POSE,))
-def pose_is_reached(x: Exchange, scene: Scene) -> Judged | None:
+def pose_is_reached(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "11" 0x38 gives the commanded pose within 1 mm and 1 degree (L504, L476)."""
     move = last_motion(x, scene)
     if move is None or move.name != MOVE or not move.asked or not x.answer:
@@ -75,7 +75,7 @@ def pose_is_reached(x: Exchange, scene: Scene) -> Judged | None:
     )
 
 
-def _gripper(x: Exchange, scene: Scene) -> Sequence[float] | None:
+def _gripper(x: Exchange, scene: RobotState) -> Sequence[float] | None:
     """The gripper centre, where it is known."""
     setting = in_force("set_gripper_center", x, scene)
     read = scene.memory.last("get_gripper_center", before_ns=x.time_ns)
@@ -89,7 +89,7 @@ def _gripper(x: Exchange, scene: Scene) -> Sequence[float] | None:
 
 
 @rule("4.24/9", on=Exchange, names=(MOVE,))
-def out_of_reach(x: Exchange, _: Scene) -> Judged | None:
+def out_of_reach(x: Exchange, _: RobotState) -> RuleResult | None:
     """A target 1,000,000 mm away is refused or fails, with 05 or 06 (L1022-1023; A-4.24-5)."""
     if not x.asked or max(abs(value) for value in x.asked[1:4]) < _BEYOND_ALL_REACH_MM:
         return None
@@ -106,20 +106,20 @@ def out_of_reach(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.27/6", on=Exchange, names=(JOINTS, POSE))
-def joints_follow_the_pose(x: Exchange, scene: Scene) -> Judged | None:
+def joints_follow_the_pose(x: Exchange, scene: RobotState) -> RuleResult | None:
     """What changed the tool coordinates changed the joint angles too (L591, L1004)."""
     motion = last_motion(x, scene)
     return _consistent(motion, x, scene) if motion and motion.name != _RUN else None
 
 
 @rule("7/5", on=Exchange, names=(JOINTS, POSE))
-def one_geometry(x: Exchange, scene: Scene) -> Judged | None:
+def one_geometry(x: Exchange, scene: RobotState) -> RuleResult | None:
     """One arm has one pose for one set of joint angles; a program may set another tool."""
     motion = last_motion(x, scene)
     return _consistent(motion, x, scene) if motion else None
 
 
-def _consistent(motion: Exchange, x: Exchange, scene: Scene) -> Judged | None:
+def _consistent(motion: Exchange, x: Exchange, scene: RobotState) -> RuleResult | None:
     """Whether the joint angles tell apart two poses, before and after a motion."""
     if motion.name not in MOTIONS:
         return None
@@ -137,7 +137,7 @@ def _consistent(motion: Exchange, x: Exchange, scene: Scene) -> Judged | None:
 _Two = tuple[Exchange, Exchange]
 
 
-def _around(motion: Exchange, x: Exchange, scene: Scene) -> tuple[_Two, _Two] | None:
+def _around(motion: Exchange, x: Exchange, scene: RobotState) -> tuple[_Two, _Two] | None:
     """Joints and pose before and after a motion; `x` is one of the two after it."""
     if answered_ns(x) - ended_ns(motion) > MOMENT_NS:
         return None
@@ -158,7 +158,7 @@ def _around(motion: Exchange, x: Exchange, scene: Scene) -> tuple[_Two, _Two] | 
 
 
 @rule("4.28/3", on=Exchange, names=(JOINTS, POSE))
-def jog_direction(x: Exchange, scene: Scene) -> Judged | None:
+def jog_direction(x: Exchange, scene: RobotState) -> RuleResult | None:
     """1, 2, 3, 4 mean +Y, -Y, +X, -X (L605-608); a jog of single joints has none (A-4.28-2)."""
     if last_motion(x, scene) is None:
         return None
@@ -179,13 +179,13 @@ def jog_direction(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.28/8", on=Exchange, names=(JOG,))
-def jog_ends(x: Exchange, _: Scene) -> Judged | None:
+def jog_ends(x: Exchange, _: RobotState) -> RuleResult | None:
     """A jog ends on 0x32 (A-4.28-3)."""
     return PASSED if x.interrupted_by and x.interrupted_by.name == STOP and x.result else None
 
 
 @rule("4.28/8", on=Exchange, names=("get_status",))
-def jog_goes_on(x: Exchange, scene: Scene) -> Judged | None:
+def jog_goes_on(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A robot that still moves behind a stop that had succeeded was not stopped."""
     if len(scene.memory.accepted) < 2 or x.answer != STATE_OF[JOG]:  # noqa: PLR2004 - jog and stop
         return None
@@ -206,7 +206,7 @@ def jog_goes_on(x: Exchange, scene: Scene) -> Judged | None:
 
 @rule("7/2", on=FrameSeen, names=(MOVE,), sender=A2C)
 @rule("7/2", on=FrameSeen, names=(POSE,), sender=C2A)
-def four_of_six(seen: FrameSeen, _: Scene) -> Judged | None:
+def four_of_six(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Only x, y, z and thetaX have a meaning (L1006; A-4.21-3)."""
     if seen.value is None:
         return None

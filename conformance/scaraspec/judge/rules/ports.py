@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule
 from scaraspec.judge.rules.settings import (
     UNSEEN_NS,
     executed_since,
@@ -12,7 +12,7 @@ from scaraspec.judge.rules.settings import (
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.exchange_history import KEPT_EXCHANGES, answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _SET: Final = "set_digital_output"
 _GET: Final = ("get_digital_outputs",)
@@ -22,7 +22,7 @@ _CHANGERS: Final = ("run_program", "simulate_program", "emergency_stop", "reset"
 
 
 @rule("4.32/2", on=FrameSeen, names=(_SET,), sender=A2C)
-def zero_or_one(seen: FrameSeen, _: Scene) -> Judged | None:
+def zero_or_one(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The value is 0 or 1 (L655; A-4.32-4)."""
     if seen.value is None:
         return None
@@ -32,7 +32,7 @@ def zero_or_one(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("4.32/3", on=FrameSeen, names=(_SET,), sender=A2C)
-def only_outputs(seen: FrameSeen, _: Scene) -> Judged | None:
+def only_outputs(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The client addresses digital outputs, of which 0x49 shows sixteen (L655; A-4.32-3)."""
     if seen.value is None:
         return None
@@ -43,7 +43,7 @@ def only_outputs(seen: FrameSeen, _: Scene) -> Judged | None:
     )
 
 
-def _setting(x: Exchange, scene: Scene) -> Exchange | None:
+def _setting(x: Exchange, scene: RobotState) -> Exchange | None:
     """The setting of an output that 0x49 must show, where that is sure."""
     setting = in_force(_SET, x, scene)
     if setting is None or x.answer is None or setting.asked.port > OUTPUTS:
@@ -51,7 +51,7 @@ def _setting(x: Exchange, scene: Scene) -> Exchange | None:
     return None if _may_be_off(setting.time_ns, scene) else setting
 
 
-def _may_be_off(since_ns: int, scene: Scene) -> bool:
+def _may_be_off(since_ns: int, scene: RobotState) -> bool:
     """Whether outputs may have been switched off since then; a stop that is refused may do so."""
     stop = scene.memory.asked.get("emergency_stop")
     stopped = stop is not None and stop.place.time_ns >= since_ns
@@ -64,7 +64,7 @@ def _with(bits: str, port: int, value: int) -> str:
     return f"{bits[:at]}{value}{bits[at + 1 :]}"
 
 
-def _before(x: Exchange, scene: Scene) -> Exchange | None:
+def _before(x: Exchange, scene: RobotState) -> Exchange | None:
     """The reading before this one, where only settings can have changed the outputs since."""
     before = scene.memory.last(x.name, before_ns=x.time_ns)
     if before is None or before.answer is None or x.time_ns - before.time_ns > UNSEEN_NS:
@@ -74,7 +74,7 @@ def _before(x: Exchange, scene: Scene) -> Exchange | None:
     return None if _may_be_off(before.time_ns, scene) else before
 
 
-def _due(x: Exchange, scene: Scene) -> str | None:
+def _due(x: Exchange, scene: RobotState) -> str | None:
     """All that 0x49 must show, by the reading before and what was set since."""
     before = _before(x, scene)
     if before is None:
@@ -98,7 +98,7 @@ def _overlap(x: Exchange, y: Exchange) -> bool:
     return x.time_ns <= answered_ns(y) and y.time_ns <= answered_ns(x)
 
 
-def _shows_mirrored(x: Exchange, setting: Exchange, scene: Scene) -> bool:
+def _shows_mirrored(x: Exchange, setting: Exchange, scene: RobotState) -> bool:
     """Whether what was set shows as if the leftmost digit were port 1."""
     before, (port, value) = _before(x, scene), setting.asked
     mirrored = OUTPUTS + 1 - port
@@ -109,7 +109,7 @@ def _shows_mirrored(x: Exchange, setting: Exchange, scene: Scene) -> bool:
 
 
 @rule("4.32/6", on=Exchange, names=_GET)
-def output_shows(x: Exchange, scene: Scene) -> Judged | None:
+def output_shows(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "1" 0x49 shows the value at that port, and no other digit has changed (L655, L684)."""
     setting = _setting(x, scene)
     if setting is None:
@@ -133,7 +133,7 @@ def output_shows(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.34/3", on=Exchange, names=_GET)
-def high_port_first(x: Exchange, scene: Scene) -> Judged | None:
+def high_port_first(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Ports run from 16, leftmost, to 1 (L684; A-4.34-2): a port that is set shows its digit."""
     setting = _setting(x, scene)
     if setting is None:

@@ -8,14 +8,14 @@ from functools import lru_cache, partial
 from typing import Final
 
 from scaraspec.judge.requirements import REQUIREMENTS, Method, Strength
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.programs import Fault, Finding, Severity, lint
 from scaraspec.protocol.programs.layout import FOOTER, MAGIC
 from scaraspec.protocol.programs.lint import MAX_FINDINGS
 from scaraspec.protocol.transfer import State
 from scaraspec.traffic.events import Transfer
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _UNREADABLE: Final = {fault.code for fault in Fault} - {Fault.SURPLUS.code, Fault.SECOND.code}
 """Faults behind which nothing else of the file can be judged."""
@@ -34,7 +34,7 @@ def _worst(transfer: Transfer) -> tuple[Mapping[str, Finding], bool]:
     return worst, readable and len(findings) <= MAX_FINDINGS
 
 
-def _check(transfer: Transfer, _: Scene, *, requirement: str) -> Judged | None:
+def _check(transfer: Transfer, _: RobotState, *, requirement: str) -> RuleResult | None:
     """What the linter says of one requirement: an error fails it, a warning is tolerated.
 
     What is only worth knowing is reported where the requirement leaves a choice.

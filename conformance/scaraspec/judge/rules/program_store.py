@@ -6,14 +6,14 @@ from functools import lru_cache
 from itertools import pairwise, takewhile
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.two_stage import TWO_STAGE
-from scaraspec.protocol.fields import NAME_MAX_BYTES, Wrong, show
+from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
 from scaraspec.protocol.programs import MAX_FILE_BYTES, Severity, lint
 from scaraspec.protocol.programs.layout import MAGIC
 from scaraspec.traffic.events import Exchange, Transfer
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _LIST: Final = ("list_programs",)
 _RUNS: Final = ("run_program", "simulate_program")
@@ -44,14 +44,14 @@ def _was_due(x: Exchange) -> bool:
     return x.reply is not None and x.reply.begun_ns - since_ns >= _PUSHED_NS
 
 
-def _is_sure(x: Exchange, scene: Scene) -> bool:
+def _is_sure(x: Exchange, scene: RobotState) -> bool:
     """Whether its parts are its own: lists that are asked for at the same time may mix."""
     last = scene.memory.asked.get(x.name, x.request)
     elsewhere = last.place.connection != x.request.place.connection
     return not x.doubled and (last is x.request or elsewhere)
 
 
-def _is_complete(x: Exchange, scene: Scene) -> bool:
+def _is_complete(x: Exchange, scene: RobotState) -> bool:
     whole = bool(x.parts) and x.parts[-1].value is not None and not x.parts[-1].value.more
     return whole and _is_sure(x, scene)
 
@@ -66,7 +66,7 @@ def _begun_ns(x: Exchange) -> int:
 
 
 @rule("4.10/4", on=Exchange, names=_LIST)
-def last_part_says_so(x: Exchange, scene: Scene) -> Judged | None:
+def last_part_says_so(x: Exchange, scene: RobotState) -> RuleResult | None:
     """The last part of a list begins with "0" (L251): behind a "1" another one is due."""
     if _is_complete(x, scene):
         return PASSED
@@ -80,7 +80,7 @@ def last_part_says_so(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.10/5", on=Exchange, names=_LIST)
-def next_part_comes(x: Exchange, _: Scene) -> Judged | None:
+def next_part_comes(x: Exchange, _: RobotState) -> RuleResult | None:
     """Behind a part with "1" the next one comes, unasked or when asked (L251; A-4.10-3)."""
     if len(x.parts) < 2 or _begins_anew(x):  # noqa: PLR2004 - a part and the next
         return None
@@ -90,7 +90,7 @@ def next_part_comes(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.10/6", on=Exchange, names=_LIST)
-def no_divided_name(x: Exchange, scene: Scene) -> Judged | None:
+def no_divided_name(x: Exchange, scene: RobotState) -> RuleResult | None:
     """No name is divided between two parts (L246): names that are known show it."""
     seams = [
         (a.value.names[-1], b.value.names[0])
@@ -107,21 +107,21 @@ def no_divided_name(x: Exchange, scene: Scene) -> Judged | None:
     return PASSED if seams else None
 
 
-def _is_known(name: bytes, scene: Scene) -> bool:
+def _is_known(name: bytes, scene: RobotState) -> bool:
     """Whether a program of this name was uploaded, run, or made the default one."""
     accepted = (y for kind in _NAMING for y in scene.memory.recent.get(kind, ()) if y.accepted)
     return name in scene.files or any(y.asked == name for y in accepted)
 
 
 @rule("4.10/7", on=Exchange, names=_LIST)
-def no_odd_name(x: Exchange, scene: Scene) -> Judged | None:
+def no_odd_name(x: Exchange, scene: RobotState) -> RuleResult | None:
     """No name is empty or repeated in one list (L246)."""
     if not x.parts or _begins_anew(x) or not _is_sure(x, scene):
         return None
     names = _names(x)
     for part in x.parts:
         for complaint in part.parsed.decoded.complaints if part.parsed else ():
-            if complaint.wrong is Wrong.EMPTY_NAME:
+            if complaint.wrong is Defect.EMPTY_NAME:
                 return failed("a name in the list is empty", observed=show(part.frame.data))
     [(name, count)] = Counter(names).most_common(1) or [(b"", 0)]
     if count <= 1:
@@ -146,7 +146,7 @@ def _has_no_finding(transfer: Transfer) -> bool:
 
 
 @rule("4.10/11", on=Exchange, names=_LIST)
-def uploaded_is_listed(x: Exchange, scene: Scene) -> Judged | None:
+def uploaded_is_listed(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A valid program is listed from the end of its upload on (L246); other files need not be.
 
     What becomes of names that are too long or hold a bar is open (A-5-20, A-T-6).
@@ -173,7 +173,7 @@ def uploaded_is_listed(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.10/11", "4.11/3", on=Exchange, names=_LIST)
-def deleted_is_not_listed(x: Exchange, scene: Scene) -> Judged | None:
+def deleted_is_not_listed(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A program that was deleted is not in the list (L246, L260)."""
     if not _is_complete(x, scene) or not scene.memory.deleted:
         return None
@@ -188,7 +188,7 @@ def deleted_is_not_listed(x: Exchange, scene: Scene) -> Judged | None:
     )
 
 
-def _deletions(names: list[bytes], before_ns: int, scene: Scene) -> Iterator[Exchange]:
+def _deletions(names: list[bytes], before_ns: int, scene: RobotState) -> Iterator[Exchange]:
     """Those of these names that had been deleted by then, and not uploaded again."""
     for name in names:
         deletion = scene.memory.deleted.get(name)
@@ -197,7 +197,7 @@ def _deletions(names: list[bytes], before_ns: int, scene: Scene) -> Iterator[Exc
 
 
 @rule("4.11/3", on=Exchange, names=("download_name", *_RUNS))
-def deleted_is_gone(x: Exchange, scene: Scene) -> Judged | None:
+def deleted_is_gone(x: Exchange, scene: RobotState) -> RuleResult | None:
     """What was deleted can be neither downloaded nor run (L260); it may fail late (A-4.15-1)."""
     deletion = next(_deletions([x.request.text], x.time_ns, scene), None)
     if deletion is None or x.accepted is None:
@@ -216,7 +216,7 @@ def deleted_is_gone(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.11/5", on=Exchange, names=("delete_program",))
-def running_is_not_deleted(x: Exchange, _: Scene) -> Judged | None:
+def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
     """The running program is not deleted (A-4.11-1)."""
     running = any(y.name in _RUNS and y.asked == x.asked for y in x.during)
     if not running or x.unsettled or x.accepted is None:
@@ -230,7 +230,7 @@ def running_is_not_deleted(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("8/5", on=Exchange, names=(*TWO_STAGE, "shutdown"))
-def code_20(x: Exchange, scene: Scene) -> Judged | None:
+def code_20(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Code 20 means that the program file does not exist (L1044)."""
     said = x.answer if x.accepted is False else x.outcome
     if said is None or said.code != _MISSING:
@@ -255,7 +255,7 @@ def code_20(x: Exchange, scene: Scene) -> Judged | None:
     return PASSED
 
 
-def _is_listed(name: bytes, x: Exchange, scene: Scene) -> bool:
+def _is_listed(name: bytes, x: Exchange, scene: RobotState) -> bool:
     """Whether the last list had it, and nothing was deleted since."""
     programs = scene.memory.last("list_programs", before_ns=x.time_ns)
     deletion = scene.memory.asked.get("delete_program")

@@ -13,21 +13,21 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.payloads import Payload
 from scaraspec.traffic.events import (
+    CaptureGap,
     Exchange,
     FrameSeen,
-    Happening,
     Injected,
+    InvalidBytes,
     LinkChange,
-    Lost,
+    TrafficEvent,
     Transfer,
-    Unasked,
-    Undecodable,
+    UnsolicitedReply,
 )
-from scaraspec.traffic.robot_state import Scene
-from scaraspec.traffic.wire import Place
+from scaraspec.traffic.robot_state import RobotState
+from scaraspec.traffic.wire import WireRange
 
 
-class Judged(NamedTuple):
+class RuleResult(NamedTuple):
     """A rule's word on one happening.
 
     Attributes:
@@ -43,31 +43,31 @@ class Judged(NamedTuple):
     message: str = ""
     expected: str = ""
     observed: str = ""
-    places: tuple[Place, ...] = ()
+    places: tuple[WireRange, ...] = ()
     reading: tuple[str, str] | None = None
 
 
-PASSED = Judged(Verdict.PASS)
+PASSED = RuleResult(Verdict.PASS)
 
 
 def failed(
-    message: str, *, expected: str = "", observed: str = "", at: Iterable[Place] = ()
-) -> Judged:
+    message: str, *, expected: str = "", observed: str = "", at: Iterable[WireRange] = ()
+) -> RuleResult:
     """The subject violates the requirement."""
-    return Judged(Verdict.FAIL, message, expected, observed, tuple(at))
+    return RuleResult(Verdict.FAIL, message, expected, observed, tuple(at))
 
 
-def tolerated(key: str, option: str, message: str, *, at: Iterable[Place] = ()) -> Judged:
+def tolerated(key: str, option: str, message: str, *, at: Iterable[WireRange] = ()) -> RuleResult:
     """The subject follows a listed reading, or does what the register only warns of."""
-    return Judged(Verdict.TOLERATED, message, places=tuple(at), reading=(key, option))
+    return RuleResult(Verdict.TOLERATED, message, places=tuple(at), reading=(key, option))
 
 
-def unsure(message: str) -> Judged:
+def unsure(message: str) -> RuleResult:
     """The evidence does not suffice."""
-    return Judged(Verdict.INCONCLUSIVE, message)
+    return RuleResult(Verdict.INCONCLUSIVE, message)
 
 
-Check = Callable[[Any, Scene], Judged | None]
+Check = Callable[[Any, RobotState], RuleResult | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class Rule:
     payload: Callable[[Payload], bool] | None
     check: Check
 
-    def looks_at(self, happening: Happening) -> bool:
+    def looks_at(self, happening: TrafficEvent) -> bool:
         """Whether it concerns such a happening: one of this `kind_of`."""
         return (
             self.on is type(happening)
@@ -99,7 +99,7 @@ class Rule:
             and (self.payload is None or self._holds_payload(happening))
         )
 
-    def _holds_payload(self, happening: Happening) -> bool:
+    def _holds_payload(self, happening: TrafficEvent) -> bool:
         payload = payload_of(happening) if isinstance(happening, FrameSeen) else None
         return self.payload is not None and payload is not None and self.payload(payload)
 
@@ -124,7 +124,7 @@ def rule(
     return enter
 
 
-def kind_of(happening: Happening) -> tuple[object, ...]:
+def kind_of(happening: TrafficEvent) -> tuple[object, ...]:
     """What decides which rules look at a happening: equal kinds have equal rules."""
     if isinstance(happening, FrameSeen):
         frame = happening.frame
@@ -137,51 +137,51 @@ def payload_of(seen: FrameSeen) -> Payload | None:
     return seen.command.payload(seen.frame) if seen.command else None
 
 
-def places_of(happening: Happening) -> tuple[Place, ...]:
+def places_of(happening: TrafficEvent) -> tuple[WireRange, ...]:
     """Where on the wire a happening is."""
     match happening:
-        case FrameSeen() | Undecodable():
+        case FrameSeen() | InvalidBytes():
             return (happening.place,)
-        case Unasked():
+        case UnsolicitedReply():
             return (happening.seen.place,)
         case Exchange():
             return tuple(seen.place for seen in happening.frames)
         case Transfer():
             return places_of(happening.opening) if happening.opening else ()
-        case LinkChange(event) | Lost(event) | Injected(event):
+        case LinkChange(event) | CaptureGap(event) | Injected(event):
             length_bytes = max(event.length_bytes, 0)
             where = (event.connection, event.direction, event.offset_bytes)
-            return (Place(*where, length_bytes, event.time_ns),)
+            return (WireRange(*where, length_bytes, event.time_ns),)
 
 
-def name_of(happening: Happening) -> str:
+def name_of(happening: TrafficEvent) -> str:
     """The command that a happening belongs to, empty where there is none."""
     match happening:
         case FrameSeen() | Exchange():
             return happening.name
-        case Unasked():
+        case UnsolicitedReply():
             return happening.seen.name
         case _:
             return ""
 
 
-def sender_of(happening: Happening) -> Direction | None:
+def sender_of(happening: TrafficEvent) -> Direction | None:
     """Who sent the frame or the bytes, or asked; None where that is nobody."""
     match happening:
         case FrameSeen():
             return happening.frame.direction
         case Exchange():
             return happening.request.frame.direction
-        case Unasked():
+        case UnsolicitedReply():
             return happening.seen.frame.direction
-        case Undecodable():
+        case InvalidBytes():
             return happening.place.direction
         case _:
             return None
 
 
-def is_certain(happening: Happening) -> bool:
+def is_certain(happening: TrafficEvent) -> bool:
     """Whether no gap or fault can have touched it; a change of the link is seen or it is not."""
-    if isinstance(happening, LinkChange | Lost | Injected):
+    if isinstance(happening, LinkChange | CaptureGap | Injected):
         return isinstance(happening, LinkChange)
     return happening.certain

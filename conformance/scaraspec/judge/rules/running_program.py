@@ -5,7 +5,7 @@ from typing import Final
 from scaraspec.judge.rules.clock import contradicted
 from scaraspec.judge.rules.rule import (
     PASSED,
-    Judged,
+    RuleResult,
     failed,
     places_of,
     rule,
@@ -14,10 +14,10 @@ from scaraspec.judge.rules.rule import (
 )
 from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.direction import C2A
-from scaraspec.protocol.fields import NAME_MAX_BYTES, Wrong, show
+from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _INFO: Final = ("get_running_program",)
 _STATUS: Final = ("get_status",)
@@ -38,7 +38,7 @@ def _says_none(x: Exchange) -> bool:
 
 
 @rule("4.9/2", on=Exchange, names=_INFO)
-def program_is_told(x: Exchange, _: Scene) -> Judged | None:
+def program_is_told(x: Exchange, _: RobotState) -> RuleResult | None:
     """While a program runs the reply is "1", its name and its run time (L226-232).
 
     Whether a simulation counts is open (A-4.9-4).
@@ -56,13 +56,13 @@ def program_is_told(x: Exchange, _: Scene) -> Judged | None:
             at=(program.request.place, *places_of(x)),
         )
     for complaint in x.reply.parsed.decoded.complaints:
-        if complaint.wrong in (Wrong.FLAG, Wrong.FIELD_COUNT, Wrong.SPACE_FOR_BAR):
+        if complaint.wrong in (Defect.FLAG, Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR):
             return failed(complaint.text, expected="1|name|DDHHMMSS", observed=observed(x.reply))
     return PASSED if x.answer else None
 
 
 @rule("4.9/4", on=Exchange, names=_INFO)
-def name_of_the_program(x: Exchange, _: Scene) -> Judged | None:
+def name_of_the_program(x: Exchange, _: RobotState) -> RuleResult | None:
     """The name is the one that was asked to run or to be simulated (L226)."""
     program = _program(x)
     if program is None or x.answer is None or not isinstance(program.asked, bytes):
@@ -80,7 +80,7 @@ def name_of_the_program(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.9/5", on=Exchange, names=_INFO)
-def run_time_runs(x: Exchange, scene: Scene) -> Judged | None:
+def run_time_runs(x: Exchange, scene: RobotState) -> RuleResult | None:
     """The run time gains a second a second (L226); a simulation may have a time of its own."""
     program = _program(x)
     if program is None or program.name != _RUN or x.answer is None:
@@ -107,19 +107,19 @@ def run_time_runs(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.9/6", on=Exchange, names=_INFO)
-def nothing_behind_none(x: Exchange, scene: Scene) -> Judged | None:
+def nothing_behind_none(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Without a program the reply begins with "0" and gives no name and no time (L226, L237)."""
     if not x.reply or not x.reply.parsed or not _says_none(x):
         return None
     complaints = x.reply.parsed.decoded.complaints
-    surplus = next((c.text for c in complaints if c.wrong is Wrong.FLAG), "")
+    surplus = next((c.text for c in complaints if c.wrong is Defect.FLAG), "")
     if surplus:
         return failed(surplus, expected="0", observed=observed(x.reply))
     return PASSED if not scene.busy else None
 
 
 @rule("4.9/6", on=Exchange, names=_STATUS)
-def no_program_when_idle(x: Exchange, scene: Scene) -> Judged | None:
+def no_program_when_idle(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A robot that was idle before and is idle behind has told no program between."""
     begin_ns = scene.memory.idle_seen_ns
     idle = scene.memory.idle_since_ns is not None and not scene.busy and x.answer == "00"
@@ -137,7 +137,7 @@ def no_program_when_idle(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.9/7", on=FrameSeen, names=_INFO, sender=C2A)
-def none_in_one_character(seen: FrameSeen, _: Scene) -> Judged | None:
+def none_in_one_character(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Without a program the reply is the single character "0" (L237; A-4.9-2)."""
     form = dict(seen.parsed.decoded.readings).get("runinfo_none") if seen.parsed else None
     if form is None:
@@ -146,7 +146,7 @@ def none_in_one_character(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("4.9/8", on=Exchange, names=_INFO)
-def short_name(x: Exchange, _: Scene) -> Judged | None:
+def short_name(x: Exchange, _: RobotState) -> RuleResult | None:
     """The program name has at most 30 bytes (L226; A-4.9-5)."""
     if not x.answer:
         return None
@@ -156,7 +156,7 @@ def short_name(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.9/10", on=Exchange, names=_STATUS)
-def flag_agrees_with_status(x: Exchange, scene: Scene) -> Judged | None:
+def flag_agrees_with_status(x: Exchange, scene: RobotState) -> RuleResult | None:
     """The flag is "1" while the status is 01, or 02 where a simulation counts (A-4.9-4).
 
     Held against statuses before and behind that are the same, with nothing begun between them.

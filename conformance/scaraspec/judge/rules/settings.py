@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection
 from typing import Any, Final
 
 from scaraspec.judge.rounding import read_back
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.text import observed
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 UNSEEN_NS: Final = 60_000_000_000
 """Later the robot may have been switched off, or somebody whom the recording does not show may be
@@ -23,7 +23,7 @@ PROGRAMS: Final = ("run_program", "simulate_program")
 """A program's file holds positions of its own (A-6.3-3)."""
 
 
-def in_force(setter: str, x: Exchange, scene: Scene) -> Exchange | None:
+def in_force(setter: str, x: Exchange, scene: RobotState) -> Exchange | None:
     """The accepted setting that is in force while `x` is answered, where that is sure.
 
     It was accepted not long before `x` was asked, it was the last that was asked, and the robot
@@ -40,7 +40,7 @@ def in_force(setter: str, x: Exchange, scene: Scene) -> Exchange | None:
     return None if switched_off_since(found, scene) else found
 
 
-def switched_off_since(x: Exchange, scene: Scene) -> bool:
+def switched_off_since(x: Exchange, scene: RobotState) -> bool:
     """Whether the robot may have been switched off since `x`: asked to, or without a word.
 
     A new address ends the connections, too (A-4.4-1).
@@ -51,7 +51,7 @@ def switched_off_since(x: Exchange, scene: Scene) -> bool:
     return x.name != "set_network" and scene.memory.hung_up_ns > x.time_ns
 
 
-def executed_since(time_ns: int, scene: Scene, names: Collection[str]) -> bool:
+def executed_since(time_ns: int, scene: RobotState, names: Collection[str]) -> bool:
     """Whether one of these two-stage commands executed, or may have, since then."""
     return any(
         y.name in names and (y.result is None or y.result.place.time_ns > time_ns)
@@ -59,7 +59,7 @@ def executed_since(time_ns: int, scene: Scene, names: Collection[str]) -> bool:
     )
 
 
-def _other_value(setting: Exchange, x: Exchange) -> Judged:
+def _other_value(setting: Exchange, x: Exchange) -> RuleResult:
     return failed(
         f"{x.name} gives another value than {setting.name} had set",
         expected=observed(setting.request),
@@ -69,8 +69,8 @@ def _other_value(setting: Exchange, x: Exchange) -> Judged:
 
 
 def _read_back(
-    setter: str, x: Exchange, scene: Scene, same: Callable[[Exchange, Any], bool]
-) -> Judged | None:
+    setter: str, x: Exchange, scene: RobotState, same: Callable[[Exchange, Any], bool]
+) -> RuleResult | None:
     setting = in_force(setter, x, scene)
     if setting is None or x.answer is None:
         return None
@@ -81,30 +81,30 @@ def _read_back(
 
 
 @rule("4.4/2", on=Exchange, names=("get_network",))
-def refused_network(x: Exchange, scene: Scene) -> Judged | None:
+def refused_network(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "0" 0x04 gives what it gave before (L162)."""
     return _unchanged("set_network", x, scene, 3)
 
 
 @rule("4.13/2", on=Exchange, names=("get_default_program",))
-def refused_default(x: Exchange, scene: Scene) -> Judged | None:
+def refused_default(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "0" the default program is the one that it was (L284-L287)."""
     return _unchanged("set_default_program", x, scene, 1)
 
 
 @rule("4.20/2", on=Exchange, names=("get_gripper_center",))
-def refused_gripper(x: Exchange, scene: Scene) -> Judged | None:
+def refused_gripper(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "0" 0x34 gives what it gave before (L440-L443)."""
     return _unchanged("set_gripper_center", x, scene, 3)
 
 
 @rule("4.21/2", on=Exchange, names=("get_initial_tool_position",))
-def refused_position(x: Exchange, scene: Scene) -> Judged | None:
+def refused_position(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "0" 0x37 gives what it gave before (L452-L455)."""
     return _unchanged("set_initial_tool_position", x, scene, 4)
 
 
-def _unchanged(setter: str, x: Exchange, scene: Scene, count: int) -> Judged | None:
+def _unchanged(setter: str, x: Exchange, scene: RobotState, count: int) -> RuleResult | None:
     """Nothing that was asked for, and refused, is told behind that, if it was not told before."""
     refused = scene.memory.last(setter, before_ns=x.time_ns)
     if refused is None or refused.accepted is not False or refused.asked is None:
@@ -143,7 +143,7 @@ def _fields(value: Any) -> tuple[Any, ...]:
 
 
 @rule("4.2/3", on=Exchange, names=("set_password",))
-def wrong_old_password(x: Exchange, scene: Scene) -> Judged | None:
+def wrong_old_password(x: Exchange, scene: RobotState) -> RuleResult | None:
     """With a wrong old password the change is answered "0" (L140; A-4.2-1)."""
     known = scene.memory.passwords
     if x.accepted is None or x.asked is None or len(known) != 1 or x.asked.old in known:
@@ -154,7 +154,7 @@ def wrong_old_password(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.4/3", on=Exchange, names=("set_network",))
-def reply_before_the_change(x: Exchange, _: Scene) -> Judged | None:
+def reply_before_the_change(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply is sent before the new address cuts the connection (A-4.4-1)."""
     if x.accepted:
         return PASSED
@@ -164,7 +164,7 @@ def reply_before_the_change(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.4/4", on=Exchange, names=("get_network",))
-def network_reads_back(x: Exchange, scene: Scene) -> Judged | None:
+def network_reads_back(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "1" 0x04 gives the new values (L157); padding with zeros changes none (A-4.3-2)."""
     return _read_back("set_network", x, scene, lambda setting, answer: setting.asked == answer)
 
@@ -173,7 +173,7 @@ def network_reads_back(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.13/3", on=Exchange, names=("get_default_program",))
-def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
+def default_reads_back(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "1" the default program is the one that was named (L279, L272).
 
     Where it was deleted since, there may be none.
@@ -190,7 +190,7 @@ def default_reads_back(x: Exchange, scene: Scene) -> Judged | None:
     )
 
 
-def _may_be_an_unknown_opcode(x: Exchange, scene: Scene, since_ns: int) -> bool:
+def _may_be_an_unknown_opcode(x: Exchange, scene: RobotState, since_ns: int) -> bool:
     """Whether this is "0" to that of the two opcodes which never named a program (A-4.12-1).
 
     One of them is known: where the other was answered "0", too, since then, it is not.
@@ -212,7 +212,7 @@ def _same_numbers(setting: Exchange, answer: Any, count: int) -> bool:
 
 
 @rule("4.20/3", on=Exchange, names=("get_gripper_center",))
-def gripper_reads_back(x: Exchange, scene: Scene) -> Judged | None:
+def gripper_reads_back(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "1" 0x34 gives the same numbers (L428, L440; A-4.19-2)."""
     setting = in_force("set_gripper_center", x, scene)
     if setting is None or executed_since(setting.time_ns, scene, PROGRAMS):
@@ -221,7 +221,7 @@ def gripper_reads_back(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.21/3", on=Exchange, names=("get_initial_tool_position",))
-def position_reads_back(x: Exchange, scene: Scene) -> Judged | None:
+def position_reads_back(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After "1" 0x37 gives the same x, y, z and thetaX (L452, L464); the other two are open."""
     setting = in_force("set_initial_tool_position", x, scene)
     if setting is None or executed_since(setting.time_ns, scene, PROGRAMS):
@@ -232,7 +232,7 @@ def position_reads_back(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.21/3", on=Exchange, names=("get_gripper_center",))
-def gripper_stays(x: Exchange, scene: Scene) -> Judged | None:
+def gripper_stays(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Setting the initial position leaves 0x34 as it was."""
     setting = in_force("set_initial_tool_position", x, scene)
     if setting is None or x.answer is None:

@@ -18,11 +18,11 @@ from scaraspec.judge.rules.arm import (
     locked,
     reading_before,
 )
-from scaraspec.judge.rules.rule import PASSED, Judged, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, rule, tolerated
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _SIMULATE: Final = "simulate_program"
 _OUTPUTS: Final = "get_digital_outputs"
@@ -40,25 +40,25 @@ _BLINK_NS: Final = 1_000_000_000
 
 
 @rule("4.17/7", on=Exchange, names=(JOINTS,))
-def still_after_a_stop(x: Exchange, scene: Scene) -> Judged | None:
+def still_after_a_stop(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After the stop's result "11" the joint angles no longer change (L373)."""
     return _still_after((STOP,), x, scene)
 
 
 @rule("4.26/5", on=Exchange, names=(JOINTS,))
-def still_after_a_lock(x: Exchange, scene: Scene) -> Judged | None:
+def still_after_a_lock(x: Exchange, scene: RobotState) -> RuleResult | None:
     """After a successful lock the joint angles stay constant (L553)."""
     return _still_after((LOCK,), x, scene)
 
 
 @rule("4.27/4", on=Exchange, names=(JOINTS,))
 @rule("4.23/5", on=Exchange, names=(POSE,))
-def still_after_a_motion(x: Exchange, scene: Scene) -> Judged | None:
+def still_after_a_motion(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Idle and locked, the robot gives the same values (L476, L591): a motion proves the lock."""
     return _still_after(MOTIONS, x, scene)
 
 
-def _still_after(names: Sequence[str], x: Exchange, scene: Scene) -> Judged | None:
+def _still_after(names: Sequence[str], x: Exchange, scene: RobotState) -> RuleResult | None:
     motion = last_motion(x, scene)
     if motion is None or motion.name not in names or not x.answer:
         return None
@@ -75,18 +75,18 @@ def _still_after(names: Sequence[str], x: Exchange, scene: Scene) -> Judged | No
 
 
 @rule("4.27/4", on=Exchange, names=("get_status",))
-def joints_still_when_idle(x: Exchange, scene: Scene) -> Judged | None:
+def joints_still_when_idle(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Between two statuses 00 the joint angles do not change (L591)."""
     return _still_between_statuses(JOINTS, x, scene)
 
 
 @rule("4.23/5", on=Exchange, names=("get_status",))
-def pose_still_when_idle(x: Exchange, scene: Scene) -> Judged | None:
+def pose_still_when_idle(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Between two statuses 00 the tool coordinates do not change (L476)."""
     return _still_between_statuses(POSE, x, scene)
 
 
-def _still_between_statuses(name: str, x: Exchange, scene: Scene) -> Judged | None:
+def _still_between_statuses(name: str, x: Exchange, scene: RobotState) -> RuleResult | None:
     before = scene.memory.last("get_status", before_ns=x.time_ns)
     if before is None or before.answer != "00" or x.answer != "00" or locked(scene) is not True:
         return None
@@ -106,7 +106,7 @@ def _still_between_statuses(name: str, x: Exchange, scene: Scene) -> Judged | No
 # Commands that move nothing
 
 
-def _moves_nothing(x: Exchange, scene: Scene, *, setter: str) -> Judged | None:
+def _moves_nothing(x: Exchange, scene: RobotState, *, setter: str) -> RuleResult | None:
     """A setting between two readings of the joints moves none of them."""
     if setter not in scene.memory.recent:
         return None
@@ -138,7 +138,7 @@ for _setter, (_requirement, _) in _SETTERS.items():
 
 
 @rule("4.16/5", on=Exchange, names=(JOINTS, _OUTPUTS))
-def simulation_does_nothing(x: Exchange, scene: Scene) -> Judged | None:
+def simulation_does_nothing(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A simulated run moves no joint and sets no output (A-4.16-1)."""
     simulation = scene.memory.accepted[-1] if scene.memory.accepted else None
     if simulation is None or simulation.name != _SIMULATE or not x.answer:

@@ -3,11 +3,11 @@
 from typing import Final
 
 from scaraspec.judge.rules.busy import BUSY, STATE_OF, surely_executes
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _STOP: Final = "emergency_stop"
 _CLEARLY_NS: Final = 500_000_000
@@ -15,7 +15,7 @@ _CLEARLY_NS: Final = 500_000_000
 
 
 @rule("4.17/2", on=Exchange, names=(_STOP,))
-def refusal_is_bare(x: Exchange, _: Scene) -> Judged | None:
+def refusal_is_bare(x: Exchange, _: RobotState) -> RuleResult | None:
     """When no stop is needed the reply is "0" (L363-366)."""
     if not x.reply or x.reply.frame.data[:1] != b"0":
         return None
@@ -26,14 +26,14 @@ def refusal_is_bare(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.17/3", "4.17/6", on=Exchange, names=(_STOP,))
-def stop_is_accepted(x: Exchange, scene: Scene) -> Judged | None:
+def stop_is_accepted(x: Exchange, scene: RobotState) -> RuleResult | None:
     """While a command executes the stop is answered "1" (L363-371; A-4.17-1)."""
     moving = [y for y in x.during if y.name in STATE_OF and surely_executes(y, x, scene)]
     return PASSED if moving and x.accepted else None
 
 
 @rule("4.17/3", "4.17/6", on=Exchange, names=STATE_OF)
-def stop_was_needed(x: Exchange, scene: Scene) -> Judged | None:
+def stop_was_needed(x: Exchange, scene: RobotState) -> RuleResult | None:
     """A command that ends long after a stop was refused needed it."""
     if not x.stop_asked or not x.result:
         return None
@@ -44,7 +44,7 @@ def stop_was_needed(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.17/3", "4.17/6", on=Exchange, names=("get_status",))
-def stop_is_still_needed(x: Exchange, scene: Scene) -> Judged | None:
+def stop_is_still_needed(x: Exchange, scene: RobotState) -> RuleResult | None:
     """So did one that the robot says it executes behind the refused stop."""
     if x.answer not in BUSY:
         return None
@@ -55,7 +55,7 @@ def stop_is_still_needed(x: Exchange, scene: Scene) -> Judged | None:
     return None
 
 
-def _needed(stop: Exchange, y: Exchange) -> Judged:
+def _needed(stop: Exchange, y: Exchange) -> RuleResult:
     return failed(
         f"the stop was refused while {y.name} executed",
         expected="1",
@@ -65,7 +65,7 @@ def _needed(stop: Exchange, y: Exchange) -> Judged:
 
 
 @rule("4.17/8", on=Exchange, names=STATE_OF)
-def stopped_is_no_success(x: Exchange, _: Scene) -> Judged | None:
+def stopped_is_no_success(x: Exchange, _: RobotState) -> RuleResult | None:
     """The stopped command's own result is a failure; a jog's may be "11" (A-4.17-4)."""
     if not x.interrupted_by or x.interrupted_by.name != _STOP or not x.outcome or not x.result:
         return None

@@ -1,8 +1,8 @@
 """The text conventions T/1 to T/7, over every payload that the table can read."""
 
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, payload_of, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, payload_of, rule, tolerated
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.fields import Notes, Number, StatusCode, Wrong, show
+from scaraspec.protocol.fields import Defect, Diagnostics, Number, StatusCode, show
 from scaraspec.protocol.payloads import (
     Acceptance,
     Answer,
@@ -17,7 +17,7 @@ from scaraspec.protocol.payloads import (
 from scaraspec.protocol.redaction import is_secret
 from scaraspec.protocol.transfer import FileData
 from scaraspec.traffic.events import FrameSeen
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 
 def observed(seen: FrameSeen) -> str:
@@ -50,69 +50,69 @@ def has_codes(payload: Payload) -> bool:
     return status or isinstance(payload, FirstReply | FinalResult)
 
 
-def _complaint(seen: FrameSeen, *wrongs: Wrong) -> str:
+def _complaint(seen: FrameSeen, *wrongs: Defect) -> str:
     """The first complaint of these kinds, empty where there is none."""
     if not seen.parsed or not seen.parsed.decoded.complaints:
         return ""
     return next((c.text for c in seen.parsed.decoded.complaints if c.wrong in wrongs), "")
 
 
-def _without(seen: FrameSeen, *wrongs: Wrong) -> Judged:
+def _without(seen: FrameSeen, *wrongs: Defect) -> RuleResult:
     """Pass where there is no such complaint."""
     text = _complaint(seen, *wrongs)
     return _broken(seen, text) if text else PASSED
 
 
-def _broken(seen: FrameSeen, text: str) -> Judged:
+def _broken(seen: FrameSeen, text: str) -> RuleResult:
     payload = payload_of(seen)
     return failed(text, expected=payload.form if payload else "", observed=observed(seen))
 
 
 @rule("T/1", on=FrameSeen, payload=_has_bars)
-def bars(seen: FrameSeen, _: Scene) -> Judged | None:
+def bars(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Fields are separated by one bar (L125, L150, L226)."""
     data = seen.frame.data
-    wrongs = [Wrong.SPACE_FOR_BAR, Wrong.BLANKS]
+    wrongs = [Defect.SPACE_FOR_BAR, Defect.BLANKS]
     if b"||" in data or b"|" not in data:  # with a bar each, the number of fields is not its matter
-        wrongs.append(Wrong.FIELD_COUNT)
+        wrongs.append(Defect.FIELD_COUNT)
     return _without(seen, *wrongs)
 
 
 @rule("T/2", on=FrameSeen, payload=_is_text)
-def quotes(seen: FrameSeen, _: Scene) -> Judged | None:
+def quotes(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The examples' quotation marks are not sent (A-0-3)."""
-    return _without(seen, Wrong.QUOTES)
+    return _without(seen, Defect.QUOTES)
 
 
 @rule("T/3", on=FrameSeen, payload=_is_text)
-def ascii_digits(seen: FrameSeen, _: Scene) -> Judged | None:
+def ascii_digits(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Flags and digits are ASCII; in 0x0A, which draws them unquoted, binary passes (A-T-1)."""
     if seen.name == "get_running_program" and seen.parsed:
         readings = dict(seen.parsed.decoded.readings)
         if readings.get("runinfo_binary") == "binary":
             return tolerated("runinfo_binary", "binary", "the flag of 0x0A is a binary byte")
-    return _without(seen, Wrong.BINARY)
+    return _without(seen, Defect.BINARY)
 
 
 @rule("T/4", on=FrameSeen, payload=_is_text)
-def no_trailer(seen: FrameSeen, _: Scene) -> Judged | None:
+def no_trailer(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """No NUL and no bar ends a text (A-T-3, A-T-4)."""
-    text = _complaint(seen, Wrong.TRAILING_NUL)
+    text = _complaint(seen, Defect.TRAILING_NUL)
     if text:
         return tolerated("trailing_nul", "yes", text)
-    text = _complaint(seen, Wrong.TRAILING_BAR)
+    text = _complaint(seen, Defect.TRAILING_BAR)
     return tolerated("A-T-4", "trailing bar", text) if text else PASSED
 
 
 @rule("T/5", on=FrameSeen, payload=_has_numbers)
-def plain_numbers(seen: FrameSeen, _: Scene) -> Judged | None:
+def plain_numbers(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Numbers are plain decimal text (A-T-5); that one is an integer is its clause's matter."""
-    if not _complaint(seen, Wrong.NUMBER):
+    if not _complaint(seen, Defect.NUMBER):
         return PASSED if seen.value is not None else None
     payload = payload_of(seen)
     assert payload
-    texts = tidy(seen.frame.data, Notes()).split(b"|")[isinstance(payload, Answer) :]
-    notes = Notes()
+    texts = tidy(seen.frame.data, Diagnostics()).split(b"|")[isinstance(payload, Answer) :]
+    notes = Diagnostics()
     for field, text in zip(payload.fields, texts, strict=False):
         if isinstance(field, Number):
             field.read(text.strip(b" "), notes)
@@ -120,7 +120,7 @@ def plain_numbers(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("T/6", on=FrameSeen, sender=A2C, payload=_is_opaque)
-def no_bar_in_names(seen: FrameSeen, _: Scene) -> Judged | None:
+def no_bar_in_names(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Names and passwords of the client hold no bar (A-T-6); one may end a pair (A-T-4)."""
     payload, data = payload_of(seen), seen.text
     if payload and len(payload.fields) > 1:
@@ -131,8 +131,8 @@ def no_bar_in_names(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("T/7", on=FrameSeen, sender=C2A, payload=has_codes)
-def codes(seen: FrameSeen, _: Scene) -> Judged | None:
+def codes(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Codes are two characters of table 8-1 (L1014)."""
-    judged, value = _without(seen, Wrong.CODE), seen.value
+    judged, value = _without(seen, Defect.CODE), seen.value
     without = isinstance(value, Acceptance | Outcome) and value.code is None
     return None if judged is PASSED and without else judged

@@ -5,13 +5,13 @@ What a busy robot answers stands in `busy`; how an emergency stop goes in `stop`
 
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, rule, tolerated, unsure
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated, unsure
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.fields import Wrong, show
-from scaraspec.traffic.events import Exchange, FrameSeen, Unasked
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.protocol.fields import Defect, show
+from scaraspec.traffic.events import Exchange, FrameSeen, UnsolicitedReply
+from scaraspec.traffic.robot_state import RobotState
 
 TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")
@@ -25,13 +25,13 @@ _TIMES: Final = 10
 
 def _misses_its_form(seen: FrameSeen) -> bool:
     complaints = seen.parsed.decoded.complaints if seen.parsed else ()
-    return any(c.wrong in (Wrong.FLAG, Wrong.FIELD_COUNT) for c in complaints)
+    return any(c.wrong in (Defect.FLAG, Defect.FIELD_COUNT) for c in complaints)
 
 
 # First replies
 
 
-def _without_code(x: Exchange) -> Judged | None:
+def _without_code(x: Exchange) -> RuleResult | None:
     """A refusal of one character: the document prints its length for 0x39 alone (A-4.24-3).
 
     How a client is refused that has not logged in is open (A-4-4).
@@ -41,7 +41,7 @@ def _without_code(x: Exchange) -> Judged | None:
     decoded, said = x.reply.parsed.decoded, f"the refusal of {x.name} has no code"
     if ("err_bare0", "0") in decoded.readings:
         return tolerated("err_bare0", "0", said)
-    if any(complaint.wrong is Wrong.NO_CODE for complaint in decoded.complaints):
+    if any(complaint.wrong is Defect.NO_CODE for complaint in decoded.complaints):
         if x.logged_in is False:
             return tolerated("A-4-4", "0", f"{said}: its client has not logged in")
         return failed(said, expected="0|code", observed=show(x.reply.frame.data))
@@ -49,7 +49,7 @@ def _without_code(x: Exchange) -> Judged | None:
 
 
 @rule("4/1", on=Exchange, names=TWO_STAGE)
-def first_reply(x: Exchange, _: Scene) -> Judged | None:
+def first_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     """The first reply is "1", or "0|code"; for 0x32 "1" or "0" (L311 and sisters)."""
     if not x.reply or not x.command:
         return None
@@ -68,7 +68,7 @@ def first_reply(x: Exchange, _: Scene) -> Judged | None:
 @rule("4.15/3", on=Exchange, names=("run_program",))
 @rule("4.24/3", on=Exchange, names=("set_tool_coordinates",))
 @rule("4.35/3", on=Exchange, names=("shutdown",))
-def refusal(x: Exchange, _: Scene) -> Judged | None:
+def refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     """What cannot be done is answered "0|code" (L314, L490-497, L701-706)."""
     if not x.reply or x.accepted is not False:
         return None
@@ -85,7 +85,7 @@ def refusal(x: Exchange, _: Scene) -> Judged | None:
 @rule("4.25/2", on=Exchange, names=("release_joints",))
 @rule("4.26/2", on=Exchange, names=("lock_joints",))
 @rule("4.28/4", on=Exchange, names=("jog",))
-def reason(x: Exchange, _: Scene) -> Judged | None:
+def reason(x: Exchange, _: RobotState) -> RuleResult | None:
     """A refusal says why (L342, L530, L563, L615)."""
     if not x.reply or not x.reply.parsed or x.accepted is not False:
         return None
@@ -96,7 +96,7 @@ def reason(x: Exchange, _: Scene) -> Judged | None:
 @rule("4.18/3", on=Exchange, names=("reset",))
 @rule("4.24/5", on=Exchange, names=("set_tool_coordinates",))
 @rule("4.35/2", on=Exchange, names=("shutdown",))
-def acceptance(x: Exchange, _: Scene) -> Judged | None:
+def acceptance(x: Exchange, _: RobotState) -> RuleResult | None:
     """What can be done is answered "1" (L316, L401-404, L499-502, L696-699)."""
     if not x.reply or x.reply.frame.data[:1] != b"1":
         return None
@@ -106,7 +106,7 @@ def acceptance(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.15/2", on=Exchange, names=("run_program",))
-def checked_before_replying(x: Exchange, _: Scene) -> Judged | None:
+def checked_before_replying(x: Exchange, _: RobotState) -> RuleResult | None:
     """The conditions are checked before the reply (L311); a missing file may show later."""
     if x.accepted and x.outcome and x.outcome.code == "20":
         return tolerated("A-4.15-1", "00|20", "the missing program was found after the reply 1")
@@ -114,7 +114,7 @@ def checked_before_replying(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4/14", on=Exchange, names=_TAKING_TIME)
-def reply_before_execution(x: Exchange, scene: Scene) -> Judged | None:
+def reply_before_execution(x: Exchange, scene: RobotState) -> RuleResult | None:
     """The first reply comes before the execution, not at its end (L311, L363, L392, L490).
 
     It came at the end where it took long, the final result was with it, and queries take less.
@@ -167,7 +167,7 @@ def _took_long(x: Exchange) -> bool:
 @rule("4.25/3", on=Exchange, names=("release_joints",))
 @rule("4.26/3", on=Exchange, names=("lock_joints",))
 @rule("4.28/5", on=Exchange, names=("jog",))
-def success(x: Exchange, _: Scene) -> Judged | None:
+def success(x: Exchange, _: RobotState) -> RuleResult | None:
     """A successful final result is "11" (L318 and sisters)."""
     if not x.result or x.result.frame.data[:1] == b"0":
         return None
@@ -189,7 +189,7 @@ def success(x: Exchange, _: Scene) -> Judged | None:
 @rule("4.25/4", on=Exchange, names=("release_joints",))
 @rule("4.26/4", on=Exchange, names=("lock_joints",))
 @rule("4.28/6", on=Exchange, names=("jog",))
-def failure(x: Exchange, _: Scene) -> Judged | None:
+def failure(x: Exchange, _: RobotState) -> RuleResult | None:
     """A failed final result is "00|code", five bytes (L323-328 and sisters)."""
     if not x.result or x.result.frame.data[:1] != b"0":
         return None
@@ -206,7 +206,7 @@ def failure(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4/4", on=Exchange, names=NOT_STOP)
-def refusal_code(x: Exchange, _: Scene) -> Judged | None:
+def refusal_code(x: Exchange, _: RobotState) -> RuleResult | None:
     """The code of a refusal is one of table 8-1 that can refuse (A-0-7)."""
     code = errors.lookup(x.answer.code) if x.accepted is False and x.answer.code else None
     if code is None:
@@ -217,7 +217,7 @@ def refusal_code(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4/5", on=Exchange, names=TWO_STAGE)
-def failure_code(x: Exchange, _: Scene) -> Judged | None:
+def failure_code(x: Exchange, _: RobotState) -> RuleResult | None:
     """The code of a failure is one of table 8-1 that can fail (A-8-5)."""
     code = errors.lookup(x.outcome.code) if x.outcome and x.outcome.code else None
     if code is None:
@@ -232,7 +232,7 @@ def failure_code(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4/16", on=Exchange, names=NOT_STOP)
-def not_repeated(x: Exchange, _: Scene) -> Judged | None:
+def not_repeated(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client does not repeat a request whose final result is outstanding (A-4-2).
 
     A capture does not tell whether the client or its user asked again.
@@ -243,7 +243,7 @@ def not_repeated(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.28/2", on=FrameSeen, names=("jog",), sender=A2C)
-def jog_byte(seen: FrameSeen, _scene: Scene) -> Judged | None:
+def jog_byte(seen: FrameSeen, _scene: RobotState) -> RuleResult | None:
     """The byte is 1 to 4, ASCII or binary (L605-608; A-4.28-1)."""
     if not seen.parsed or len(seen.frame.data) != 1:
         return None
@@ -262,13 +262,13 @@ def jog_byte(seen: FrameSeen, _scene: Scene) -> Judged | None:
 
 
 @rule("4.35/5", on=Exchange, names=("shutdown",))
-def shutdown_has_no_result(x: Exchange, _: Scene) -> Judged | None:
-    """No tagged result follows (L696): one that does is an `Unasked`."""
+def shutdown_has_no_result(x: Exchange, _: RobotState) -> RuleResult | None:
+    """No tagged result follows (L696): one that does is an `UnsolicitedReply`."""
     return PASSED if x.accepted else None
 
 
-@rule("4.35/5", on=Unasked)
-def result_of_a_shutdown(unasked: Unasked, _: Scene) -> Judged | None:
+@rule("4.35/5", on=UnsolicitedReply)
+def result_of_a_shutdown(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None:
     """A tagged result of 0x60 (L696; A-4.35-2)."""
     frame = unasked.seen.frame
     if not frame.tagged or frame.opcode != BY_NAME["shutdown"].opcode:

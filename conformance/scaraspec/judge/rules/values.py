@@ -2,13 +2,13 @@
 
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, Judged, failed, places_of, rule, tolerated
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.fields import Wrong
+from scaraspec.protocol.fields import Defect
 from scaraspec.traffic.events import Exchange, FrameSeen
-from scaraspec.traffic.robot_state import Scene
+from scaraspec.traffic.robot_state import RobotState
 
 _VERSION: Final = ("get_version",)
 _DEFAULT: Final = ("get_default_program",)
@@ -17,17 +17,17 @@ _COLDEST_C, _HOTTEST_C = -20, 120
 
 
 @rule("4.7/3", on=FrameSeen, names=_VERSION, sender=C2A)
-def dotted_version(seen: FrameSeen, _: Scene) -> Judged | None:
+def dotted_version(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The version has the form digits.digits.digits (L203; A-4.7-1)."""
     if not seen.parsed or not seen.frame.data:
         return None
-    if all(c.wrong is not Wrong.VERSION for c in seen.parsed.decoded.complaints):
+    if all(c.wrong is not Defect.VERSION for c in seen.parsed.decoded.complaints):
         return PASSED
     return tolerated("A-4.7-1", "free text", f"the version is {observed(seen)}")
 
 
 @rule("4.7/4", on=Exchange, names=_VERSION)
-def constant_version(x: Exchange, scene: Scene) -> Judged | None:
+def constant_version(x: Exchange, scene: RobotState) -> RuleResult | None:
     """The version does not change within a session (L203)."""
     before = scene.memory.last(x.name, before_ns=x.time_ns)
     if before is None or before.answer is None or x.answer is None:
@@ -45,7 +45,7 @@ def constant_version(x: Exchange, scene: Scene) -> Judged | None:
 
 
 @rule("4.12/1", on=FrameSeen, names=_DEFAULT, sender=A2C)
-def default_is_asked_for(seen: FrameSeen, _: Scene) -> Judged | None:
+def default_is_asked_for(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The request is 0x0D or 0x13, without data (L265-270; A-4.12-1)."""
     if seen.frame.data:
         return failed("the request carries data", expected="length 0", observed=observed(seen))
@@ -55,7 +55,7 @@ def default_is_asked_for(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("4.12/2", on=Exchange, names=_DEFAULT)
-def default_has_its_opcode(x: Exchange, _: Scene) -> Judged | None:
+def default_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply carries the opcode of the request (L272-275; A-4.12-1)."""
     if not x.reply:
         return None
@@ -70,7 +70,7 @@ def default_has_its_opcode(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.12/4", on=FrameSeen, names=_DEFAULT, sender=C2A)
-def no_default(seen: FrameSeen, _: Scene) -> Judged | None:
+def no_default(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Without a default program the reply is empty or "0" (L272; A-4.12-2)."""
     form = dict(seen.parsed.decoded.readings).get("default_none") if seen.parsed else None
     if form is None:
@@ -79,7 +79,7 @@ def no_default(seen: FrameSeen, _: Scene) -> Judged | None:
 
 
 @rule("4.14/3", on=Exchange, names=_TEMPERATURES)
-def temperatures_have_their_opcode(x: Exchange, _: Scene) -> Judged | None:
+def temperatures_have_their_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     """The reply's opcode is 0x0F; the printed 0x0E is tolerated (L296-302; A-4.14-1)."""
     if not x.reply:
         return None
@@ -89,7 +89,7 @@ def temperatures_have_their_opcode(x: Exchange, _: Scene) -> Judged | None:
 
 
 @rule("4.14/5", on=Exchange, names=_TEMPERATURES)
-def plausible_temperatures(x: Exchange, _: Scene) -> Judged | None:
+def plausible_temperatures(x: Exchange, _: RobotState) -> RuleResult | None:
     """Values are temperatures in degrees Celsius (L299; A-T-8)."""
     if not x.answer or not x.reply:
         return None

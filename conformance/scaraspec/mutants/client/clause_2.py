@@ -12,7 +12,7 @@ from scaraspec.mutants.client import fault
 from scaraspec.mutants.client.process import memory
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.frames import Found, Frame, Framer
+from scaraspec.protocol.frames import Frame, Framer, StreamItem
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.transports.link import Ending
 
@@ -173,7 +173,7 @@ class ForgetsPiecesWhenItAsks(ClientCore):
 class ServesTheFirstOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the first is served."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         return super()._digest(list(found)[:1], now_s)
 
 
@@ -181,7 +181,7 @@ class ServesTheFirstOfEachSegment(ClientCore):
 class ServesFourOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the first four are served."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         return super()._digest(list(found)[:4], now_s)
 
 
@@ -189,7 +189,7 @@ class ServesFourOfEachSegment(ClientCore):
 class ServesTheLastOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the last is served."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         return super()._digest(list(found)[-1:], now_s)
 
 
@@ -197,13 +197,13 @@ class ServesTheLastOfEachSegment(ClientCore):
 class AcceptsAtTheBeginning(ClientCore):
     """A two-stage command is accepted by the first frame of a segment only."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         heard = items[:1] + [item for item in items[1:] if not _accepts(item)]
         return super()._digest(heard, now_s)
 
 
-def _accepts(item: Found) -> bool:
+def _accepts(item: StreamItem) -> bool:
     if not isinstance(item, Frame) or item.tagged or item.data != b"1":
         return False
     command = BY_OPCODE.get(item.opcode)
@@ -216,12 +216,12 @@ class _DropsBehind(ClientCore):
     opcode: ClassVar[int]
     """Which."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         ends = (n for n, item in enumerate(items, 1) if self._is_it(item))
         return super()._digest(items[: next(ends, len(items))], now_s)
 
-    def _is_it(self, item: Found) -> bool:
+    def _is_it(self, item: StreamItem) -> bool:
         return isinstance(item, Frame) and item.opcode == self.opcode and not item.tagged
 
 

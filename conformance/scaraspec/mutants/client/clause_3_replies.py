@@ -12,7 +12,7 @@ from scaraspec.mutants.client.process import memory
 from scaraspec.mutants.client.spoiling import GoesDeaf
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import C2A
-from scaraspec.protocol.frames import TAG, Found, Frame, Framer, Skipped, Why
+from scaraspec.protocol.frames import TAG, Frame, Framer, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.payloads import FLAG
 
 _RESULT_BEGINS = bytes((C2A.start, TAG))
@@ -120,7 +120,7 @@ class LosesTheTagBetweenSegments(ClientCore):
 class LosesWhatFollowsResults(ClientCore):
     """A frame that comes with a tagged one ahead of it in its segment is lost."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         behind = [isinstance(item, Frame) and item.tagged for item in items[:-1]]
         kept = [item for item, lost in zip(items, [False, *behind], strict=False) if not lost]
@@ -274,10 +274,10 @@ class TakesResultsOfStopsForReplies(TakesResultsForReplies):
 class _DeafAt(GoesDeaf):
     """Bytes that are no frame are the last thing that it hears."""
 
-    why: ClassVar[Why]
+    why: ClassVar[SkipReason]
     least_bytes: ClassVar[int] = 1
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         heard = []
         for item in found:
             if isinstance(item, Skipped) and item.why is self.why:
@@ -291,14 +291,14 @@ class _DeafAt(GoesDeaf):
 class GoesDeafAtStrayBytes(_DeafAt):
     """A byte between frames is the last thing that it hears."""
 
-    why = Why.STRAY
+    why = SkipReason.STRAY
 
 
 @fault("3/19", subtle=True)
 class GoesDeafAtManyStrayBytes(_DeafAt):
     """More than a hundred bytes between frames are the last thing that it hears."""
 
-    why = Why.STRAY
+    why = SkipReason.STRAY
     least_bytes = 100
 
 
@@ -306,7 +306,7 @@ class GoesDeafAtManyStrayBytes(_DeafAt):
 class GoesDeafAtWrongEnds(_DeafAt):
     """A frame with a wrong end byte is the last thing that it hears."""
 
-    why = Why.BAD_END
+    why = SkipReason.BAD_END
 
 
 class _LosesResultsAmong(ClientCore):
@@ -346,13 +346,13 @@ class LosesResultsInSettings(_LosesResultsAmong):
 class OverlooksTheEnd(ClientCore):
     """The end byte of a frame is not looked at."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         return super()._digest(map(_overlooked, found), now_s)
 
 
-def _overlooked(item: Found) -> Found:
+def _overlooked(item: StreamItem) -> StreamItem:
     """The frame that bytes with a wrong end would be."""
-    if isinstance(item, Frame) or item.why is not Why.BAD_END:
+    if isinstance(item, Frame) or item.why is not SkipReason.BAD_END:
         return item
     size_bytes = item.data[2]
     return Frame(C2A, item.data[1], item.data[3 : 3 + size_bytes])
@@ -362,13 +362,13 @@ def _overlooked(item: Found) -> Found:
 class OverlooksTheEndOfResults(ClientCore):
     """The end byte of a tagged frame is not looked at."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         return super()._digest(map(_result_overlooked, found), now_s)
 
 
-def _result_overlooked(item: Found) -> Found:
+def _result_overlooked(item: StreamItem) -> StreamItem:
     """The tagged frame that bytes with a wrong end would be."""
-    if isinstance(item, Frame) or item.why is not Why.BAD_END or item.data[1] != TAG:
+    if isinstance(item, Frame) or item.why is not SkipReason.BAD_END or item.data[1] != TAG:
         return item
     return Frame(C2A, item.data[2], item.data[4:-1], tagged=True)
 

@@ -10,7 +10,7 @@ from scaraspec.mutants.client import fault
 from scaraspec.mutants.client.altering import AltersResults, OtherTwoStage
 from scaraspec.protocol.commands import BY_OPCODE, Parsed
 from scaraspec.protocol.direction import C2A
-from scaraspec.protocol.frames import Found, Frame, Framer
+from scaraspec.protocol.frames import Frame, Framer, StreamItem
 
 _STATUS = 0x09
 _IMPATIENT_S = 0.25
@@ -116,7 +116,7 @@ def _first_reply(event: Event) -> bool:
 class DropsWhatFollowsTheFirstReply(ClientCore):
     """What comes in the same segment as a first reply is thrown away."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         events: list[Event] = []
         for item in found:
             events += super()._digest([item], now_s)
@@ -141,7 +141,7 @@ class FlushesBehindTheFirstReply(ClientCore):
 class FailureMustComeLater(ClientCore):
     """A failure in the same segment as the first reply is not seen: only a success is so quick."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         accepted, events = False, []
         for item in found:
             if accepted and isinstance(item, Frame) and item.tagged and item.data[:2] == b"00":
@@ -156,7 +156,7 @@ class FailureMustComeLater(ClientCore):
 class ResultBehindAnotherReplyIsLost(ClientCore):
     """A final result is not seen in the same segment behind the reply to something else."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         replied, events = False, []
         for item in found:
             if isinstance(item, Frame):

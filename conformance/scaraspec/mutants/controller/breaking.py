@@ -6,7 +6,7 @@ No fault stands here.
 from abc import ABC, abstractmethod
 from typing import Any
 
-from scaraspec.protocol.frames import Found, Frame, Skipped
+from scaraspec.protocol.frames import Frame, Skipped, StreamItem
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.inlet import Inlet
 from scaraspec.virtual_controller.session import Action, Carrier, Close, Session
@@ -47,7 +47,7 @@ class Skips(Mortal, ABC):
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:
         """What it does."""
 
-    def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
+    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         for item in found:
             if isinstance(item, Skipped) and session.connection in self.sessions:
                 self.skipped(session, item, now_s)

@@ -6,7 +6,7 @@ from typing import Any
 from scaraspec.mutants.controller import fault
 from scaraspec.mutants.controller.breaking import OtherInlet
 from scaraspec.protocol.commands import Command
-from scaraspec.protocol.frames import Found, Frame
+from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import Dialect
 from scaraspec.virtual_controller.brain import Brain
@@ -161,7 +161,7 @@ class EveryoneHearsAll(Brain):
 
 
 class _KeepsNothing(Inlet):
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         found = super().receive(data, now_s)
         self._framer = self._new_framer()
         return found
@@ -175,7 +175,7 @@ class SegmentIsFrame(OtherInlet):
 
 
 class _OverlooksEnds(Inlet):
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         return super().receive(b"" if data == b"\xcc" else data, now_s)
 
 
@@ -189,7 +189,7 @@ class EndByteAlone(OtherInlet):
 class _Cut(Inlet):
     at_byte = 3
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         found = super().receive(data, now_s)
         if self._framer.held_bytes == self.at_byte:
             self._framer = self._new_framer()
@@ -227,7 +227,7 @@ class ImpatientWithPauses(OtherInlet):
 
 
 class _FromTheFirstByte(Inlet):
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         held, since_s = self._framer.held_bytes, self._heard_s
         found = super().receive(data, now_s)
         if held and not found:
@@ -243,7 +243,7 @@ class CountsFromFirstByte(OtherInlet):
 
 
 class _ForgetsTheRest(Inlet):
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         found = super().receive(data, now_s)
         if found:
             self._framer = self._new_framer()
@@ -260,7 +260,7 @@ class RestBehindFrame(OtherInlet):
 class _First(Inlet):
     most = 1
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         return super().receive(data, now_s)[: self.most]
 
 

@@ -7,7 +7,7 @@ from scaraspec.mutants.controller import fault
 from scaraspec.mutants.controller.breaking import Mortal, SendsLater
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import C2A
-from scaraspec.protocol.frames import Found, Frame
+from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.virtual_controller import motion
 from scaraspec.virtual_controller.brain import Brain
@@ -223,7 +223,7 @@ class DeafAfterUnknown(_Undefined):
 class LosesThirdOfBurst(Brain):
     """Of requests that come together the third is never answered."""
 
-    def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
+    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         super()._take_in(session, found[:2] + found[3:], now_s)
 
 
@@ -231,11 +231,11 @@ class LosesThirdOfBurst(Brain):
 class AnswersSameOnce(Brain):
     """Of equal requests that come together only one is answered."""
 
-    def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
+    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         super()._take_in(session, list(dict.fromkeys(found)), now_s)
 
 
-def _is(item: Found, *opcodes: int) -> bool:
+def _is(item: StreamItem, *opcodes: int) -> bool:
     return isinstance(item, Frame) and item.opcode in opcodes
 
 
@@ -243,10 +243,10 @@ class _Sorts(Brain, ABC):
     """Serves what comes together in another order."""
 
     @abstractmethod
-    def rank(self, item: Found) -> int:
+    def rank(self, item: StreamItem) -> int:
         """The lowest come first."""
 
-    def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
+    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         super()._take_in(session, sorted(found, key=self.rank), now_s)
 
 
@@ -254,7 +254,7 @@ class _Sorts(Brain, ABC):
 class LastSettingFirst(Brain):
     """Settings that come together take effect from the last to the first."""
 
-    def _take_in(self, session: Session, found: list[Found], now_s: float) -> None:
+    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         turned = all(_is(item, 0x35) for item in found)
         super()._take_in(session, found[::-1] if turned else found, now_s)
 
@@ -263,7 +263,7 @@ class LastSettingFirst(Brain):
 class StopsFirst(_Sorts):
     """Of requests that come together the emergency stop is served first."""
 
-    def rank(self, item: Found) -> int:
+    def rank(self, item: StreamItem) -> int:
         """The stop before all others."""
         return 0 if _is(item, 0x32) else 1
 
@@ -272,7 +272,7 @@ class StopsFirst(_Sorts):
 class QueriesLast(_Sorts):
     """Of requests that come together those that read are served last."""
 
-    def rank(self, item: Found) -> int:
+    def rank(self, item: StreamItem) -> int:
         """Settings before questions."""
         return 1 if _is(item, 0x34) else 0
 
@@ -297,7 +297,7 @@ class ClockOfTheFirst(Brain):
 class ChunksBeforeNames(_Sorts):
     """Of requests that come together the chunks are taken before the name of their file."""
 
-    def rank(self, item: Found) -> int:
+    def rank(self, item: StreamItem) -> int:
         """Chunks before names."""
         return 1 if _is(item, 0x50) else 0
 

@@ -6,7 +6,7 @@ from typing import Any
 from scaraspec.mutants.controller import fault
 from scaraspec.mutants.controller.breaking import AltersBytes, OtherInlet, SendsLater
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.frames import Found, Frame
+from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.inlet import Inlet
 from scaraspec.virtual_controller.session import Action, Carrier, Request, Session
@@ -177,8 +177,8 @@ class _EndsAtMark(Inlet):
         super().__init__(*args)
         self._bytes = b""
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:  # noqa: ARG002 - the signature of an inlet
-        found: list[Found] = []
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:  # noqa: ARG002 - the signature of an inlet
+        found: list[StreamItem] = []
         self._bytes += data
         while (end := self._bytes.find(b"\xcc")) >= 0:
             whole, self._bytes = self._bytes[: end + 1], self._bytes[end + 1 :]

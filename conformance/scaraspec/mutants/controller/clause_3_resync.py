@@ -5,7 +5,7 @@ from typing import Any
 from scaraspec.mutants.controller import fault
 from scaraspec.mutants.controller.breaking import Mortal, OtherInlet, Skips
 from scaraspec.protocol.direction import C2A
-from scaraspec.protocol.frames import Found, Frame, Skipped, Why
+from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.readings import Dialect
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.inlet import Inlet
@@ -20,7 +20,7 @@ class DiesOfStrayBytes(Skips):
 
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
         """Die."""
-        if item.why is Why.STRAY:
+        if item.why is SkipReason.STRAY:
             self.die(now_s)
 
 
@@ -50,7 +50,7 @@ class RestartsAtWrongEnd(Skips):
 
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
         """Die, and live again."""
-        if item.why is Why.BAD_END:
+        if item.why is SkipReason.BAD_END:
             self.die(now_s)
             self.dead = False
 
@@ -62,9 +62,9 @@ class _Deaf(Inlet):
 
     def unbearable(self, item: Skipped) -> bool:
         """Whether it is that."""
-        return item.why is Why.STRAY
+        return item.why is SkipReason.STRAY
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         found = [] if self.deaf else super().receive(data, now_s)
         self.deaf = self.deaf or any(
             self.unbearable(item) for item in found if isinstance(item, Skipped)
@@ -85,7 +85,7 @@ class AnswersStrayBytes(Skips):
 
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
         """Answer."""
-        if item.why is Why.STRAY:
+        if item.why is SkipReason.STRAY:
             self.emit(session, Frame(C2A, 0x01, b"0"))
 
 
@@ -107,7 +107,7 @@ class DiesOfWrongEnds(Skips):
 
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
         """Die."""
-        if item.why is Why.BAD_END:
+        if item.why is SkipReason.BAD_END:
             self.die(now_s)
 
 
@@ -123,7 +123,7 @@ class DiesOfSwappedEnd(Skips):
 
 class _DeafAfterBadEnd(_Deaf):
     def unbearable(self, item: Skipped) -> bool:
-        return item.why is Why.BAD_END
+        return item.why is SkipReason.BAD_END
 
 
 @fault("3/20", "3/31")
@@ -143,7 +143,7 @@ class HundredWrongFrames(Skips):
 
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
         """Count."""
-        self._count += item.why is Why.BAD_END
+        self._count += item.why is SkipReason.BAD_END
         if self._count == 100:
             self.die(now_s)
 
@@ -165,7 +165,7 @@ class AnswersWithNextOpcode(Skips):
 
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
         """Answer."""
-        if item.why is Why.BAD_END and len(item.data) > 1:
+        if item.why is SkipReason.BAD_END and len(item.data) > 1:
             self.emit(session, Frame(C2A, 0x0B, b"0"))
 
 
@@ -226,7 +226,7 @@ class DiesOfPrintedLengths(Skips):
 
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
         """Die."""
-        if item.why is Why.BAD_END and item.data[1:2] == b"\x54":
+        if item.why is SkipReason.BAD_END and item.data[1:2] == b"\x54":
             self.die(now_s)
 
 
@@ -330,7 +330,7 @@ class DiesOfSilence(Skips):
 
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:  # noqa: ARG002 - one signature
         """Die."""
-        if item.why is Why.TRUNCATED:
+        if item.why is SkipReason.TRUNCATED:
             self.die(now_s)
 
 

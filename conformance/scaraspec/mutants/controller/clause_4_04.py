@@ -5,7 +5,7 @@ from typing import Any
 from scaraspec.mutants.controller import fault
 from scaraspec.mutants.controller.replying import AltersReplies, Mends
 from scaraspec.protocol.commands import Command, Network
-from scaraspec.protocol.fields import Address, Notes
+from scaraspec.protocol.fields import Address, Diagnostics
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.behaviour import SILENCE, Silence
 from scaraspec.virtual_controller.brain import Brain
@@ -183,7 +183,7 @@ class RefusedNetworkIsSetInPart(Brain):
     def _value(self, command: Command, frame: Frame) -> Any:
         value = super()._value(command, frame)
         if command.name == "set_network" and value is None:
-            gateway = Address("gateway").read(frame.data.rpartition(b"|")[2], Notes())
+            gateway = Address("gateway").read(frame.data.rpartition(b"|")[2], Diagnostics())
             self.save(gateway=gateway or self.store.settings.gateway)
         return value
 
@@ -194,7 +194,7 @@ class AddressIsSetFirst(Brain):
 
     def _value(self, command: Command, frame: Frame) -> Any:
         if command.name == "set_network":
-            ip = Address("ip").read(frame.data.partition(b"|")[0], Notes())
+            ip = Address("ip").read(frame.data.partition(b"|")[0], Diagnostics())
             self.save(ip=ip or self.store.settings.ip)
         return super()._value(command, frame)
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 from scaraspec.mutants.controller import fault
 from scaraspec.mutants.controller.replying import AltersReplies, Mends
 from scaraspec.protocol.commands import Command, Point
-from scaraspec.protocol.fields import Notes, Number
+from scaraspec.protocol.fields import Diagnostics, Number
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller import arm, motion
@@ -227,7 +227,7 @@ class WordsAreZero(_MendsNumbers):
 
     def number(self, text: bytes) -> bytes:
         """Read it so."""
-        return text if Number("").read(text, Notes()) is not None else b"0"
+        return text if Number("").read(text, Diagnostics()) is not None else b"0"
 
 
 @fault("4.20/4")
@@ -288,7 +288,7 @@ class ThirdNumberIsNotChecked(Mends):
     def mended(self, data: bytes) -> bytes:
         """Replace it."""
         head, bar, last = data.rpartition(b"|")
-        good = head.count(b"|") != 1 or Number("").read(last, Notes()) is not None
+        good = head.count(b"|") != 1 or Number("").read(last, Diagnostics()) is not None
         return data if good else head + bar + b"0"
 
 
@@ -299,7 +299,7 @@ class RefusedGripperIsSetInPart(Brain):
     def _value(self, command: Command, frame: Frame) -> Any:
         value = super()._value(command, frame)
         if command.name == _SET and value is None:
-            x = Number("").read(frame.data.partition(b"|")[0], Notes())
+            x = Number("").read(frame.data.partition(b"|")[0], Diagnostics())
             if x is not None and abs(x) < 1000:
                 self.save(gripper_center=(x, *self.store.settings.gripper_center[1:]))
         return value

@@ -6,7 +6,7 @@ from typing import Any, Final
 from scaraspec.mutants.controller import fault
 from scaraspec.mutants.controller.replying import AltersReplies, Mends
 from scaraspec.protocol.commands import Command, Pose
-from scaraspec.protocol.fields import Notes, Number
+from scaraspec.protocol.fields import Diagnostics, Number
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.brain import Brain
@@ -197,7 +197,9 @@ class NumbersEndWhereTheyEnd(Mends):
 def _beginning(field: bytes) -> bytes:
     """The longest number that a field begins with, or the field."""
     ends = range(len(field), 0, -1)
-    return next((field[:n] for n in ends if Number("").read(field[:n], Notes()) is not None), field)
+    return next(
+        (field[:n] for n in ends if Number("").read(field[:n], Diagnostics()) is not None), field
+    )
 
 
 @fault("4.21/3", subtle=True)
@@ -217,7 +219,7 @@ class RefusedPositionIsSetInPart(Brain):
         value = super()._value(command, frame)
         if command.name == _SET and value is None:
             fields = frame.data.split(b"|")[:-1]
-            numbers = [Number("").read(field, Notes()) for field in fields]
+            numbers = [Number("").read(field, Diagnostics()) for field in fields]
             if len(numbers) == _FIELDS - 1 and None not in numbers:
                 self.save(initial_tool_position=(*numbers, 0.0))
         return value

@@ -18,14 +18,20 @@ from scaraspec.judge.verdicts import Cause, Verdict
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.case import Case, case_of, declare_mark, is_case
-from scaraspec.suite.engine.connection import Wire
+from scaraspec.suite.engine.connection import Connection
 from scaraspec.suite.engine.examples import counted
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet, Unreadable
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    Unreadable,
+)
 from scaraspec.suite.engine.hypothesis_profile import Drawing
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.plan import Options, wanted, why_not
-from scaraspec.suite.engine.system_under_test import Party
-from scaraspec.traffic.events import FrameSeen, Undecodable
+from scaraspec.suite.engine.system_under_test import SystemUnderTest
+from scaraspec.traffic.events import FrameSeen, InvalidBytes
 
 _NS: Final = 1e9
 _SENTENCE: Final = 500
@@ -69,11 +75,11 @@ class Outcome:
     observed: str = ""
     duration_s: float = 0.0
     examples: int = 0
-    frames: tuple[FrameSeen | Undecodable, ...] = ()
+    frames: tuple[FrameSeen | InvalidBytes, ...] = ()
     readings: tuple[tuple[str, str], ...] = ()
 
 
-class Bracket:
+class CaseRunner:
     """A pytest plugin object for one run against one subject.
 
     Args:
@@ -97,7 +103,7 @@ class Bracket:
 
     def __init__(
         self,
-        subject: Party | None,
+        subject: SystemUnderTest | None,
         role: Role,
         options: Options,
         tell: Callable[[Outcome, int], None] = lambda _outcome, _count: None,
@@ -191,7 +197,7 @@ class Bracket:
         report = yield
         if call.excinfo is not None and self._raised is None:
             self._raised = call.excinfo.value
-            if isinstance(_innermost(self._raised), Undecided):
+            if isinstance(_innermost(self._raised), CaseInconclusive):
                 report.outcome = "skipped"
                 report.longrepr = (str(item.path), 0, f"Skipped: {self._raised}")
         return report
@@ -199,18 +205,18 @@ class Bracket:
     # ------------------------------------------------------------------ fixtures
 
     @property
-    def subject(self) -> Party:
+    def subject(self) -> SystemUnderTest:
         """Whoever is under test."""
         assert self._subject is not None, "nothing runs without a subject"
         return self._subject
 
     @pytest.fixture(name="subject")
-    def _the_subject(self) -> Party:
+    def _the_subject(self) -> SystemUnderTest:
         """Whoever is under test."""
         return self.subject
 
     @pytest.fixture(name="line")
-    def _a_line(self) -> Wire:
+    def _a_line(self) -> Connection:
         """A connection that has logged in."""
         return self.subject.open()
 
@@ -356,17 +362,17 @@ class Bracket:
         """The verdict of what the case raised."""
         raised = _innermost(self._raised)
         if raised is None and self.subject.untried:
-            raised = NotRun(self.subject.untried)
+            raised = CaseSkipped(self.subject.untried)
         match raised:
             case None:
                 pass
-            case NotRun():
+            case CaseSkipped():
                 return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=f"{raised}")
-            case Undecided():
+            case CaseInconclusive():
                 if isinstance(raised, JournalError):
                     self.give_up(f"{raised}")
                 return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=f"{raised}")
-            case Unmet():
+            case CaseFailed():
                 return Outcome(
                     case,
                     Verdict.FAIL,
@@ -435,7 +441,7 @@ class Bracket:
         subject = self.subject
         try:
             subject.settle()
-        except (NoAnswer, Unmet) as error:
+        except (NoReply, CaseFailed) as error:
             self._revive(case)
             if outcome.verdict is Verdict.FAIL:
                 return outcome
@@ -453,7 +459,7 @@ class Bracket:
                 observed,
                 frames=frames,
             )
-        except Undecided as error:
+        except CaseInconclusive as error:
             if isinstance(error, Unreadable):
                 self._unmoved = f"before this case, since case {case.id}: {error}"
             else:
@@ -474,9 +480,9 @@ class Bracket:
             subject.revive()
             self._ready = False
             subject.settle()
-        except Unmet as error:
+        except CaseFailed as error:
             self.give_up(f"the subject served nobody before this case, since {case.id}: {error}")
-        except Undecided as error:
+        except CaseInconclusive as error:
             self.give_up(f"before this case, since case {case.id}: {error}")
 
 
@@ -502,7 +508,9 @@ def _innermost(raised: BaseException | None) -> BaseException | None:
     """What a case raised, out of what hypothesis wraps it in where it does not recur."""
     if isinstance(raised, BaseExceptionGroup):
         inner = [_innermost(each) for each in raised.exceptions]
-        return next((each for each in inner if isinstance(each, Unmet | Undecided)), inner[0])
+        return next(
+            (each for each in inner if isinstance(each, CaseFailed | CaseInconclusive)), inner[0]
+        )
     if isinstance(raised, Flaky) and raised.__cause__:
         return _innermost(raised.__cause__)
     return raised

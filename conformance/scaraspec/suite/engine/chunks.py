@@ -9,7 +9,7 @@ def chunk_of(answer: Answer) -> Chunk:
     """What a chunk frame carries.
 
     Raises:
-        Unmet: No fileData.
+        CaseFailed: No fileData.
     """
     size_bytes, chunk = len(answer.frame.data), answer.value
     whole = isinstance(chunk, Chunk) and size_bytes in (FILE_DATA_BYTES, HEAD_BYTES + chunk.length)
@@ -28,7 +28,7 @@ def expect_next(chunk: Chunk, due: int, size_bytes: int) -> None:
     """Hold a chunk of a file of this size against where the ones before it have got to.
 
     Raises:
-        Unmet: It does not follow on them, or is out of bounds.
+        CaseFailed: It does not follow on them, or is out of bounds.
     """
     expect_equal(chunk.file_size, size_bytes, "the file size changed", requirement="5.1/3")
     expect_equal(
@@ -45,7 +45,7 @@ def expect_length(chunk: Chunk) -> None:
     """Hold against a chunk that its buffer would be empty, or too small for what it holds.
 
     Raises:
-        Unmet: It is so.
+        CaseFailed: It is so.
     """
     expect(
         1 <= chunk.length <= BUFFER_BYTES,
@@ -60,7 +60,7 @@ def expect_within(chunk: Chunk, size_bytes: int) -> None:
     """Hold a chunk of a file of this size against the end of the file.
 
     Raises:
-        Unmet: It reaches beyond.
+        CaseFailed: It reaches beyond.
     """
     end = chunk.position + chunk.length
     message = "a chunk reaches beyond the end of the file"
@@ -72,7 +72,7 @@ def expect_position(chunk: Chunk, content: bytes) -> None:
     """Hold a chunk's position against where the file holds what is in it.
 
     Raises:
-        Unmet: It is another place, or there is none.
+        CaseFailed: It is another place, or there is none.
     """
     at = content.find(chunk.data) if chunk.data else -1
     expect(
@@ -88,7 +88,7 @@ def expect_content(chunk: Chunk, content: bytes) -> None:
     """Hold a chunk against what the file holds where the chunk says that it stands.
 
     Raises:
-        Unmet: It counts other bytes as the file's.
+        CaseFailed: It counts other bytes as the file's.
     """
     valid = content[chunk.position : chunk.position + BUFFER_BYTES]
     expect(

@@ -13,9 +13,9 @@ from scaraspec.protocol.direction import A2C, Direction
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.observer import Observer
-from scaraspec.traffic.events import FrameSeen, Undecodable
+from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.traffic.stream import Stream
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.transports.link import Arrival, Ending, Link, LinkError
@@ -35,7 +35,7 @@ class Holder(Protocol):
     def now_ns(self) -> int:
         """The present instant in nanoseconds since the Unix epoch."""
 
-    def pump_others(self, wire: "Wire", /) -> Sequence[Link]:
+    def pump_others(self, wire: "Connection", /) -> Sequence[Link]:
         """Take what came elsewhere; give the links on which more may come."""
 
 
@@ -81,7 +81,7 @@ class Answer(NamedTuple):
         return f"{self.frame}"
 
 
-class Wire:
+class Connection:
     """One connection.
 
     Args:
@@ -104,7 +104,7 @@ class Wire:
     ) -> None:
         self.name = name
         self.heard: list[FrameSeen] = []
-        self.noise: list[Undecodable] = []
+        self.noise: list[InvalidBytes] = []
         self.ending: Ending | None = None
         self.closed, self.closed_ns = False, 0
         self._due_bytes = _FLOOD_BYTES
@@ -120,7 +120,7 @@ class Wire:
         """Send bytes as they are.
 
         Raises:
-            NoAnswer: The subject has ended the connection.
+            NoReply: The subject has ended the connection.
         """
         if not data:
             return
@@ -132,7 +132,7 @@ class Wire:
                 self._event(self._ours, Kind.BYTES, time_ns, data)
         except LinkError as error:
             self.pump()
-            raise NoAnswer(f"the subject does not take what is sent: {error}") from None
+            raise NoReply(f"the subject does not take what is sent: {error}") from None
 
     def send_frame(self, frame: Frame) -> None:
         """Send one frame."""
@@ -153,7 +153,7 @@ class Wire:
         """Wait for a frame, and take it.
 
         Raises:
-            NoAnswer: None came; the message says what was due.
+            NoReply: None came; the message says what was due.
         """
         deadline_s = self.link.now_s + within_s
         while True:
@@ -172,13 +172,13 @@ class Wire:
             pass
         return bool(self.heard)
 
-    def no_answer(self, message: str) -> NoAnswer:
+    def no_answer(self, message: str) -> NoReply:
         """What to raise where something that is due has not come."""
         came = [f"{seen.frame}" for seen in self.heard]
         came += [f"no frame: {show(noise.data)}" for noise in self.noise]
         if self.ending:
             came.append(f"the connection was {self.ending.value}")
-        return NoAnswer(message, expected="an answer", observed="; ".join(came) or "silence")
+        return NoReply(message, expected="an answer", observed="; ".join(came) or "silence")
 
     # ------------------------------------------------------------------ listening
 
@@ -247,7 +247,7 @@ class Wire:
         if self._due_bytes < 0:
             self._over(self.link.reset, Kind.RESET)
             message = "the subject goes on sending what nobody has asked for"
-            raise Unmet(message, expected="silence", observed="a flood", requirement="3/32")
+            raise CaseFailed(message, expected="silence", observed="a flood", requirement="3/32")
 
     def _event(self, direction: Direction, kind: Kind, time_ns: int, data: bytes = b"") -> None:
         offset_bytes = self._offsets_bytes[direction]
@@ -259,7 +259,7 @@ class Wire:
                 self._take(direction.opposite, self._streams[direction.opposite].settle())
                 self._take(direction, self._streams[direction].feed(event))
 
-    def _take(self, direction: Direction, found: "Iterator[FrameSeen | Undecodable]") -> None:
+    def _take(self, direction: Direction, found: "Iterator[FrameSeen | InvalidBytes]") -> None:
         for item in found:
             self._holder.observer.frame(item)
             if direction is self._ours:
@@ -283,12 +283,12 @@ class Wire:
         """Send no more, but listen on.
 
         Raises:
-            Undecided: This carrier cannot.
+            CaseInconclusive: This carrier cannot.
         """
         try:
             self.link.half_close()
         except LinkError as error:
-            raise Undecided(f"this link cannot do that: {error}") from None
+            raise CaseInconclusive(f"this link cannot do that: {error}") from None
         self._event(self._ours, Kind.HALF_CLOSED, self._holder.now_ns)
 
     def close(self) -> None:
@@ -300,7 +300,7 @@ class Wire:
         self._end(self.link.reset, Kind.RESET)
 
     def _end(self, end: Callable[[], None], kind: Kind) -> None:
-        with suppress(Unmet):  # a flood ends it by itself
+        with suppress(CaseFailed):  # a flood ends it by itself
             self.pump()
         if not self.closed:
             self._over(end, kind)
@@ -312,7 +312,7 @@ class Wire:
             self._event(self._ours, kind, self._holder.now_ns)
 
 
-def pump(wires: Iterable[Wire], besides: Wire) -> list[Link]:
+def pump(wires: Iterable[Connection], besides: Connection) -> list[Link]:
     """Take what is there on all wires but one; give the links of those that are still open."""
     links = []
     for wire in wires:

@@ -10,7 +10,7 @@ from typing import Any
 from scaraspec.protocol.fields import show
 
 
-class Unmet(AssertionError):  # noqa: N818 - it is the subject's error, not ours
+class CaseFailed(AssertionError):  # noqa: N818 - it is the subject's error, not ours
     """The subject violates a requirement.
 
     Attributes:
@@ -26,7 +26,7 @@ class Unmet(AssertionError):  # noqa: N818 - it is the subject's error, not ours
         self.expected, self.observed, self.requirement = expected, observed, requirement
 
 
-class NoAnswer(Unmet):
+class NoReply(CaseFailed):
     """A request that a living subject left unanswered, or answered by ending the link (3/31).
 
     Attributes:
@@ -36,7 +36,7 @@ class NoAnswer(Unmet):
     owed = ""
 
 
-class Declined(Unmet):
+class OperationRefused(CaseFailed):
     """An order that a client refuses by itself, sending nothing of it.
 
     Values that only the register's silence allows, such as a pose out of reach, a case may order
@@ -49,18 +49,18 @@ class Declined(Unmet):
     after_s = 0.0
 
 
-class Undecided(Exception):  # noqa: N818 - it is no error of anybody
+class CaseInconclusive(Exception):  # noqa: N818 - it is no error of anybody
     """The case could not find out; the text says why."""
 
 
-class Unreadable(Undecided):
+class Unreadable(CaseInconclusive):
     """What the subject says of its state is nothing: whether it rests, nobody can tell.
 
     Nothing that may move it is tried any more.
     """
 
 
-class NotRun(Undecided):
+class CaseSkipped(CaseInconclusive):
     """The case did not begin; the text says what it would need."""
 
 
@@ -75,20 +75,20 @@ def expect(
     """Fail the subject unless the condition holds.
 
     Raises:
-        Unmet: It does not.
+        CaseFailed: It does not.
     """
     if not condition:
-        raise Unmet(message, expected=expected, observed=observed, requirement=requirement)
+        raise CaseFailed(message, expected=expected, observed=observed, requirement=requirement)
 
 
 def expect_equal(observed: Any, expected: Any, message: str, *, requirement: str = "") -> None:
     """Fail the subject unless both are equal.
 
     Raises:
-        Unmet: They are not.
+        CaseFailed: They are not.
     """
     if observed != expected:
-        raise Unmet(
+        raise CaseFailed(
             message, expected=told(expected), observed=told(observed), requirement=requirement
         )
 
@@ -99,11 +99,11 @@ def expect_in(
     """Fail the subject unless this is one of the options.
 
     Raises:
-        Unmet: It is none.
+        CaseFailed: It is none.
     """
     if observed not in options:
         wanted = " or ".join(map(told, options))
-        raise Unmet(message, expected=wanted, observed=told(observed), requirement=requirement)
+        raise CaseFailed(message, expected=wanted, observed=told(observed), requirement=requirement)
 
 
 def told(value: Any) -> str:

@@ -15,7 +15,7 @@ from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.suite.engine.hooks import HOOKS, CommandHook, Hook
 
 
-class StatementError(ValueError):
+class IcsError(ValueError):
     """A statement of conformance that says nothing usable; one sentence for the user."""
 
 
@@ -39,7 +39,7 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
-class Statement:
+class Ics:
     """What a subject claims.
 
     Attributes:
@@ -113,26 +113,26 @@ class Statement:
         """Read a statement.
 
         Raises:
-            StatementError: The file cannot be read, or says something that is not known.
+            IcsError: The file cannot be read, or says something that is not known.
         """
         try:
             with path.open("rb") as file:
                 said = tomllib.load(file)
         except OSError as error:
-            raise StatementError(f"{path} cannot be read: {error.strerror}") from None
+            raise IcsError(f"{path} cannot be read: {error.strerror}") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise StatementError(f"{path} is no TOML: {error}") from None
+            raise IcsError(f"{path} is no TOML: {error}") from None
         try:
             return cls.of(said)
-        except (StatementError, ReadingError) as error:
-            raise StatementError(f"{path}: {error}") from None
+        except (IcsError, ReadingError) as error:
+            raise IcsError(f"{path}: {error}") from None
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> Self:
         """Make a statement of what a TOML document says.
 
         Raises:
-            StatementError: It says something that is not known, or not of that type.
+            IcsError: It says something that is not known, or not of that type.
             ReadingError: It claims a reading that does not exist.
         """
         _known("", said, ("subject", "readings", "motion", "hooks"))
@@ -142,9 +142,9 @@ class Statement:
             _typed(f"subject.{key}", value, _SUBJECT[key])
         lacks = frozenset(map(str, subject.get("lacks", ())))
         if unknown := lacks - BY_NAME.keys():
-            raise StatementError(f"subject.lacks names {min(unknown)!r}, which is no command")
+            raise IcsError(f"subject.lacks names {min(unknown)!r}, which is no command")
         if subject.get("network_applies", "at-once") not in _NETWORK_APPLIES:
-            raise StatementError(f"subject.network_applies is one of {', '.join(_NETWORK_APPLIES)}")
+            raise IcsError(f"subject.network_applies is one of {', '.join(_NETWORK_APPLIES)}")
         _within("subject.time_scale", subject.get("time_scale", 1.0), _FASTEST)
         readings = {k: str(v) for k, v in _table(said, "readings").items()}
         return cls(
@@ -177,26 +177,26 @@ _MOST: Final = {"step_mm": 1000.0, "speed_percent": 100.0, "jog_s": 60.0, "longe
 def _table(said: Mapping[str, Any], name: str) -> dict[str, Any]:
     table = said.get(name, {})
     if not isinstance(table, dict):
-        raise StatementError(f"[{name}] is a table")
+        raise IcsError(f"[{name}] is a table")
     return table
 
 
 def _known(where: str, said: Mapping[str, Any], keys: Any) -> None:
     for key in said:
         if key not in keys:
-            raise StatementError(f"{where}{key} is not known: there are {', '.join(keys)}")
+            raise IcsError(f"{where}{key} is not known: there are {', '.join(keys)}")
 
 
 def _typed(name: str, value: Any, wanted: type | tuple[type, ...]) -> None:
     if not isinstance(value, wanted) or isinstance(value, bool):
         kinds = wanted if isinstance(wanted, tuple) else (wanted,)
-        raise StatementError(f"{name} is {' or '.join(k.__name__ for k in kinds)}")
+        raise IcsError(f"{name} is {' or '.join(k.__name__ for k in kinds)}")
 
 
 def _within(name: str, value: Any, most: float) -> None:
     _typed(name, value, (int, float))
     if not 0 < value <= most:  # nor is NaN
-        raise StatementError(f"{name} is above 0 and at most {most:g}")
+        raise IcsError(f"{name} is above 0 and at most {most:g}")
 
 
 def _motion(said: Mapping[str, Any]) -> Motion:
@@ -209,7 +209,7 @@ def _motion(said: Mapping[str, Any]) -> Motion:
     box = said.get("box_mm", [])
     _typed("motion.box_mm", box, list)
     if box and not (len(box) == _AXES and all(map(_is_range, box))):
-        raise StatementError("motion.box_mm is three pairs: of x, y and z the least and the most")
+        raise IcsError("motion.box_mm is three pairs: of x, y and z the least and the most")
     return Motion(**{**said, "box_mm": tuple((float(a), float(b)) for a, b in box)})
 
 

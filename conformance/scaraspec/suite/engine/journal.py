@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final, Self, TypeVar
 
 from scaraspec.operating_system import LockedError, locked, make_private_folder, open_private
-from scaraspec.suite.engine.expectations import Undecided
+from scaraspec.suite.engine.expectations import CaseInconclusive
 
 T = TypeVar("T")
 
@@ -29,7 +29,7 @@ _SLUG: Final = re.compile(r"[^A-Za-z0-9.]+")
 _DIGEST_CHARACTERS: Final = 8
 
 
-class JournalError(Undecided):
+class JournalError(CaseInconclusive):
     """The journal cannot be read or written; one sentence for the user."""
 
 

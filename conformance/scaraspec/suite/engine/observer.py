@@ -16,15 +16,15 @@ from scaraspec.judge.rules.rule import sender_of
 from scaraspec.judge.verdicts import Finding
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.report.model import Role
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.traffic.events import (
     Exchange,
     FrameSeen,
-    Happening,
+    InvalidBytes,
+    TrafficEvent,
     Transfer,
-    Unasked,
-    Undecodable,
+    UnsolicitedReply,
 )
 from scaraspec.traffic.wire import WireEvent
 
@@ -43,7 +43,7 @@ class Sighting:
 
 
 Take = Callable[[WireEvent], None]
-Hear = Callable[[Happening | Finding], None]
+Hear = Callable[[TrafficEvent | Finding], None]
 
 
 class Observer:
@@ -63,7 +63,7 @@ class Observer:
     def __init__(
         self,
         role: Role,
-        statement: Statement,
+        statement: Ics,
         *,
         needs_login: bool = True,
         take: Take = lambda _: None,
@@ -73,7 +73,7 @@ class Observer:
         self.judge = Judge(statement.dialect, needs_login=needs_login)
         self.sightings: list[Sighting] = []
         self.case = ""
-        self.recent: deque[FrameSeen | Undecodable] = deque(maxlen=_RECENT_FRAMES)
+        self.recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self.unasked: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
         """The last first replies that answer nothing, not even late (A-3-16)."""
         self._role, self._beyond = role, statement.beyond_the_judge
@@ -91,7 +91,7 @@ class Observer:
         if judged:
             self._listen(self.judge.feed(event))
 
-    def frame(self, seen: FrameSeen | Undecodable) -> None:
+    def frame(self, seen: FrameSeen | InvalidBytes) -> None:
         """A frame, or bytes that are none, passed: evidence of the running case."""
         self.recent.append(seen)
 
@@ -101,7 +101,7 @@ class Observer:
         return frozenset(seen.frame.opcode for seen in self.unasked)
 
     @property
-    def evidence(self) -> tuple[FrameSeen | Undecodable, ...]:
+    def evidence(self) -> tuple[FrameSeen | InvalidBytes, ...]:
         """What passed last in the running case."""
         return tuple(self.recent)[-_EVIDENCE_FRAMES:]
 
@@ -122,13 +122,13 @@ class Observer:
         """The run has ended."""
         self._listen(self.judge.close())
 
-    def _listen(self, items: Iterator[Happening | Finding]) -> None:
-        happening: Happening | None = None
+    def _listen(self, items: Iterator[TrafficEvent | Finding]) -> None:
+        happening: TrafficEvent | None = None
         for item in items:
             self._hear(item)
             if not isinstance(item, Finding):
                 happening = item
-                if isinstance(item, Unasked) and not (item.late or item.seen.frame.tagged):
+                if isinstance(item, UnsolicitedReply) and not (item.late or item.seen.frame.tagged):
                     self.unasked.append(item.seen)
             elif item.requirement in (self._overlooked, *self._beyond) or happening is None:
                 continue
@@ -141,7 +141,7 @@ def speaks(role: Role) -> Direction:
     return C2A if role is Role.CONTROLLER else A2C
 
 
-def blamed(finding: Finding, happening: Happening) -> Role | None:
+def blamed(finding: Finding, happening: TrafficEvent) -> Role | None:
     """Whose finding it is, who may be the suite that plays the other end; None for nobody's."""
     binds = REQUIREMENTS[finding.requirement].binds
     if binds is not Binds.BOTH:

@@ -8,7 +8,7 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.engine.case import Case
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 
 
 class HazardError(ValueError):
@@ -57,7 +57,7 @@ def hazards(text: str) -> frozenset[Hazard]:
     return frozenset({Hazard.READ_ONLY, *(known[name] for name in names)})
 
 
-def why_not(case: Case, options: Options, statement: Statement) -> str:
+def why_not(case: Case, options: Options, statement: Ics) -> str:
     """Why a case cannot run; empty where it can."""
     if missing := case.hazards - options.allowed - {Hazard.READ_ONLY}:
         names = ",".join(sorted(hazard.value for hazard in missing))

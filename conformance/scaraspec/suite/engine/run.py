@@ -27,13 +27,13 @@ from scaraspec.report.evidence import exhibit
 from scaraspec.report.model import Case, ReadingSeen, RequirementResult, Results, Role, Tool
 from scaraspec.report.session import SessionStats
 from scaraspec.suite.engine import case as cases
-from scaraspec.suite.engine.case_runner import Bracket, Outcome, unless_disturbed
-from scaraspec.suite.engine.expectations import Undecided, Unmet
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.case_runner import CaseRunner, Outcome, unless_disturbed
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import Observer, Sighting, Take, speaks
 from scaraspec.suite.engine.plan import Options, wanted
-from scaraspec.suite.engine.system_under_test import Party
+from scaraspec.suite.engine.system_under_test import SystemUnderTest
 
 CASES: Final = {
     role: Path(__file__).parents[1] / role.value / "cases"
@@ -58,7 +58,7 @@ class SuiteError(Exception):
     """The suite cannot be run; the text says what is broken."""
 
 
-P = TypeVar("P", bound=Party)
+P = TypeVar("P", bound=SystemUnderTest)
 
 
 class Setting(Protocol[P]):
@@ -69,7 +69,7 @@ class Setting(Protocol[P]):
         """What the subject is."""
 
     @property
-    def statement(self) -> Statement:
+    def statement(self) -> Ics:
         """What it claims."""
 
     @property
@@ -99,8 +99,8 @@ class Setting(Protocol[P]):
         """Find out what has to be put back: what this gives is given to `put_back`.
 
         Raises:
-            Unmet: The subject is not there.
-            Undecided: It cannot be dealt with.
+            CaseFailed: The subject is not there.
+            CaseInconclusive: It cannot be dealt with.
             JournalError: What it is like cannot be written down.
         """
 
@@ -108,8 +108,8 @@ class Setting(Protocol[P]):
         """Find out how it is to be spoken to.
 
         Raises:
-            Unmet: It is gone.
-            Undecided: It cannot be dealt with.
+            CaseFailed: It is gone.
+            CaseInconclusive: It cannot be dealt with.
         """
 
     def make_ready(self, subject: P) -> None:
@@ -160,7 +160,7 @@ class Run(Generic[P]):
         )
         self.interruption = self._observer.interruption
         self._subject = setting.subject(self._observer)
-        self.bracket = Bracket(self._subject, setting.role, setting.options, tell, loud=loud)
+        self.bracket = CaseRunner(self._subject, setting.role, setting.options, tell, loud=loud)
         self.bracket.before_last = self._put_back
         self.bracket.before_motion = partial(setting.make_ready, self._subject)
         self.bracket.watch = partial(setting.watch, self._subject)
@@ -218,7 +218,7 @@ class Run(Generic[P]):
             self.setting.probe(self._subject)
         except JournalError:
             raise
-        except (Unmet, Undecided) as error:
+        except (CaseFailed, CaseInconclusive) as error:
             self._subject.close_lines()
             self.bracket.give_up(f"the subject was not there to begin with: {error}")
 
@@ -226,7 +226,7 @@ class Run(Generic[P]):
         """What the subject is like; a client that is there, and wrong about that, has failed."""
         try:
             return self.setting.begin(self._subject)
-        except Unmet as error:
+        except CaseFailed as error:
             if not error.requirement or self.setting.role is not Role.CLIENT:
                 raise
             self.bracket.outcomes.append(_wrong_from_the_start(error))
@@ -421,7 +421,7 @@ def _set_up(name: str, message: str) -> Outcome:
     return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message)
 
 
-def _wrong_from_the_start(error: Unmet) -> Outcome:
+def _wrong_from_the_start(error: CaseFailed) -> Outcome:
     """A client that says of an idle robot that it is not, or nothing."""
     case = cases.Case("run.begin", (), frozenset({Hazard.READ_ONLY}))
     wrong = (error.requirement, Cause.SUBJECT, f"{error}", error.expected, error.observed)
@@ -454,12 +454,12 @@ def _cases_in(folder: Path, role: Role) -> tuple[tuple[cases.Case, Path], ...]:
     Raises:
         SuiteError: The suite itself is broken.
     """
-    bracket = Bracket(None, role, Options())
+    bracket = CaseRunner(None, role, Options())
     _pytest(bracket, role, Options(), folder)
     return tuple(zip(bracket.cases, (item.path for item in bracket.items), strict=True))
 
 
-def _pytest(bracket: Bracket, role: Role, options: Options, *where: Path) -> None:
+def _pytest(bracket: CaseRunner, role: Role, options: Options, *where: Path) -> None:
     """Let pytest collect and run shipped cases, silently.
 
     Raises:

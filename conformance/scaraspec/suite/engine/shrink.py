@@ -8,7 +8,7 @@ long as an answer is awaited, where it fails by one that does not come.
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple, TypeVar
 
-from scaraspec.suite.engine.expectations import Unmet
+from scaraspec.suite.engine.expectations import CaseFailed
 
 T = TypeVar("T")
 
@@ -23,7 +23,7 @@ class Failure(NamedTuple):
         steps: How many of its steps were taken, the one that failed among them.
     """
 
-    error: Unmet
+    error: CaseFailed
     steps: int
 
 

@@ -15,7 +15,7 @@ STOOD_S: Final = 0.5
 """For how long nothing may happen here until it may matter."""
 
 
-class Pulse:
+class StallDetector:
     """Beats as long as it is used as a context."""
 
     def __init__(self) -> None:

@@ -160,7 +160,7 @@ def _(payload: FileData) -> SearchStrategy[Chunk]:  # noqa: ARG001 - chosen by i
 
 
 def _frames_of(command: Command, direction: Direction) -> SearchStrategy[Frame]:
-    asks = direction is command.asker
+    asks = direction is command.initiator
     payload = command.request if asks else command.reply
     first = payload_values(payload).map(
         lambda value: Frame(direction, command.opcode, payload.encode(value))

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from scaraspec.suite.engine.connection import Wire
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.connection import Connection
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 
 
@@ -41,7 +41,7 @@ class Interference:
         return ""
 
 
-class Party(Protocol):
+class SystemUnderTest(Protocol):
     """A subject.
 
     Attributes:
@@ -86,7 +86,7 @@ class Party(Protocol):
         """Why a case that raised nothing has found out nothing; empty where it has."""
 
     @property
-    def statement(self) -> Statement:
+    def statement(self) -> Ics:
         """What it claims."""
 
     @property
@@ -97,11 +97,11 @@ class Party(Protocol):
     def now_ns(self) -> int:
         """The present instant in nanoseconds since the Unix epoch."""
 
-    def open(self) -> Wire:
+    def open(self) -> Connection:
         """A connection on which somebody is logged in.
 
         Raises:
-            Unmet: There is none to be had.
+            CaseFailed: There is none to be had.
         """
 
     def close_lines(self) -> None:
@@ -111,13 +111,13 @@ class Party(Protocol):
         """Bring it back to rest, and show that it is alive.
 
         Raises:
-            Unmet: It is not.
-            Undecided: It does not come to rest.
+            CaseFailed: It is not.
+            CaseInconclusive: It does not come to rest.
         """
 
     def revive(self) -> None:
         """Start it anew, where that can be done.
 
         Raises:
-            Undecided: It failed.
+            CaseInconclusive: It failed.
         """

@@ -6,8 +6,8 @@ after 35 s, that is told. A limit that the subject claims scales all four.
 
 from typing import Final, NamedTuple
 
-from scaraspec.suite.engine.expectations import Undecided
-from scaraspec.suite.engine.system_under_test import Party
+from scaraspec.suite.engine.expectations import CaseInconclusive
+from scaraspec.suite.engine.system_under_test import SystemUnderTest
 
 _DOCUMENT_S: Final = 30.0  # L763, L787, L795
 _NS: Final = 1e9
@@ -22,7 +22,7 @@ class Limits(NamedTuple):
     over_s: float
 
 
-def limits_of(subject: Party) -> Limits:
+def limits_of(subject: SystemUnderTest) -> Limits:
     """The limits of a subject."""
     scale = subject.statement.transfer_s / _DOCUMENT_S
     return Limits(25 * scale, 27 * scale, 35 * scale, 60 * scale)
@@ -31,7 +31,7 @@ def limits_of(subject: Party) -> Limits:
 class Silence:
     """How long nothing has been sent on a connection."""
 
-    def __init__(self, subject: Party) -> None:
+    def __init__(self, subject: SystemUnderTest) -> None:
         self._subject = subject
         self._since_ns = subject.now_ns
 
@@ -44,7 +44,9 @@ class Silence:
         """Go on only while it is no longer than it may be: a slow machine must fail nobody.
 
         Raises:
-            Undecided: It is longer.
+            CaseInconclusive: It is longer.
         """
         if self.passed_s > limit_s:
-            raise Undecided(f"this machine is too slow: a silence lasted {self.passed_s:.3f} s")
+            raise CaseInconclusive(
+                f"this machine is too slow: a silence lasted {self.passed_s:.3f} s"
+            )

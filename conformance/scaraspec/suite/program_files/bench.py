@@ -15,10 +15,20 @@ from scaraspec.protocol.programs import Layout, Node, Program, Variable, listing
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.files import upload
-from scaraspec.suite.controller.harness.requests.motion import go_on_if_it_listens, listens, quieten
+from scaraspec.suite.controller.harness.requests.motion import (
+    go_on_if_it_listens,
+    listens,
+    stop_motion,
+)
 from scaraspec.suite.controller.harness.requests.ports import Bits, digits, outputs, outputs_kept
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    NoReply,
+    expect,
+    expect_equal,
+)
 from scaraspec.suite.program_files.layout import configured, find_layout
 from scaraspec.suite.program_files.model import Block, State, nodes_of, variables_of
 from scaraspec.suite.program_files.writing import program_file, wait
@@ -36,7 +46,7 @@ _MOST_LETTERS: Final = 1200
 _NS: Final = 1e9
 
 
-class ProgramRefused(Unmet):
+class ProgramRefused(CaseFailed):
     """A valid program is not run."""
 
 
@@ -94,7 +104,7 @@ class Bench:
         """Begin a program; its name.
 
         Raises:
-            Unmet: It is refused.
+            CaseFailed: It is refused.
         """
         name = self.store(self.file(nodes, variables))
         self.restart(name)
@@ -115,13 +125,13 @@ class Bench:
         """Wait for the good end of a program that lasts so many seconds by its waits.
 
         Raises:
-            Unmet: It fails, or does not end.
+            CaseFailed: It fails, or does not end.
         """
         within_s = self._subject.longest_s + self.ours_s(lasts_s)
         try:
             result = self._line.result("run_program", within_s=within_s)
-        except NoAnswer as error:
-            raise Unmet(
+        except NoReply as error:
+            raise CaseFailed(
                 "a valid program does not end", expected="11", observed=error.observed
             ) from None
         expect(result.done, "a valid program fails", expected="11", observed=f"{result}")
@@ -133,7 +143,7 @@ class Bench:
         """Run a program to its good end.
 
         Raises:
-            Unmet: It is refused, fails, or does not end.
+            CaseFailed: It is refused, fails, or does not end.
         """
         with self._told():
             self.start(nodes, variables)
@@ -156,7 +166,7 @@ class Bench:
             large: It may be refused for its size, which nothing bounds (A-5-21).
 
         Raises:
-            Unmet: It does not run to its good end, or the outputs are others.
+            CaseFailed: It does not run to its good end, or the outputs are others.
         """
         initial = outputs(self._line)
         state = State(initial, inputs, dict(variables))
@@ -188,7 +198,7 @@ class Bench:
             shown: What they are; by default what they are now.
 
         Raises:
-            Unmet: They are others.
+            CaseFailed: They are others.
         """
         shown = outputs(self._line) if shown is None else shown
         if shown != due and shown == tuple(on and n in written for n, on in enumerate(due, 1)):
@@ -202,7 +212,7 @@ class Bench:
         """Tell with what fails of which program it did: nobody sees it in its bytes."""
         try:
             yield
-        except Unmet as error:
+        except CaseFailed as error:
             lines = listing(parse(self._content)).splitlines()
             told = (" ".join(line.split()) for line in lines if not line.startswith(_SETTINGS))
             error.observed = f"{error.observed} of this program: {'; '.join(told)}"[:_MOST_LETTERS]
@@ -231,14 +241,14 @@ class Bench:
         """The final result, if it is there by then."""
         try:
             return self._line.result(command, within_s=within_s)
-        except NoAnswer:
+        except NoReply:
             return None
 
     def until(self, port: int, *, on: bool, within_s: float) -> bool:
         """Wait until an output shows a state; whether it does in so many seconds of the subject.
 
         Raises:
-            NotRun: It shows nothing while it executes (A-4-3).
+            CaseSkipped: It shows nothing while it executes (A-4-3).
         """
         go_on_if_it_listens(self._subject, self._line)
         left_s = self.ours_s(within_s)
@@ -251,7 +261,7 @@ class Bench:
 
     def stop(self) -> None:
         """End whatever runs."""
-        quieten(self._subject, self._line)
+        stop_motion(self._subject, self._line)
         while self.ended() is not None:
             pass
 
@@ -261,8 +271,8 @@ def bench(subject: Subject, line: Line) -> Iterator[Bench]:
     """A bench in the subject's layout.
 
     Raises:
-        Unmet: The subject runs no programs.
-        Undecided: It cannot now.
+        CaseFailed: The subject runs no programs.
+        CaseInconclusive: It cannot now.
     """
     layout, base = find_layout(subject, line), configured(subject, line)
     with outputs_kept(line) as before:
@@ -270,7 +280,7 @@ def bench(subject: Subject, line: Line) -> Iterator[Bench]:
         try:
             yield made
         finally:
-            with suppress(Unmet, Undecided):  # what cannot be stopped the bracket finds
+            with suppress(CaseFailed, CaseInconclusive):  # what cannot be stopped the bracket finds
                 made.stop()
 
 
@@ -279,9 +289,9 @@ def running(subject: Subject, line: Line) -> Iterator[Bench]:
     """A bench on which a program runs that waits for a few seconds and does nothing else.
 
     Raises:
-        Unmet: The subject runs no programs.
-        Undecided: It cannot now.
-        NotRun: It answers nothing meanwhile (A-4-3).
+        CaseFailed: The subject runs no programs.
+        CaseInconclusive: It cannot now.
+        CaseSkipped: It answers nothing meanwhile (A-4-3).
     """
     with bench(subject, line) as robot:
         robot.start(wait(robot.theirs_s(_RUNS_S)))

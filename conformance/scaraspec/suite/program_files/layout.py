@@ -14,7 +14,7 @@ from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import IDLE, release_latch, status_of
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.program_files.writing import EMPTY, layout_of, wait_program
 
 CODE_20: Final = "8/5"
@@ -48,22 +48,22 @@ def find_layout(subject: Subject, line: Line) -> Layout:
     the first that comes to its end.
 
     Raises:
-        Unmet: The subject runs a program in no layout (6.5/26).
-        Undecided: It did not when it was asked before, or its state lets it run none.
+        CaseFailed: The subject runs a program in no layout (6.5/26).
+        CaseInconclusive: It did not when it was asked before, or its state lets it run none.
     """
     if _KNOWN not in subject.known:
         release_latch(subject, line)
         with subject.observer.overlooking(CODE_20):
             try:
                 found, subject.known[_TRIAL] = _find(subject, line)
-            except Unmet:
+            except CaseFailed:
                 subject.known[_KNOWN] = None
                 raise
         subject.known[_KNOWN] = found
         subject.follows("prog_layout", found.reading)
     known = known_layout(subject)
     if known is None:
-        raise Undecided("the subject runs programs in no layout of the document")
+        raise CaseInconclusive("the subject runs programs in no layout of the document")
     return known
 
 
@@ -96,17 +96,19 @@ def configured(subject: Subject, line: Line) -> Program:
     A run may make it hold, or refuse what cannot be; it is asked for once in a run.
 
     Raises:
-        Undecided: It is nothing that a program can say.
+        CaseInconclusive: It is nothing that a program can say.
     """
     if _CONFIGURED not in subject.known:
         tool, center = EMPTY.tool_position, EMPTY.tool_center
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             tool = tuple(line.ask("get_initial_tool_position").value or tool)
             center = tuple(line.ask("get_gripper_center").value or center)
         try:
             subject.known[_CONFIGURED] = replace(EMPTY, tool_position=tool, tool_center=center)
         except ValueError as error:
-            raise Undecided(f"no program can carry what the subject tells: {error}") from None
+            raise CaseInconclusive(
+                f"no program can carry what the subject tells: {error}"
+            ) from None
     base: Program = subject.known[_CONFIGURED]
     return base
 
@@ -135,7 +137,7 @@ def _find(subject: Subject, line: Line) -> tuple[Layout, Trial]:
         ended = ended or (layout, trial)
     if ended is not None:
         return ended
-    raise Unmet(
+    raise CaseFailed(
         "a program that only waits is run in none of the layouts that the structures can have",
         expected="1, and after its seconds 11",
         observed="a refusal or a failure in each",
@@ -171,11 +173,11 @@ def _try(subject: Subject, line: Line, layout: Layout) -> Trial | None:
     answer = line.ask("run_program", name)
     if not answer.accepted:
         if answer.code is not None and answer.code not in _DAMAGED:
-            raise Undecided(f"the subject cannot run programs now: {answer}")
+            raise CaseInconclusive(f"the subject cannot run programs now: {answer}")
         return None
     try:
         result = line.result("run_program", within_s=TRIAL_S + subject.reply_s, untagged=True)
-    except NoAnswer:
+    except NoReply:
         if status_of(subject, line) == IDLE:
             return Trial(asked_s, answer.time_s, asked_s)
         if line.ask("emergency_stop").accepted:

@@ -11,7 +11,7 @@ from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, expect
+from scaraspec.suite.engine.expectations import CaseInconclusive, NoReply, expect
 from scaraspec.suite.program_files.layout import short_program
 
 INHERITED: Final = b"__proto__"
@@ -36,7 +36,7 @@ def store_program(subject: Subject, line: Line, name: bytes = b"") -> bytes:
     """Upload a program that waits for a second, under a new name if none is given; its name.
 
     Raises:
-        Unmet: The subject does not take it.
+        CaseFailed: The subject does not take it.
     """
     name = name or subject.new_name()
     upload(line, name, short_program(subject))
@@ -47,8 +47,8 @@ def list_parts(subject: Subject, line: Line) -> list[Answer]:
     """Every message of a list.
 
     Raises:
-        Unmet: One is no part of a list.
-        Undecided: It does not end.
+        CaseFailed: One is no part of a list.
+        CaseInconclusive: It does not end.
     """
     for _ in range(_MOST_PARTS):
         if not line.listing:
@@ -57,7 +57,7 @@ def list_parts(subject: Subject, line: Line) -> list[Answer]:
     parts = [_part(line.ask("list_programs"))]
     while parts[-1].value.more:
         if len(parts) == _MOST_PARTS:
-            raise Undecided(f"the program list has more than {_MOST_PARTS} parts")
+            raise CaseInconclusive(f"the program list has more than {_MOST_PARTS} parts")
         parts.append(_part(_next(subject, line)))
         expect(
             parts[-1].frame.data != parts[0].frame.data,
@@ -78,8 +78,8 @@ def program_names(subject: Subject, line: Line) -> list[bytes]:
     """The names of all programs.
 
     Raises:
-        Unmet: What comes is no list.
-        Undecided: It does not end.
+        CaseFailed: What comes is no list.
+        CaseInconclusive: It does not end.
     """
     return names_of(list_parts(subject, line))
 
@@ -88,7 +88,7 @@ def _next(subject: Subject, line: Line) -> Answer:
     if subject.dialect["list_cont"] == "push":
         try:
             return line.reply("list_programs", within_s=_PUSHED_S)
-        except NoAnswer:
+        except NoReply:
             subject.follows("list_cont", "request")
     return line.ask("list_programs")
 

@@ -11,8 +11,8 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.client_run import MemoryClient
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Case
-from scaraspec.suite.client.harness.adapter import ClientSetting
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.client.harness.adapter import ClientAdapter
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 
@@ -58,6 +58,6 @@ def _certified(
 
     with closing(Access(shell, dialect)) as access:
         options = Options(only=only, allowed=ALL, examples=3, exhaustive=True)
-        results = Run(ClientSetting(access, Statement(), options)).results()
+        results = Run(ClientAdapter(access, Ics(), options)).results()
     assert results.cases
     return results.cases

@@ -8,7 +8,7 @@ from contextlib import closing
 import pytest
 
 from scaraspec.suite.client.harness.attended import HELP, Attended
-from scaraspec.suite.engine.expectations import NotRun
+from scaraspec.suite.engine.expectations import CaseSkipped
 
 Sitting = tuple[Attended, Callable[[str], None], list[str]]
 
@@ -63,7 +63,7 @@ def test_an_answer_counts_once(sitting: Sitting) -> None:
     assert second.answer is None
 
 
-@pytest.mark.parametrize(("typed", "raised"), [("s\n", NotRun), ("q\n", KeyboardInterrupt)])
+@pytest.mark.parametrize(("typed", "raised"), [("s\n", CaseSkipped), ("q\n", KeyboardInterrupt)])
 def test_leaving(sitting: Sitting, typed: str, raised: type[BaseException]) -> None:
     """A case is skipped, and the sitting is left, at any time."""
     attended, types, _ = sitting

@@ -14,7 +14,7 @@ from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case
 
 Certified = Callable[..., tuple[Case, ...]]
-Wrong = Callable[..., dict[str, str]]
+Defect = Callable[..., dict[str, str]]
 
 
 class LogsInAgain(AsyncClient):
@@ -37,7 +37,7 @@ class LogsInAgain(AsyncClient):
             raise
 
 
-def test_further_logins(wrong: Wrong) -> None:
+def test_further_logins(wrong: Defect) -> None:
     """A client may log in again whenever it likes."""
     assert not wrong(LogsInAgain, frozenset({"2/10", "3/33", "4.35/1"}))
 
@@ -70,7 +70,7 @@ class Threaded(Driver):
 
 
 @pytest.mark.parametrize("driver", [ConnectsOnce, Tardy, Threaded])
-def test_drivers(wrong: Wrong, driver: type[Driver]) -> None:
+def test_drivers(wrong: Defect, driver: type[Driver]) -> None:
     """A driver may be slow, keep a connection that has ended, and begin orders as it likes."""
     only = frozenset({"2/1", "3/19", "3/20", "3/25", "3/29", "4.35/6"})
     assert not wrong(AsyncClient, only, driver=driver)
@@ -106,7 +106,7 @@ class WaitsForReturns(Driver):
         await super()._do(number, name, values)
 
 
-def test_connecting_anew(wrong: Wrong) -> None:
+def test_connecting_anew(wrong: Defect) -> None:
     """Who is told to disconnect, and waits for the reply to a login of his own, gets none."""
     patient = DEFAULT.replace(reply_timeout="20")
     assert not wrong(Returns, frozenset({"2/1", "3/29", "4.8/11"}), patient, WaitsForReturns)
@@ -122,7 +122,7 @@ class HalfCloses(AsyncClient):
         await super().close()
 
 
-def test_half_closing(wrong: Wrong) -> None:
+def test_half_closing(wrong: Defect) -> None:
     """Who waits for the end of a connection that he has ended gets it."""
     assert not wrong(HalfCloses, frozenset({"4.7/1", "4.8/11"}))
 
@@ -137,7 +137,7 @@ class LooksForAListener(AsyncClient):
         await super().connect()
 
 
-def test_looking_for_a_listener(wrong: Wrong) -> None:
+def test_looking_for_a_listener(wrong: Defect) -> None:
     """A connection on which nothing comes is not that of the order to connect."""
     assert not wrong(LooksForAListener, frozenset({"4.7/1", "4.8/11"}))
 

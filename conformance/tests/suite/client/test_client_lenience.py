@@ -31,14 +31,14 @@ from scaraspec.protocol.commands import (
 )
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.errors import RESERVED, lookup
-from scaraspec.protocol.frames import Found, Frame, Skipped
+from scaraspec.protocol.frames import Frame, Skipped, StreamItem
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
 from scaraspec.report.model import Case
 
 T = TypeVar("T")
 Certified = Callable[..., tuple[Case, ...]]
-Wrong = Callable[..., dict[str, str]]
+Defect = Callable[..., dict[str, str]]
 ONLY = frozenset(
     r.id for r in select("2,3,T,4.1,4.2,4.3,4.4,4.5,4.6,4.7,4.8,4.9,4.10,4.11,4.12,4.13,4.14")
 )
@@ -48,7 +48,7 @@ GOOD = (Verdict.PASS, Verdict.TOLERATED)
 class Flushes(ClientCore):
     """Drops everything that came with bytes that are no frame (A-3-10)."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         bad = any(isinstance(item, Skipped) for item in items)
         return super()._digest([] if bad else items, now_s)
@@ -105,7 +105,7 @@ class Ceaseless(AsyncClient, ABC):
             await asyncio.sleep(self.pause_s)
 
 
-class Polls(Ceaseless):
+class AutoResponder(Ceaseless):
     """Shows status, coordinates and inputs, ten times a second."""
 
     async def once(self) -> None:
@@ -129,12 +129,12 @@ class HasHabits(Flushes, RefusesLongNames, TakesNamesFromLists):
 
 
 @pytest.mark.parametrize("make", [HasHabits, GivesUp])
-def test_no_false_alarm(wrong: Wrong, make: type[ClientCore]) -> None:
+def test_no_false_alarm(wrong: Defect, make: type[ClientCore]) -> None:
     """Nothing fails."""
     assert not wrong(make, ONLY)
 
 
-def test_fetched_parts(wrong: Wrong) -> None:
+def test_fetched_parts(wrong: Defect) -> None:
     """A client that asks for each further part of a list is given it then (A-4.10-3 b)."""
     dialect = DEFAULT.replace(list_cont="request")
     assert not wrong(AsyncClient, frozenset({"4.10/10", "4.10/12"}), dialect)
@@ -143,7 +143,7 @@ def test_fetched_parts(wrong: Wrong) -> None:
 class FetchesPartByPart(ClientCore):
     """Drops the parts of a list that came with the one before: they were not asked for."""
 
-    def _digest(self, found: Iterable[Found], now_s: float) -> list[Event]:
+    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         parts = [each for each in items if isinstance(each, Frame) and each.opcode == 0x0B]
         return super()._digest([each for each in items if each not in parts[1:]], now_s)
@@ -157,9 +157,9 @@ def test_parts_that_were_not_asked_for(certified: Certified) -> None:
     assert rest == {"2/6.list": Verdict.NONE}
 
 
-def test_polls(wrong: Wrong) -> None:
+def test_polls(wrong: Defect) -> None:
     """What a client asks by itself is served, and taken for nothing else."""
-    assert not wrong(Polls, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
+    assert not wrong(AutoResponder, frozenset({"2/10", "3/25", "3/33", "4/16", "4.8/1", "4.33/4"}))
 
 
 class HoldsBackTransfers(AsyncClient):
@@ -186,7 +186,7 @@ class DeclinesTransfers(HoldsBackTransfers):
 
 
 @pytest.mark.parametrize("make", [HoldsBackTransfers, DeclinesTransfers])
-def test_transfers_may_wait_for_what_executes(wrong: Wrong, make: type[AsyncClient]) -> None:
+def test_transfers_may_wait_for_what_executes(wrong: Defect, make: type[AsyncClient]) -> None:
     """Whether a client transfers while a program runs is its own affair."""
     assert not wrong(make, frozenset({"2/6", "3/27", "5.2/19", "5.3/11"}))
 
@@ -203,7 +203,7 @@ class AsksFirst(AsyncClient):
         return await super().get_time()
 
 
-def test_asking_first(wrong: Wrong) -> None:
+def test_asking_first(wrong: Defect) -> None:
     """No case withholds the reply to a poll and waits for what the client does behind it."""
     assert not wrong(AsksFirst, frozenset({"2/5", "2/6", "3/27", "3/33"}))
 
@@ -218,7 +218,7 @@ class HangsUpAtStrays(AsyncClient):
             self._transport.close()
 
 
-def test_hanging_up_at_strays(wrong: Wrong) -> None:
+def test_hanging_up_at_strays(wrong: Defect) -> None:
     """A client that ends the connection for what it was sent has given up what it did."""
     assert not wrong(HangsUpAtStrays, frozenset({"3/22", "3/33", "5.2/19"}))
 
@@ -233,7 +233,7 @@ class LooksWhereItStopped(AsyncClient):
             await self.get_tool_coordinates()
 
 
-def test_looking_where_the_arm_has_stopped(wrong: Wrong) -> None:
+def test_looking_where_the_arm_has_stopped(wrong: Defect) -> None:
     """No case withholds the reply to a query until it is told what came of a stop."""
     assert not wrong(LooksWhereItStopped, frozenset({"4.17/8", "4.17/10"}))
 
@@ -248,7 +248,7 @@ class Lists(Ceaseless):
 
 
 @pytest.mark.parametrize("how", ["push", "request"])
-def test_lists_that_are_polled(wrong: Wrong, how: str) -> None:
+def test_lists_that_are_polled(wrong: Defect, how: str) -> None:
     """A list of several parts is told whole to whoever asks for it by itself (A-4.10-3)."""
     dialect = DEFAULT.replace(list_cont=how)
     assert not wrong(Lists, frozenset({"4.10/10"}), dialect)
@@ -280,7 +280,7 @@ class Looks(AsyncClient):
         return await super().download(remote, *where)
 
 
-def test_looking_at_the_list(wrong: Wrong) -> None:
+def test_looking_at_the_list(wrong: Defect) -> None:
     """A client may hold what it is ordered to do against the list of programs."""
     assert not wrong(Looks, frozenset({"4.11/1", "4.15/1", "5.2/1", "5.3/5"}))
 
@@ -296,7 +296,7 @@ class EndsWhenIdle(ClientCore):
         return events
 
 
-def test_giving_up_what_executes(wrong: Wrong) -> None:
+def test_giving_up_what_executes(wrong: Defect) -> None:
     """A client may wait less than 5 s for a reply, and for a result while the robot runs."""
     assert not wrong(EndsWhenIdle, frozenset({"4/16"}), DEFAULT.replace(reply_timeout="1"))
 
@@ -316,7 +316,7 @@ class OneByOne(AsyncClient):
                 raise ClientError("no answer") from None
 
 
-def test_one_by_one(wrong: Wrong) -> None:
+def test_one_by_one(wrong: Defect) -> None:
     """A request that comes when the one before has been given up comes beside nothing."""
     only = frozenset({"2/6", "4.14/4"})
     told = wrong(OneByOne, only)
@@ -339,7 +339,7 @@ class WritesInPieces(AsyncClient):
         super()._stir()
 
 
-def test_requests_in_pieces(wrong: Wrong) -> None:
+def test_requests_in_pieces(wrong: Defect) -> None:
     """What has come in part is waited for, though the operation is said to be over."""
     assert not wrong(WritesInPieces, frozenset({"5.1/2", "5.3/5"}))
     fetching = DEFAULT.replace(list_cont="request")
@@ -402,7 +402,7 @@ class SignalsLater(ClientCore):
         return self._latest
 
 
-def test_an_error_may_be_signalled_late(wrong: Wrong) -> None:
+def test_an_error_may_be_signalled_late(wrong: Defect) -> None:
     """It belongs to the upload before."""
     assert not wrong(SignalsLater, frozenset({"5.2/8", "5.2/19"}))
 
@@ -450,7 +450,7 @@ def _checked(value: T, right: object) -> T:
     return value
 
 
-def test_first_readings(wrong: Wrong) -> None:
+def test_first_readings(wrong: Defect) -> None:
     """A client may follow any one of the readings that the register tolerates."""
     assert not wrong(Strict, frozenset({"3/1", "4.7/5", "4.8/11", "T/9"}))
 
@@ -482,7 +482,7 @@ class Distrusts(AsyncClient):
         _checked(None, (await self.get_digital_outputs())[-port] == f"{value}")
 
 
-def test_distrust(wrong: Wrong) -> None:
+def test_distrust(wrong: Defect) -> None:
     """The robot that the suite plays is of one piece: what was set is told."""
     assert not wrong(Distrusts, frozenset({"4.13/1", "4.20/1", "4.32/1", "8/6"}))
 
@@ -503,6 +503,6 @@ class WritesColumns(ClientCore):
         return frame._replace(data=data)
 
 
-def test_columns(wrong: Wrong) -> None:
+def test_columns(wrong: Defect) -> None:
     """Fixed decimals and a bar at the end are only told."""
     assert not wrong(WritesColumns, frozenset({"4.2/1", "4.24/1", "T/5", "T/6"}))

@@ -10,9 +10,9 @@ from scaraspec.mutants.client import faults
 from scaraspec.mutants.client_run import MemoryClient
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.client.harness.adapter import ClientSetting
+from scaraspec.suite.client.harness.adapter import ClientAdapter
 from scaraspec.suite.client.harness.incoming_connection import Line
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 
@@ -26,7 +26,7 @@ def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> Non
     silent = faults()["waits-behind-the-last-answer"].wrong
     with closing(MemoryClient(silent, DEFAULT)) as access:
         options = Options(only=ONLY, allowed=ALL, examples=1)
-        results = Run(ClientSetting(access, Statement(), options)).results()
+        results = Run(ClientAdapter(access, Ics(), options)).results()
     said = [case.message for case in results.cases if case.verdict is Verdict.FAIL]
     in_full = [message for message in said if "does not say in 10 s" in message]
     assert len(said) == len(ONLY)
@@ -46,7 +46,7 @@ def test_a_slow_machine_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     dialect = DEFAULT.replace(xfer_timeout="1")
     with closing(MemoryClient(AsyncClient, dialect)) as access:
         options = Options(only=TRANSFERS, allowed=ALL, examples=1)
-        results = Run(ClientSetting(access, Statement(dialect=dialect), options)).results()
+        results = Run(ClientAdapter(access, Ics(dialect=dialect), options)).results()
     undecided = [case for case in results.cases if case.verdict is Verdict.INCONCLUSIVE]
     assert results.counts[Verdict.FAIL] == 0
     assert len(undecided) > len(TRANSFERS)

@@ -23,8 +23,8 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FILE_DATA_BYTES, Chunk, Receiver, Sender, State
-from scaraspec.suite.client.harness.adapter import ClientSetting
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.client.harness.adapter import ClientAdapter
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 
@@ -43,7 +43,7 @@ class Closes(AsyncClient):
             raise
 
 
-class Polls(AsyncClient):
+class AutoResponder(AsyncClient):
     """Asks for the status before and the list of programs behind each transfer."""
 
     async def upload(self, *where: Any, **more: Any) -> None:
@@ -203,7 +203,7 @@ class Touchy(FailsOnOddAnswers, AnswersSignals):
     """Minds whatever is odd."""
 
 
-class Sparing(Polls):
+class Sparing(AutoResponder):
     core = SmallAndMute
 
 
@@ -242,7 +242,7 @@ class OneAtATime(MemoryClient):
 def _verdicts(access: MemoryClient, only: frozenset[str] = ONLY) -> dict[str, str]:
     options = Options(only=only, allowed=ALL, undefined=True, examples=3)
     with closing(access):
-        results = Run(ClientSetting(access, Statement(), options)).results()
+        results = Run(ClientAdapter(access, Ics(), options)).results()
     return {
         case.id: f"{case.verdict.value}: {case.message}"
         for case in results.cases
@@ -290,6 +290,6 @@ def test_what_it_waits_for_is_told() -> None:
     dialect = DEFAULT.replace(xfer_timeout="1")
     options = Options(only=frozenset({"5.2/4"}), allowed=ALL, examples=3)
     with closing(MemoryClient(Tidies, dialect)) as access:
-        results = Run(ClientSetting(access, Statement(dialect=dialect), options)).results()
+        results = Run(ClientAdapter(access, Ics(dialect=dialect), options)).results()
     (failed,) = (case for case in results.cases if case.verdict is Verdict.FAIL)
     assert failed.observed.startswith("silence; it has sent by itself delete_program")

@@ -20,9 +20,9 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case, Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.other_clients import REASON
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.virtual_controller.brain import Brain
@@ -119,7 +119,7 @@ def run(  # noqa: PLR0913 - each may differ
     )
     access = MemoryAccess(robot.network, patience_s=_LONGEST_S)
     names = tokens().__next__
-    setting = ControllerSetting(access, Statement(), PASSWORD, options, draw_token=names)
+    setting = ControllerAdapter(access, Ics(), PASSWORD, options, draw_token=names)
     return Run(setting).results()
 
 

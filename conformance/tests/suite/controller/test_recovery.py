@@ -21,11 +21,11 @@ from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report import html, terminal
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.own_files import OwnFiles
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
@@ -100,7 +100,7 @@ class Bench:
             examples=3,
         )
         access = MemoryAccess(self.robot.network)
-        setting = ControllerSetting(access, Statement(), PASSWORD, options, journal=journal)
+        setting = ControllerAdapter(access, Ics(), PASSWORD, options, journal=journal)
         try:
             return Run(setting).results()
         finally:

@@ -16,10 +16,10 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.model import VALUES, Model, Step
 from scaraspec.suite.controller.harness.requests.queries import QUERIES
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.virtual_controller.brain import Brain
@@ -95,8 +95,8 @@ class IsFull(Brain):
 def test_a_list_that_was_asked_for_is_taken_to_its_end(list_cont: str) -> None:
     """No part of it is taken for one of the next list (A-4.10-3)."""
     dialect = DEFAULT.replace(list_cont=list_cont)
-    access, statement = MemoryAccess(Robot(IsFull, dialect).network), Statement(dialect=dialect)
-    setting = ControllerSetting(access, statement, PASSWORD, Options(allowed=ALL))
+    access, statement = MemoryAccess(Robot(IsFull, dialect).network), Ics(dialect=dialect)
+    setting = ControllerAdapter(access, statement, PASSWORD, Options(allowed=ALL))
     subject = setting.subject(Observer(setting.role, statement))
     number = [query.name for query in QUERIES].index("list_programs")
     ask = Step("query", *divmod(number, VALUES), 0)

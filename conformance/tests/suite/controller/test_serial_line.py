@@ -5,8 +5,8 @@ from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.virtual_controller.brain import Brain
@@ -15,7 +15,7 @@ from scaraspec.virtual_controller.brain import Brain
 def _results(*only: str) -> Results:
     access = MemoryAccess(Robot(Brain, DEFAULT).network, needs_login=False, several=False)
     options = Options(only=frozenset(only), allowed=ALL, examples=3)
-    return Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    return Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
 
 
 def test_no_false_alarm() -> None:

@@ -10,10 +10,10 @@ from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.commands import Network, Point
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.poses import initial_of
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.program_files.layout import short_program
@@ -35,9 +35,9 @@ SETTINGS = [
 
 def _seen(make: type[Brain], name: str, value: Any) -> set[str]:
     """What the judge holds against a robot that is asked before and behind a setting."""
-    statement = Statement(dialect=DEFAULT)
+    statement = Ics(dialect=DEFAULT)
     access = MemoryAccess(Robot(make, DEFAULT).network)
-    setting = ControllerSetting(access, statement, PASSWORD, Options(allowed=ALL))
+    setting = ControllerAdapter(access, statement, PASSWORD, Options(allowed=ALL))
     observer = Observer(setting.role, statement)
     subject = setting.subject(observer)
     line = subject.open()

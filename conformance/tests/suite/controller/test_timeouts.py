@@ -10,7 +10,7 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller import faults
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
-from scaraspec.suite.controller.harness.timeouts import Due, Patience
+from scaraspec.suite.controller.harness.timeouts import Due, TimeoutPolicy
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Session
 
@@ -38,7 +38,7 @@ def without_reply(name: str) -> type[Brain]:
 @pytest.mark.parametrize("due", [Due("get_version"), Due("run_program", result=True)])
 def test_what_never_came_is_waited_for_in_full_twice(due: Due) -> None:
     """Once it has come it is always worth its time."""
-    patience = Patience()
+    patience = TimeoutPolicy()
     for _ in range(2):
         assert patience.within_s(due, _FULL_S) == _FULL_S
         patience.missed(due)
@@ -53,7 +53,7 @@ def test_what_never_came_is_waited_for_in_full_twice(due: Due) -> None:
 
 def test_rest_is_awaited_in_full_until_that_was_twice_in_vain() -> None:
     """A robot that came to rest late, once, is worth waiting for again."""
-    patience = Patience()
+    patience = TimeoutPolicy()
     patience.waited(_FULL_S, rests=False)
     patience.waited(0.1, rests=True)
     assert patience.rest_s(_FULL_S) == _FULL_S

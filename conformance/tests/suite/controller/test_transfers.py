@@ -17,8 +17,8 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.link import Link
@@ -275,7 +275,7 @@ def test_a_slow_machine_fails_nobody(stalled: int, which: int, requirement: str)
     """A chunk that comes when the transfer is over is rightly refused, and none follows then."""
     access = StallingAccess(Robot(Brain, DEFAULT).network, stalled=stalled, which=which)
     options = Options(only=frozenset({requirement}), allowed=ALL)
-    results = Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    results = Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
     said = {case.message for case in results.cases if case.verdict is Verdict.INCONCLUSIVE}
     assert results.counts[Verdict.FAIL] == 0
     assert said == {"this machine is too slow: a frame followed 31.000 s late"}

@@ -7,11 +7,11 @@ import pytest
 from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, start_program
-from scaraspec.suite.engine.expectations import NoAnswer
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.expectations import NoReply
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.transports.link import Link, LinkError
@@ -19,8 +19,8 @@ from scaraspec.virtual_controller.brain import Brain
 
 
 def _subject(access: MemoryAccess) -> Subject:
-    statement = Statement()
-    setting = ControllerSetting(access, statement, PASSWORD, Options(allowed=ALL))
+    statement = Ics()
+    setting = ControllerAdapter(access, statement, PASSWORD, Options(allowed=ALL))
     return setting.subject(Observer(setting.role, statement))
 
 
@@ -51,6 +51,6 @@ def test_a_robot_that_was_shut_down_is_looked_for_once(*, off: bool) -> None:
     access = IsOff(Robot(Brain, DEFAULT).network)
     subject = _subject(access)
     subject.off = off
-    with pytest.raises(NoAnswer, match="nobody is there"):
+    with pytest.raises(NoReply, match="nobody is there"):
         subject.open()
     assert (len(access.came) == 1) is off

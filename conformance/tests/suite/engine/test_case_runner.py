@@ -16,7 +16,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Case, Results, Role
 from scaraspec.suite.engine import run as suite
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Action, Request, Session
@@ -38,7 +38,7 @@ def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
         text: str,
         brain: type[Brain] = Brain,
         options: Options = Options(allowed=ALL),  # noqa: B008 - it never changes
-        statement: Statement = Statement(),  # noqa: B008 - it never changes
+        statement: Ics = Ics(),  # noqa: B008 - it never changes
     ) -> Results:
         file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
         file.write_text(HEAD + text, encoding="utf-8")
@@ -268,7 +268,7 @@ def test_two_cases_of_one_name_are_a_mistake(trial: Try) -> None:
 def test_a_wrong_claim_is_a_failure_of_its_own(trial: Try) -> None:
     """The statement of conformance is held against what is seen."""
     text = "@case('4.8/2')\ndef test_one(line):\n    line.ask('get_status')\n"
-    claim = Statement().claiming(prelogin="all")
+    claim = Ics().claiming(prelogin="all")
     results = trial(text, statement=claim)
     assert only(results, "claim.prelogin").verdict is Verdict.FAIL
 

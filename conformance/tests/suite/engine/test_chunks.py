@@ -4,7 +4,7 @@ import pytest
 
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.engine.chunks import expect_position
-from scaraspec.suite.engine.expectations import Unmet
+from scaraspec.suite.engine.expectations import CaseFailed
 
 _FILE = b"abcdabce"
 
@@ -25,6 +25,6 @@ def test_a_chunk_may_recur(position: int, data: bytes) -> None:
 )
 def test_the_right_place_is_told(position: int, data: bytes, expected: str, observed: str) -> None:
     """No place is named where there is none."""
-    with pytest.raises(Unmet) as caught:
+    with pytest.raises(CaseFailed) as caught:
         expect_position(Chunk(len(_FILE), position, len(data), data), _FILE)
     assert (caught.value.expected, caught.value.observed) == (expected, observed)

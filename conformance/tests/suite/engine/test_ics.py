@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from scaraspec.suite.engine.hooks import HookError
-from scaraspec.suite.engine.ics import Statement, StatementError
+from scaraspec.suite.engine.ics import Ics, IcsError
 
 WHOLE = """
 [subject]
@@ -32,11 +32,11 @@ restart = "PYTHON -c 'import time; print(1, flush=True); time.sleep(60)'"
 """
 
 
-def read(text: str, folder: Path) -> Statement:
+def read(text: str, folder: Path) -> Ics:
     """The statement that a file of this text makes."""
     file = folder / "ics.toml"
     file.write_text(text.replace("PYTHON", sys.executable), encoding="utf-8")
-    return Statement.read(file)
+    return Ics.read(file)
 
 
 def test_a_whole_statement(tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_a_hook_that_hangs_is_ended(tmp_path: Path) -> None:
 )
 def test_mistakes(tmp_path: Path, text: str, says: str) -> None:
     """Each is one sentence that names the file and the key."""
-    with pytest.raises(StatementError) as told:
+    with pytest.raises(IcsError) as told:
         read(text, tmp_path)
     assert says in str(told.value)
     assert str(tmp_path) in str(told.value)

@@ -10,8 +10,8 @@ from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
@@ -56,7 +56,7 @@ def test_an_ended_run_fails_nobody(at: int) -> None:
     """What has passed is judged, once, before the run ends; and all is put back."""
     access = EndingAccess(Robot(Brain, DEFAULT).network, at=at)
     options = Options(only=frozenset({"5.2/2", "5.3/4"}), allowed=ALL, examples=3)
-    run = Run(ControllerSetting(access, Statement(), PASSWORD, options))
+    run = Run(ControllerAdapter(access, Ics(), PASSWORD, options))
     access.signals.append(run.interruption.ask)
     results = run.results()
     found = {case.id for case in results.cases}

@@ -13,10 +13,10 @@ from scaraspec.judge.requirements import select
 from scaraspec.mutants.controller_run import Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.engine import journal as journal_module
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import (
     Changes,
     ControllerBusyError,
@@ -240,9 +240,7 @@ def test_no_password_of_the_user(path: Path) -> None:
     only = frozenset(r.id for r in select("4.1,4.2"))
     options = Options(only=only, allowed=ALL, examples=30)
     access = MemoryAccess(robot.network)
-    results = Run(
-        ControllerSetting(access, Statement(), password, options, journal=journal)
-    ).results()
+    results = Run(ControllerAdapter(access, Ics(), password, options, journal=journal)).results()
     assert results.verdict.value == "conformant"
     written = [json.loads(line) for line in journal.text.splitlines()]
     named = {record.get("value") for record in written if record["event"] == "password"}

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.suite.engine.expectations import Unmet
+from scaraspec.suite.engine.expectations import CaseFailed
 from scaraspec.suite.engine.shrink import Failure, shortened
 
 
@@ -22,7 +22,7 @@ def test_only_what_matters_is_left(places: list[int], length: int) -> None:
         for taken, step in enumerate(tried, 1):
             come += step == come
             if come == len(needed):
-                return Failure(Unmet(f"{tried[:taken]}"), taken)
+                return Failure(CaseFailed(f"{tried[:taken]}"), taken)
         return None
 
     failure = attempt(steps)
@@ -39,7 +39,7 @@ def test_tries_are_bounded() -> None:
         tries += 1
         return None
 
-    whole = Failure(Unmet("whole"), 5000)
+    whole = Failure(CaseFailed("whole"), 5000)
     assert shortened(range(5000), whole, attempt) is whole
     assert tries <= 200
 
@@ -49,8 +49,8 @@ def test_there_may_be_no_time_for_another_try() -> None:
     left = [True]
 
     def attempt(steps: Sequence[int]) -> Failure:
-        return Failure(Unmet(f"{len(steps)}"), len(steps))
+        return Failure(CaseFailed(f"{len(steps)}"), len(steps))
 
-    whole = Failure(Unmet("64"), 64)
+    whole = Failure(CaseFailed("64"), 64)
     shortest = shortened(range(64), whole, attempt, lambda: bool(left) and left.pop())
     assert f"{shortest.error}" == "32"

@@ -14,12 +14,12 @@ from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Role
 from scaraspec.suite.controller.harness.access import MemoryAccess
-from scaraspec.suite.controller.harness.adapter import ControllerSetting
+from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine import run as suite
 from scaraspec.suite.engine import stall_detector as pulse
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.suite.engine.stall_detector import Pulse
+from scaraspec.suite.engine.stall_detector import StallDetector
 from scaraspec.transports.link import Arrival, Link
 from scaraspec.virtual_controller.brain import Brain
 
@@ -40,12 +40,12 @@ AT_ONCE, THE_SECOND_TIME, NEVER = 1, 2, 99
 @pytest.mark.parametrize(
     ("good_at", "kind", "still_s", "verdict", "tried"),
     [
-        (AT_ONCE, "Unmet", [2.0], Verdict.PASS, 1),
-        (NEVER, "Unmet", [0.0], Verdict.FAIL, 1),
-        (THE_SECOND_TIME, "Unmet", [2.0, 0.0], Verdict.PASS, 2),
-        (THE_SECOND_TIME, "Undecided", [2.0, 0.0], Verdict.PASS, 2),
-        (NEVER, "Unmet", [2.0, 0.0], Verdict.FAIL, 2),
-        (NEVER, "Unmet", [2.0, 2.0, 2.0], Verdict.INCONCLUSIVE, 3),
+        (AT_ONCE, "CaseFailed", [2.0], Verdict.PASS, 1),
+        (NEVER, "CaseFailed", [0.0], Verdict.FAIL, 1),
+        (THE_SECOND_TIME, "CaseFailed", [2.0, 0.0], Verdict.PASS, 2),
+        (THE_SECOND_TIME, "CaseInconclusive", [2.0, 0.0], Verdict.PASS, 2),
+        (NEVER, "CaseFailed", [2.0, 0.0], Verdict.FAIL, 2),
+        (NEVER, "CaseFailed", [2.0, 2.0, 2.0], Verdict.INCONCLUSIVE, 3),
     ],
 )
 def test_a_case_is_tried_anew(  # noqa: PLR0913, PLR0917 - a table
@@ -62,7 +62,7 @@ def test_a_case_is_tried_anew(  # noqa: PLR0913, PLR0917 - a table
     file.write_text(CASE.format(kind=kind, good_at=good_at), encoding="utf-8")
     monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
     access = MemoryAccess(Robot(Brain, DEFAULT).network)
-    setting = ControllerSetting(access, Statement(), PASSWORD, Options(allowed=ALL))
+    setting = ControllerAdapter(access, Ics(), PASSWORD, Options(allowed=ALL))
     run = suite.Run(setting)
     before_and_behind = chain.from_iterable(zip(repeat(0.0), still_s))
     run.bracket.stood_still_s = before_and_behind.__next__
@@ -78,7 +78,7 @@ def test_what_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The longest standstill, once; a moment is none."""
     instants_s = iter((0, 0.4, 2.4, 2.8))
     monkeypatch.setattr(pulse, "passed_ns", lambda: int(next(instants_s) * 1e9))
-    beating = Pulse()
+    beating = StallDetector()
     assert beating.stood_still_s() == 0
     assert beating.stood_still_s() == pytest.approx(2)
     assert beating.stood_still_s() == 0
@@ -87,7 +87,7 @@ def test_what_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_it_beats_as_long_as_it_is_used() -> None:
     """No thread is left."""
-    with Pulse():
+    with StallDetector():
         assert "pulse" in {thread.name for thread in threading.enumerate()}
     assert "pulse" not in {thread.name for thread in threading.enumerate()}
 
@@ -116,7 +116,7 @@ def test_what_came_while_this_machine_slept_is_taken() -> None:
     """It is there, though the time to wait for it is over."""
     access = SleepingAccess(Robot(Brain, DEFAULT).network)
     options = Options(only=frozenset({"4.1/2", "4.6/3", "4.7/1", "4.8/2"}), allowed=ALL)
-    results = suite.Run(ControllerSetting(access, Statement(), PASSWORD, options)).results()
+    results = suite.Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
     verdicts = {case.id: case.verdict for case in results.cases}
     assert verdicts["4.8/2"] is verdicts["4.6/2"] is Verdict.PASS
     assert Verdict.FAIL not in verdicts.values()

@@ -24,8 +24,8 @@ from scaraspec.protocol.transfer import State
 from scaraspec.traffic.events import (
     Exchange,
     FrameSeen,
+    InvalidBytes,
     Transfer,
-    Undecodable,
 )
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.sinks import text as wording
@@ -36,7 +36,7 @@ from scaraspec_recorder.sinks.mcap.chunk_writer import ChunkWriter
 from scaraspec_recorder.sinks.mcap.schemas import foxglove, ros2
 from scaraspec_recorder.sinks.rerun import arm_model
 from scaraspec_recorder.sinks.text import Line
-from scaraspec_recorder.spool.chunks import Latencies, Passage
+from scaraspec_recorder.spool.chunks import ForwardedChunk, Latencies
 
 RAW_TOPICS: Final = {A2C: "/raw/a2c", C2A: "/raw/c2a"}
 CONNECTION_TOPIC: Final = "/connection"
@@ -189,7 +189,7 @@ class McapSink:
         )
         self._add("/frames", data)
 
-    def _undecodable(self, item: Undecodable, _: int) -> None:
+    def _undecodable(self, item: InvalidBytes, _: int) -> None:
         place = item.place
         data = schemas.encode(
             schemas.Undecodable,
@@ -295,7 +295,7 @@ class McapSink:
     _TAKE: Final[Mapping[type, Callable[["McapSink", Any, int], None]]] = {
         FrameSeen: _frame,
         Exchange: _exchange,
-        Undecodable: _undecodable,
+        InvalidBytes: _undecodable,
         Transfer: _transfer,
         Finding: _finding,
     }
@@ -310,7 +310,7 @@ def _raw(event: WireEvent) -> tuple[str, bytes]:
         "note": event.note,
     }
     if event.kind is Kind.BYTES:
-        if isinstance(event, Passage):
+        if isinstance(event, ForwardedChunk):
             where["forwarded_ns"] = event.forwarded_ns or None
             where["kernel_time"] = event.kernel_time
         topic = RAW_TOPICS[event.direction]

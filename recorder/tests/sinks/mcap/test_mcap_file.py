@@ -37,7 +37,7 @@ from scaraspec_recorder.sinks.mcap.mcap_file import McapSink
 from scaraspec_recorder.sinks.redaction import Redactor
 from scaraspec_recorder.sinks.sinks import Folder
 from scaraspec_recorder.sources.mcap_reading import read_mcap
-from scaraspec_recorder.spool.chunks import Passage
+from scaraspec_recorder.spool.chunks import ForwardedChunk
 
 RERUN = Path(sysconfig.get_path("scripts")) / "rerun"
 KINDS: dict[str, type[schemas.Message]] = {
@@ -113,7 +113,9 @@ def conversations(draw: st.DrawFn) -> list[WireEvent]:
         time_ns = draw(st.integers(0, 2**63 - 1))
         event = (time_ns, name, direction, kind, data, offset, length, note)
         if kind is Kind.BYTES and draw(st.booleans()):
-            events.append(Passage(*event, draw(st.integers(1, 2**63 - 1)), draw(st.booleans())))
+            events.append(
+                ForwardedChunk(*event, draw(st.integers(1, 2**63 - 1)), draw(st.booleans()))
+            )
         else:
             events.append(WireEvent(*event))
         ends[name, direction] += len(data) + max(length, 0)

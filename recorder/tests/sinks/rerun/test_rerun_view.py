@@ -273,7 +273,9 @@ def test_hostile_numbers_are_not_drawn(talk: Any, tmp_path: Path) -> None:
     assert {entity for entity in drawn if entity.startswith("/analog")} == {"/analog/40"}
 
 
-@pytest.mark.parametrize("command", [c for c in COMMANDS if c.asker is A2C], ids=lambda c: c.name)
+@pytest.mark.parametrize(
+    "command", [c for c in COMMANDS if c.initiator is A2C], ids=lambda c: c.name
+)
 def test_refusals_are_no_values(talk: Any, tmp_path: Path, command: Command) -> None:
     """A robot that answers anything with ``0`` is drawn all the same."""
     talk.send(A2C, Frame(A2C, command.opcode, b"1").encode())

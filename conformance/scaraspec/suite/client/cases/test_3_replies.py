@@ -26,7 +26,7 @@ from scaraspec.suite.client.harness.operations import (
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoAnswer, expect, expect_equal
+from scaraspec.suite.engine.expectations import NoReply, expect, expect_equal
 
 _TWO_STAGE: Final = tuple(c.name for c in BY_NAME.values() if c.two_stage)
 _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
@@ -177,9 +177,9 @@ def _ignored(subject: Subject, line: Line, call: Call, *frames: Frame, why: str)
         Whether the order is still open: a client may give it up, and close the connection.
 
     Raises:
-        Unmet: The client takes it for the reply.
+        CaseFailed: The client takes it for the reply.
     """
-    with suppress(NoAnswer):  # it has closed already
+    with suppress(NoReply):  # it has closed already
         line.send_bytes(b"".join(map(Frame.encode, frames)))
         line.wait(_SHORT_S)
     if line.over:
@@ -219,11 +219,11 @@ def test_undefined_while_idle(subject: Subject, line: Line) -> None:
     """Frames with undefined opcodes come while nothing is asked, some with the tag."""
     for opcode in (0x02, 0x10, 0x3E, 0x46, 0x7F, 0xFF):
         for tagged in examples((False, True)):
-            with suppress(NoAnswer):  # it has closed already
+            with suppress(NoReply):  # it has closed already
                 line.send_frame(Frame(C2A, opcode, b"11", tagged))
     call = subject.begin("get_status")
     if sent_or_settled(subject, line, call) is not None:
-        with suppress(NoAnswer):  # it may look at them only now, and close
+        with suppress(NoReply):  # it may look at them only now, and close
             line.reply("get_status", "00")
         subject.settled(call)
     if not call.ok:

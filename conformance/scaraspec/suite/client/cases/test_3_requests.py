@@ -19,7 +19,7 @@ from scaraspec.suite.client.harness.operations import (
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NotRun, expect
+from scaraspec.suite.engine.expectations import CaseSkipped, expect
 
 _OPERATIONS: Final = tuple(c.name for c in BY_NAME.values() if c.clause.startswith("4."))
 _WITHOUT_DATA: Final = tuple(name for name in _OPERATIONS if name not in VALUES)
@@ -136,7 +136,7 @@ def test_one_at_a_time(subject: Subject, line: Line) -> None:
     subject.concurrent(line)
     name, _ = subject.unpolled(*_TWICE)
     if subject.has_polled(name):
-        raise NotRun(f"the client asks by itself for all of {', '.join(_TWICE)}")
+        raise CaseSkipped(f"the client asks by itself for all of {', '.join(_TWICE)}")
     one, other = _TWICE[name]
     first = subject.begin(name)
     line.request(name, first)

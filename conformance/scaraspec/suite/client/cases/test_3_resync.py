@@ -16,7 +16,7 @@ from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.operations import awaited
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoAnswer, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply
 
 _TURN_S: Final = 0.02
 _PATIENCE_S: Final = 0.3
@@ -63,20 +63,20 @@ def _recovers(subject: Subject, line: Line, requirement: str, *segments: bytes) 
         The connection to go on with.
 
     Raises:
-        Unmet: The client takes something else for the reply, or stalls.
+        CaseFailed: The client takes something else for the reply, or stalls.
     """
     call = subject.begin("get_status")
     awaited(line, "get_status", call)
-    with suppress(NoAnswer):
+    with suppress(NoReply):
         for segment in segments:
             line.send_bytes(segment)
             line.wait(_TURN_S)
     if not _settles(line, call, _PATIENCE_S):
         subject.tolerate(requirement, "resync", "flush", "what came with bad bytes was dropped")
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             line.send_bytes(_GOOD)
         if not _settles(line, call, _SLOW_DRIVER_S):
-            raise Unmet(
+            raise CaseFailed(
                 "bytes that are no frame keep the client from the next frame",
                 expected="the reply behind them is served, or the connection ended",
                 observed="neither",
@@ -124,7 +124,7 @@ def test_wrong_end_of_a_result(subject: Subject) -> None:
         call = executing(subject, line, RUN)
         line.wait(_TURN_S)
         spoilt = line.result_frame(RUN.name).encode()[:-1] + bytes((end,))
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             line.send_bytes(spoilt)
             line.wait(_TURN_S)
             for _ in range(2):  # a client may drop what came with bad bytes

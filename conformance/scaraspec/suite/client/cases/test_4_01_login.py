@@ -15,7 +15,7 @@ from scaraspec.suite.client.harness.operations import (
 )
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, expect
 
 _PRINTABLE: Final = st.characters(min_codepoint=0x20, max_codepoint=0x7E, exclude_characters="|")
 _LONG_BYTES: Final = (16, 17, 31, 32, 33, 64, 127, 128, 200, 255)
@@ -124,12 +124,12 @@ def _expect_logins(line: Line) -> None:
     """Nothing else may have been sent.
 
     Raises:
-        Unmet: It has.
+        CaseFailed: It has.
     """
     line.flush()
     others = [f"{seen.frame}" for seen in line.heard if seen.name != "login"]
     if others or line.noise:
-        raise Unmet(
+        raise CaseFailed(
             "the client goes on after a refused login",
             expected="nothing, or another login",
             observed="; ".join(others) or "bytes that are no frame",

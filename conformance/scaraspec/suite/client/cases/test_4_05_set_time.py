@@ -6,7 +6,7 @@ from typing import Final
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.protocol.fields import Clock, Notes
+from scaraspec.protocol.fields import Clock, Diagnostics
 from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.operations import ask, blame, sent_or_settled
@@ -99,7 +99,7 @@ def test_impossible_times(subject: Subject, line: Line) -> None:
             continue
         blame(line)
         request = line.request("set_time", call)
-        notes = Notes()
+        notes = Diagnostics()
         _CLOCK.read(request.frame.data, notes)
         expect(
             not notes.complaints,

@@ -12,7 +12,7 @@ from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer, expect
+from scaraspec.suite.engine.expectations import NoReply, expect
 from scaraspec.suite.engine.strategies import names
 
 _NAME: Final = "get_default_program"
@@ -44,7 +44,7 @@ def test_unanswered(subject: Subject, line: Line) -> None:
     """A request under one opcode stays unanswered for a moment; another is answered as it comes."""
     call, first = ask(subject, line, _NAME)
     claims_both = subject.dialect["op_get_default"] == "both"
-    with suppress(NoAnswer):
+    with suppress(NoReply):
         again = line.request(_NAME, call, within_s=subject.answer_s if claims_both else _MOMENT_S)
         expect(not again.frame.data, "the request carries data", observed=f"{again}")
         first = again

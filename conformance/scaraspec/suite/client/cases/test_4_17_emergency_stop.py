@@ -23,7 +23,7 @@ from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NotRun, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseSkipped, expect, expect_equal
 
 _WHILE_S = 1.0
 _FATES = ("first", "after", "together", "none")
@@ -156,7 +156,7 @@ def test_stop_beside_an_execution(subject: Subject, line: Line) -> None:
     """The stop is sent while a command executes; a client that takes no order then is told."""
     try:
         beside(subject, line)
-    except NotRun as why:
+    except CaseSkipped as why:
         subject.tolerate("4.17/10", "A-4-3", "one at a time", f"{why}: no stop either")
         return
     for order in examples(INTERRUPTIBLE):

@@ -38,7 +38,7 @@ from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer, expect
+from scaraspec.suite.engine.expectations import NoReply, expect
 
 _LATE_S: Final = 10.5
 _MOMENT_S: Final = 0.01
@@ -140,7 +140,7 @@ def test_second_order(subject: Subject, line: Line) -> None:
     beside(subject, line)
     first = executing(subject, line, RUN)
     second = subject.begin(RUN.name, name="other.rob")
-    with suppress(NoAnswer):
+    with suppress(NoReply):
         if request_unless_refused(line, second, within_s=_QUEUED_S):
             line.reply(RUN.name, data=b"0|01")
             refused(subject, second, "01")

@@ -39,7 +39,7 @@ from scaraspec.suite.client.harness.silences import given_up, given_up_meanwhile
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer, expect, expect_equal, expect_in
+from scaraspec.suite.engine.expectations import NoReply, expect, expect_equal, expect_in
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
 from scaraspec.suite.engine.transfer_timeouts import limits_of
@@ -463,7 +463,7 @@ def _offer_wrong(line: Line, command: str) -> None:
     """Answer under every opcode but the right one; a client may hang up at that (A-3-9)."""
     right = BY_NAME[command].opcode
     frames = [Frame(C2A, opcode, b"1") for opcode in _ANSWERS if opcode != right]
-    with suppress(NoAnswer):  # it has hung up already
+    with suppress(NoReply):  # it has hung up already
         for frame in (*frames, Frame(C2A, right, b"1", tagged=True)):
             line.send_frame(frame)
     message = f"a 1 of another opcode was taken for the answer to {command}"

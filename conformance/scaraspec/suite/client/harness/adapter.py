@@ -7,7 +7,7 @@ from typing import Any
 from scaraspec.report.model import Role
 from scaraspec.suite.client.harness.access import Access
 from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import Options
 
@@ -15,7 +15,7 @@ _MADE_UP = "levitate"
 
 
 @dataclass(frozen=True)
-class ClientSetting:
+class ClientAdapter:
     """A run against a client; see `run.Setting`.
 
     Attributes:
@@ -28,7 +28,7 @@ class ClientSetting:
     """
 
     access: Access
-    statement: Statement
+    statement: Ics
     options: Options
     link: str = ""
     capture: str = ""
@@ -44,7 +44,7 @@ class ClientSetting:
         """See whether it is there, and says of an operation that nobody has that it lacks it.
 
         Raises:
-            Unmet: It is not there.
+            CaseFailed: It is not there.
         """
         subject.settle()
         return {"honest": self.access.attended or subject.lacks(_MADE_UP)}

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.waiting import WatchedLink
-from scaraspec.suite.engine.expectations import NotRun
+from scaraspec.suite.engine.expectations import CaseSkipped
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Link
 from scaraspec.transports.tcp import ready_of
@@ -93,7 +93,7 @@ class Attended:
         """Take what the operator has typed.
 
         Raises:
-            NotRun: He skips the case.
+            CaseSkipped: He skips the case.
             KeyboardInterrupt: He leaves.
         """
         while b"\n" in self._held or ready_of(time.monotonic(), self._input_fd):
@@ -137,7 +137,7 @@ class Attended:
         """Do what he types: he answers the question, or says that the client refuses the order."""
         answer, asked = _ANSWERS.get(line), self._asked
         if line == "s":
-            raise NotRun("the operator skipped it")
+            raise CaseSkipped("the operator skipped it")
         if line == "q":
             raise KeyboardInterrupt
         if answer is None or asked is None or (asked.name and answer):

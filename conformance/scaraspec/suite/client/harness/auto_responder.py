@@ -56,7 +56,7 @@ _AT_ONCE: Final = 16
 """A client on a simulated clock may ask again at the very instant of its answer, for ever."""
 
 
-class Polls:
+class AutoResponder:
     """The polls on one connection.
 
     Args:
@@ -95,7 +95,7 @@ class Polls:
 
     def taken(self, seen: FrameSeen) -> None:
         """A case has taken a request, and will answer it: what follows it waits its turn."""
-        if seen.command and seen.command.asker is A2C:  # else it was the answer to a chunk
+        if seen.command and seen.command.initiator is A2C:  # else it was the answer to a chunk
             self._open[seen.name] += 1
         self._asked[seen.name] = seen
         self._at_instant = 0

@@ -17,9 +17,16 @@ from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.driver import DriverEndedError, DriverError
 from scaraspec.suite.client.harness.driver_values import same, shown
 from scaraspec.suite.client.harness.incoming_connection import PASSWORD, Line
-from scaraspec.suite.engine.connection import Wire, pump
-from scaraspec.suite.engine.expectations import Declined, NoAnswer, NotRun, Undecided, Unmet, expect
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.connection import Connection, pump
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    OperationRefused,
+    expect,
+)
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.system_under_test import Interference
 from scaraspec.traffic.events import FrameSeen
@@ -54,11 +61,11 @@ class Subject:
         known: What cases found out once for all of the run, by a name of their own.
         idle: What it says of an idle robot; anything but 00 has failed, and stands for it since.
         polled: The requests that it has sent of its own accord.
-        survival: No requirement of its own: see `party.Party`.
+        survival: No requirement of its own: see `party.SystemUnderTest`.
         off: Never: a client stays.
     """
 
-    def __init__(self, access: Access, statement: Statement, observer: Observer) -> None:
+    def __init__(self, access: Access, statement: Ics, observer: Observer) -> None:
         self.access, self.statement, self.observer = access, statement, observer
         self.dialect = statement.dialect
         self.tolerated: list[tuple[str, str, str, str]] = []
@@ -125,9 +132,9 @@ class Subject:
             requirement: What it violates if it says that a login that was granted has failed.
 
         Raises:
-            Unmet: It does not.
-            Undecided: It waits on a further connection.
-            NotRun: It cannot.
+            CaseFailed: It does not.
+            CaseInconclusive: It waits on a further connection.
+            CaseSkipped: It cannot.
         """
         if self.access.attended:
             if (kept := self._open_line()) and kept.polls.at_rest:
@@ -138,14 +145,14 @@ class Subject:
         line, call = self.dial(judged=judged)
         try:
             line.log_in(call)
-        except NoAnswer:
+        except NoReply:
             if (other := self._next(line, judged=judged)) is None:
                 raise
             line = other
             line.log_in(call)
         try:
             self.done(call, requirement=requirement)
-        except Unmet:
+        except CaseFailed:
             self.alone()
             raise
         self._orders.remove(call)  # it is none of the case
@@ -162,8 +169,8 @@ class Subject:
             The connection, and the order that its login will settle.
 
         Raises:
-            Unmet: It does not.
-            NotRun: It cannot.
+            CaseFailed: It does not.
+            CaseSkipped: It cannot.
         """
         if self._was_connected:  # it need not know yet that we have ended the one before
             self._hang_up()
@@ -182,8 +189,8 @@ class Subject:
                 self._pump_all()
                 if self.access.now_s >= deadline_s:
                     if self.access.attended:
-                        raise NotRun(f"the operator did not do it in {self.answer_s:g} s")
-                    raise NoAnswer("connect was ordered, and no connection came")
+                        raise CaseSkipped(f"the operator did not do it in {self.answer_s:g} s")
+                    raise NoReply("connect was ordered, and no connection came")
         return self._connected(link, judged=judged), call
 
     def _connected(self, link: Link, *, judged: bool) -> Line:
@@ -201,15 +208,17 @@ class Subject:
         """Go on only where it has opened no further connection: but one is served (A-2-2).
 
         Raises:
-            Undecided: What is missing may be there.
+            CaseInconclusive: What is missing may be there.
         """
         if self._send_away(self.access.now_s):
-            raise Undecided("the client has opened a further connection; one is served (A-2-2)")
+            raise CaseInconclusive(
+                "the client has opened a further connection; one is served (A-2-2)"
+            )
 
     def _open_line(self) -> Line | None:
         return next((line for line in self._lines if not line.over), None)
 
-    def pump_others(self, line: Wire, /) -> list[Link]:
+    def pump_others(self, line: Connection, /) -> list[Link]:
         """Take what came elsewhere; give the links on which more may come."""
         self._pump()
         return pump(self._lines, line)
@@ -226,8 +235,8 @@ class Subject:
         """Order an operation, named and given its values as in the driver protocol.
 
         Raises:
-            Unmet: The client has crashed.
-            Undecided: Its driver does not keep to its protocol.
+            CaseFailed: The client has crashed.
+            CaseInconclusive: Its driver does not keep to its protocol.
         """
         with _told():
             call = self.access.begin(name, **values)
@@ -242,7 +251,7 @@ class Subject:
         """Order what it may decline by itself, at once: the rest is left out, and that is told."""
         try:
             yield
-        except Declined as refusal:
+        except OperationRefused as refusal:
             if refusal.after_s > _AT_ONCE_S and not self.access.attended:
                 raise
             self.tolerate("", _DECLINED, refusal.observed, f"{refusal}")
@@ -332,15 +341,15 @@ class Subject:
         Where it was silent twice in a row about such orders it is not waited for so long again.
 
         Raises:
-            Unmet: It says nothing, or has crashed.
-            NotRun: It lacks the operation.
+            CaseFailed: It says nothing, or has crashed.
+            CaseSkipped: It lacks the operation.
         """
         limit_s = full_s = self.answer_s if within_s is None else within_s
         if self._silences[call.name] >= _TWICE and not self.access.attended:
             limit_s = min(full_s, _VAIN_S)
         if not self.speaks(call, limit_s):
             self._silences[call.name] += full_s >= self.answer_s
-            raise Unmet(
+            raise CaseFailed(
                 f"the client does not say in {limit_s:g} s what came of {call.name}",
                 expected="an answer of its driver",
                 observed=self._silence(),
@@ -360,7 +369,7 @@ class Subject:
         """Wait for what it says of an order; whether it says anything.
 
         Raises:
-            Unmet: It has crashed.
+            CaseFailed: It has crashed.
         """
         deadline_s = self.access.now_s + within_s
         while not self._heard(call):
@@ -401,10 +410,10 @@ class Subject:
             _not_lacking(call)
             if call.failed and not call.came:
                 message = f"the client declines {call.name} by itself"
-                raise Declined(message, expected="it is sent", observed=f"{call}")
+                raise OperationRefused(message, expected="it is sent", observed=f"{call}")
             if call.failed:
                 self.has_been_in_time(call)
-            raise Unmet(
+            raise CaseFailed(
                 f"the client says that {call.name} is over before it can be",
                 expected="the operation goes on",
                 observed=f"{call}",
@@ -414,7 +423,7 @@ class Subject:
         """Hold no transfer against it that was given up because this machine was too slow.
 
         Raises:
-            Undecided: So it may have been.
+            CaseInconclusive: So it may have been.
         """
         if call.name in _TRANSFERS:
             for line in self._lines:
@@ -442,14 +451,14 @@ class Subject:
         """What came of an order, which has to have been done.
 
         Raises:
-            Unmet: The client says that it was not, or says nothing.
+            CaseFailed: The client says that it was not, or says nothing.
         """
         confirmed = self.confirmed(f"{call.name} was done", call)
         if confirmed is None:
             confirmed = self.settled(call, within_s=within_s).ok
         if not confirmed:
             self.has_been_in_time(call)
-            raise Unmet(
+            raise CaseFailed(
                 f"{call.name} was answered well, and the client says that it failed",
                 expected="done",
                 observed=f"{call}",
@@ -461,7 +470,7 @@ class Subject:
         """What came of an order has to be this.
 
         Raises:
-            Unmet: It is something else.
+            CaseFailed: It is something else.
         """
         confirmed = self.confirmed(f"{call.name} gave {shown(expected)}", call)
         if confirmed is None:
@@ -475,7 +484,7 @@ class Subject:
                 requirement=requirement,
             )
         elif not confirmed:
-            raise Unmet(
+            raise CaseFailed(
                 f"the client does not show what came of {call.name}",
                 expected=f"{expected}",
                 observed="something else",
@@ -486,14 +495,14 @@ class Subject:
         """An order has to have failed; of a two-stage one a refusal or a bad outcome will do.
 
         Raises:
-            Unmet: The client says that it was done, or says nothing.
+            CaseFailed: The client says that it was done, or says nothing.
         """
         failed = self.confirmed(f"{call.name} failed", call)
         if failed is None:
             self.settled(call, within_s=within_s)
             failed = call.failed
         if not failed:
-            raise Unmet(
+            raise CaseFailed(
                 f"{call.name} failed, and the client says that it was done",
                 expected="an error",
                 observed=f"{call}",
@@ -504,12 +513,12 @@ class Subject:
         """An order must not be over yet.
 
         Raises:
-            Unmet: The client says that it is.
+            CaseFailed: The client says that it is.
         """
         self._pump()
         if call.answer is not None:
             _not_lacking(call)
-            raise Unmet(
+            raise CaseFailed(
                 message, expected="no answer yet", observed=f"{call}", requirement=requirement
             )
 
@@ -523,14 +532,14 @@ class Subject:
         """Go on only where it does a second thing while a first one lasts.
 
         Raises:
-            NotRun: It, or its driver, does one thing at a time.
+            CaseSkipped: It, or its driver, does one thing at a time.
         """
         if "concurrent" not in self.known:
             one, other = self.unpolled("get_version", "get_status", "get_time", "get_joint_angles")
             first = self.begin(one)
             line.request(one, first)
             second, came = self.begin(other), False
-            with suppress(NoAnswer):
+            with suppress(NoReply):
                 line.request(other, within_s=_CONCURRENT_S)
                 came = True
             line.reply(one, data=REPLIES[one])
@@ -541,7 +550,7 @@ class Subject:
             self.settled(second)
             self.known["concurrent"] = came and first.ok  # or it came as the first was given up
         if not self.known["concurrent"]:
-            raise NotRun("the client does one thing at a time")
+            raise CaseSkipped("the client does one thing at a time")
 
     def unpolled(self, *names: str) -> tuple[str, str]:
         """The first two of these queries that it does not make by itself, if there are any."""
@@ -555,7 +564,7 @@ class Subject:
     def lacks(self, name: str) -> bool:
         """Whether it says that it lacks this operation."""
         call = self.begin(name)
-        with suppress(NotRun):
+        with suppress(CaseSkipped):
             self.settled(call)
         return call.unimplemented
 
@@ -575,8 +584,8 @@ class Subject:
         """Let it hang up, and show that it is alive.
 
         Raises:
-            Unmet: It is not.
-            Undecided: Its driver does not keep to its protocol.
+            CaseFailed: It is not.
+            CaseInconclusive: Its driver does not keep to its protocol.
         """
         self._orders.clear()
         if self.access.attended:
@@ -610,18 +619,18 @@ class Subject:
         """Start it anew.
 
         Raises:
-            Undecided: It cannot be started.
+            CaseInconclusive: It cannot be started.
         """
         self.close_lines()
         try:
             self.access.restart()
         except DriverError as error:
-            raise Undecided(f"{error}") from None
+            raise CaseInconclusive(f"{error}") from None
 
 
 def _not_lacking(call: Call) -> None:
     if call.unimplemented:
-        raise NotRun(f"the client lacks the operation {call.name}")
+        raise CaseSkipped(f"the client lacks the operation {call.name}")
 
 
 @contextmanager
@@ -630,6 +639,6 @@ def _told() -> Iterator[None]:
     try:
         yield
     except DriverEndedError as error:
-        raise NoAnswer(f"the client has crashed: {error}", observed=f"{error}") from None
+        raise NoReply(f"the client has crashed: {error}", observed=f"{error}") from None
     except DriverError as error:
-        raise Undecided(f"{error}") from None
+        raise CaseInconclusive(f"{error}") from None

@@ -14,9 +14,9 @@ from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.client.harness.operations import OPENINGS, VALUES, arguments
 from scaraspec.suite.engine.expectations import (
-    Declined,
-    NoAnswer,
-    NotRun,
+    CaseSkipped,
+    NoReply,
+    OperationRefused,
     expect,
     expect_equal,
     expect_in,
@@ -82,7 +82,7 @@ def run_at_will(subject: Subject, line: Line, order: Order) -> None:
     """Give an order to run a program, and see it through unless the client declines the name.
 
     Raises:
-        Unmet: It asks for another program, or tells another outcome.
+        CaseFailed: It asks for another program, or tells another outcome.
     """
     call = subject.begin(order.name, **order.values)
     with subject.at_will():
@@ -115,13 +115,13 @@ def beside(subject: Subject, line: Line) -> None:
     """Go on only where it takes another order while one executes.
 
     Raises:
-        NotRun: It, or its driver, does not.
+        CaseSkipped: It, or its driver, does not.
     """
     if "beside" not in subject.known:
         first = executing(subject, line, RUN)
         name, _ = subject.unpolled("get_version", "get_time", "get_joint_angles")
         second = subject.begin(name)
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             line.request(name, within_s=_BESIDE_S)
             subject.known["beside"] = True
             line.reply(name, data=REPLIES[name])
@@ -131,7 +131,7 @@ def beside(subject: Subject, line: Line) -> None:
             line.serve(second, data=REPLIES[name])
         subject.settled(second)
     if not subject.known["beside"]:
-        raise NotRun("the client takes no order while another one executes")
+        raise CaseSkipped("the client takes no order while another one executes")
 
 
 def goes_beside(subject: Subject, line: Line, name: str) -> None:
@@ -140,7 +140,7 @@ def goes_beside(subject: Subject, line: Line, name: str) -> None:
     What is no query is refused.
 
     Raises:
-        NotRun: It does not, or lacks it.
+        CaseSkipped: It does not, or lacks it.
     """
     beside(subject, line)
     key = f"{name} beside"
@@ -156,7 +156,7 @@ def goes_beside(subject: Subject, line: Line, name: str) -> None:
         line.wait(_KNOWN_S)
         call = subject.begin(name, **values)
         try:
-            with suppress(NoAnswer, Declined):
+            with suppress(NoReply, OperationRefused):
                 line.request(opening, call, within_s=_BESIDE_S)
                 line.reply(opening, data=reply)
         finally:
@@ -168,14 +168,14 @@ def goes_beside(subject: Subject, line: Line, name: str) -> None:
             line.reply(opening, data=reply)
         subject.settled(call)
     if not subject.known[key]:
-        raise NotRun(f"the client begins no {name} while another command executes")
+        raise CaseSkipped(f"the client begins no {name} while another command executes")
 
 
 def finished(subject: Subject, call: Call, *, requirement: str = "") -> None:
     """An order has to be said to have been accepted and done.
 
     Raises:
-        Unmet: The client says something else, or nothing.
+        CaseFailed: The client says something else, or nothing.
     """
     subject.done(call, requirement=requirement)
     _expect_said(call, {"accepted": True, "outcome": "11"}, requirement)
@@ -185,7 +185,7 @@ def refused(subject: Subject, call: Call, code: str = "", *, requirement: str = 
     """An order has to be said to have been refused; a code that is told has to be this one.
 
     Raises:
-        Unmet: The client says something else, or nothing.
+        CaseFailed: The client says something else, or nothing.
     """
     subject.fails(call, requirement=requirement)
     _expect_said(call, {"accepted": False}, requirement)
@@ -196,7 +196,7 @@ def failed(subject: Subject, call: Call, code: str = "", *, requirement: str = "
     """An order has to be said to have been accepted and to have failed; so has its code.
 
     Raises:
-        Unmet: The client says something else, or nothing.
+        CaseFailed: The client says something else, or nothing.
     """
     subject.fails(call, requirement=requirement)
     _expect_said(call, {"accepted": True, "outcome": "00"}, requirement)
@@ -207,7 +207,7 @@ def fails_in_the_end(subject: Subject, call: Call, why: str) -> None:
     """An order whose own result tells of a failure has to be said to have failed.
 
     Raises:
-        Unmet: It is not; the sentence says for what that was taken.
+        CaseFailed: It is not; the sentence says for what that was taken.
     """
     subject.settled(call)
     expect(

@@ -18,7 +18,7 @@ from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.chunks import chunk_of, expect_next
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
 from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.traffic.events import FrameSeen
 
@@ -44,7 +44,7 @@ def reaction(
         if told:
             left_s = min(left_s, subject.silence_s)
         last = line.over or left_s <= 0
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             return line.request(command, within_s=min(_SLICE_S, max(left_s, 0)))
         if last or (told and not line.unfinished):
             return None
@@ -55,12 +55,12 @@ def _settled(subject: Subject, call: Call, within_s: float, requirement: str) ->
     """Wait for what the client says of an order; an operator is asked later.
 
     Raises:
-        Unmet: It says nothing.
+        CaseFailed: It says nothing.
     """
     if not subject.access.attended:
         try:
             subject.settled(call, within_s=within_s)
-        except Unmet as error:
+        except CaseFailed as error:
             error.requirement = requirement
             raise
 
@@ -69,7 +69,7 @@ def expect_done(subject: Subject, call: Call) -> None:
     """A transfer of which everything has come has to be over, and done.
 
     Raises:
-        Unmet: It is not.
+        CaseFailed: It is not.
     """
     _settled(subject, call, subject.answer_s, "5.1/7")  # to the client it is never over
     subject.done(call, requirement="5.2/19")
@@ -79,7 +79,7 @@ def expect_failed(subject: Subject, call: Call, requirement: str = "5.2/19") -> 
     """A transfer has to fail, at once or when the client has waited in vain (A-5-14).
 
     Raises:
-        Unmet: It does not.
+        CaseFailed: It does not.
     """
     _settled(subject, call, limits_of(subject).over_s + _GRACE_S, requirement)
     subject.fails(call, requirement=requirement)
@@ -115,7 +115,7 @@ def expect_no_transfer(
         but: Tells the frames that it may send; they are taken.
 
     Raises:
-        Unmet: It has.
+        CaseFailed: It has.
     """
     line.wait(for_s)
     came = transfer_frames(line)
@@ -135,16 +135,16 @@ def serving(subject: Subject, line: Line, what: str) -> Line:
     """The connection, once it has served another command; a new one where only that does (A-5-26).
 
     Raises:
-        Unmet: Neither does.
+        CaseFailed: Neither does.
     """
     try:
         _ask_status(subject, line)
-    except Unmet as error:
+    except CaseFailed as error:
         line.close()
         try:
             line = subject.open()
             _ask_status(subject, line)
-        except Unmet:
+        except CaseFailed:
             error.requirement = "5.4/6"
             raise error from None
         message = f"after {what} only a new connection is served"
@@ -182,7 +182,7 @@ class Upload:
         received_bytes: How much has been taken.
 
     Raises:
-        Unmet: Another name comes, or none.
+        CaseFailed: Another name comes, or none.
     """
 
     def __init__(self, subject: Subject, line: Line, content: bytes, remote: str = "") -> None:
@@ -204,7 +204,7 @@ class Upload:
         They end where a sound client has sent the whole content.
 
         Raises:
-            Unmet: The client stops before.
+            CaseFailed: The client stops before.
         """
         while self.received_bytes < len(self._content):
             frame = self._frame("5.2/20")
@@ -220,7 +220,7 @@ class Upload:
         """Await the next chunk, which is not answered yet.
 
         Raises:
-            Unmet: It does not come, or is not the one that is due.
+            CaseFailed: It does not come, or is not the one that is due.
         """
         return self._right(self._frame("5.2/19"))
 
@@ -228,7 +228,7 @@ class Upload:
         """Answer a chunk 0: the upload has failed, though the client may try that one again.
 
         Raises:
-            Unmet: It goes on, or is told as done.
+            CaseFailed: It goes on, or is told as done.
         """
         self._line.reply("upload_chunk", value=False)
         for _ in range(_RETRIES):
@@ -253,7 +253,7 @@ class Upload:
         """Take all that is left; the client has to say that it was done.
 
         Raises:
-            Unmet: It does not, or sends something else.
+            CaseFailed: It does not, or sends something else.
         """
         for frame in self.frames():
             self._right(frame)
@@ -271,7 +271,7 @@ class Upload:
     def _frame(self, requirement: str) -> Answer:
         try:
             return self._line.request("upload_chunk", self.call)
-        except Unmet as error:
+        except CaseFailed as error:
             error.requirement = requirement
             raise
 
@@ -308,7 +308,7 @@ def take(subject: Subject, line: Line, content: bytes, remote: str = "") -> None
     """Let the client upload a file, and take all of it.
 
     Raises:
-        Unmet: It is not sent as it should be, or the client does not say that it was done.
+        CaseFailed: It is not sent as it should be, or the client does not say that it was done.
     """
     upload = Upload(subject, line, content, remote)
     upload.accept()
@@ -340,7 +340,7 @@ class Download:
         received: What the client has taken.
 
     Raises:
-        Unmet: Another name comes, or none.
+        CaseFailed: Another name comes, or none.
     """
 
     def __init__(self, subject: Subject, line: Line, remote: str = "") -> None:
@@ -386,7 +386,7 @@ class Download:
         """Send a chunk that the client has to take.
 
         Raises:
-            Unmet: It does not.
+            CaseFailed: It does not.
         """
         self._line.send_frame(self.frame(chunk))
         self.expect_taken(chunk, requirement)
@@ -395,7 +395,7 @@ class Download:
         """Await the answer to a chunk that the client has to take.
 
         Raises:
-            Unmet: It does not take it, or does not answer.
+            CaseFailed: It does not take it, or does not answer.
         """
         which = f"the chunk at {chunk.position} of a file of {chunk.file_size} bytes"
         answer = reaction(self._subject, self._line, self.call, "download_chunk")
@@ -420,7 +420,7 @@ class Download:
         """All that was received has to be on the client's disk, and the download to be done.
 
         Raises:
-            Unmet: It is not.
+            CaseFailed: It is not.
         """
         expect_done(self._subject, self.call)
         size_bytes, content = len(self.received), self.received
@@ -432,7 +432,7 @@ class Download:
         pairs = enumerate(zip(got, content, strict=False))
         at = next((i for i, (a, b) in pairs if a != b), min(len(got), size_bytes))
         seen = f"{len(got)} bytes, at {at}: {got[at : at + 8].hex(' ')}"
-        raise Unmet(
+        raise CaseFailed(
             f"of a file of {size_bytes} bytes that was downloaded the client has another one",
             expected=f"{size_bytes} bytes, at {at}: {content[at : at + 8].hex(' ')}",
             observed="no file" if stored is None else seen,
@@ -443,7 +443,7 @@ class Download:
         """The download has to fail; of its file there is nothing but what was received.
 
         Raises:
-            Unmet: It does not, or something else is there.
+            CaseFailed: It does not, or something else is there.
         """
         expect_failed(self._subject, self.call, requirement)
         stored, received = self.stored, self.received
@@ -465,7 +465,7 @@ def fetch(subject: Subject, line: Line, remote: str = "") -> Download:
     """Order a download, and promise the file.
 
     Raises:
-        Unmet: Its name does not come.
+        CaseFailed: Its name does not come.
     """
     download = Download(subject, line, remote)
     download.promise()
@@ -478,7 +478,7 @@ def serve(
     """Let the client download a file, and compare what it has then.
 
     Raises:
-        Unmet: It has not got it.
+        CaseFailed: It has not got it.
     """
     download = fetch(subject, line, remote)
     for chunk in chunks_of(content):

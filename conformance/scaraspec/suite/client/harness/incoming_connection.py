@@ -13,10 +13,16 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.client.harness.auto_responder import FETCHES, REPLIES, Polls
+from scaraspec.suite.client.harness.auto_responder import FETCHES, REPLIES, AutoResponder
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.engine.connection import Answer, Wire
-from scaraspec.suite.engine.expectations import Declined, NoAnswer, NotRun, Undecided, expect_equal
+from scaraspec.suite.engine.connection import Answer, Connection
+from scaraspec.suite.engine.expectations import (
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    OperationRefused,
+    expect_equal,
+)
 from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind
@@ -41,7 +47,7 @@ _CUTS: Final = (1, 3)  # behind the start byte, and behind the length
 _OF_FILES: Final = frozenset({"upload_name", "upload_chunk", "download_name", "download_chunk"})
 
 
-class Line(Wire):
+class Line(Connection):
     """One connection; made by `Subject.open`.
 
     Attributes:
@@ -50,7 +56,7 @@ class Line(Wire):
     """
 
     def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
-        self.polls = Polls(subject.awaits)
+        self.polls = AutoResponder(subject.awaits)
         self.cut_s = 0.0
         self._behind: list[bytes] = []
         self._subject = subject
@@ -72,10 +78,10 @@ class Line(Wire):
             within_s: How long to wait; by default as long as the client may think.
 
         Raises:
-            NoAnswer: None came.
-            Unmet: The client says that the operation is over, and has not sent it.
-            Undecided: It may have come on a further connection.
-            NotRun: The client lacks the operation, or its operator is away.
+            NoReply: None came.
+            CaseFailed: The client says that the operation is over, and has not sent it.
+            CaseInconclusive: It may have come on a further connection.
+            CaseSkipped: The client lacks the operation, or its operator is away.
         """
         command = BY_NAME[name]
         opcodes = {command.opcode, command.also} - {None}
@@ -89,7 +95,7 @@ class Line(Wire):
         try:
             with self._subject.expecting(call):
                 request = self.awaited(wanted, patience_s, f"{name} was not sent")
-        except Declined as refusal:
+        except OperationRefused as refusal:
             self.finish()
             if self.heard or self.noise:  # it has sent something else
                 raise self.no_answer(f"{refusal}") from None
@@ -97,9 +103,9 @@ class Line(Wire):
             if refusal.after_s > _ALONE_S:
                 self._subject.alone()
             raise
-        except NoAnswer:
+        except NoReply:
             if self._subject.access.attended and within_s is None and not self.over:
-                raise NotRun(f"the operator did not do it in {patience_s:g} s") from None
+                raise CaseSkipped(f"the operator did not do it in {patience_s:g} s") from None
             if within_s is None and not self.over:
                 self._subject.alone()
             raise
@@ -110,7 +116,7 @@ class Line(Wire):
         return request
 
     def _receive(self, deadline_s: float, others: Sequence[Link] = ()) -> bool:
-        """Take one arrival, as `Wire` does, and answer polls before and behind it.
+        """Take one arrival, as `Connection` does, and answer polls before and behind it.
 
         Who has hung up, and is owed no reply, may wait for our end of the connection.
         """
@@ -136,7 +142,7 @@ class Line(Wire):
                     self._subject.polled.add(poll.frame)
                 fetched = bool(self._subject.known.get(FETCHES))
                 frames = self.polls.answer(poll, self._subject.programs, fetched=fetched)
-                with suppress(NoAnswer):  # it asks, and hangs up
+                with suppress(NoReply):  # it asks, and hangs up
                     for frame in frames:
                         self.send_frame(frame)
         finally:
@@ -150,7 +156,7 @@ class Line(Wire):
         """Go on only where since then no silence of ours was as long as to end a transfer.
 
         Raises:
-            Undecided: One was: this machine is too slow, or the client left it nothing to answer.
+            CaseInconclusive: One was. This machine is too slow, or the client left nothing to answer.
         """
         self.pump()
         due = [self._subject.now_ns] if any(seen.name in _OF_FILES for seen in self.heard) else []
@@ -158,7 +164,7 @@ class Line(Wire):
         silence_s = max((then - at for at, then in pairwise(spoken_ns)), default=0) / _NS
         if silence_s > limits_of(self._subject).early_s:
             slow = "this machine or the client is too slow"
-            raise Undecided(f"{slow}: nothing was sent to it for {silence_s:.3f} s")
+            raise CaseInconclusive(f"{slow}: nothing was sent to it for {silence_s:.3f} s")
 
     # ------------------------------------------------------------------ sending
 
@@ -225,8 +231,8 @@ class Line(Wire):
         """Await the login that belongs to an order to connect, and answer it.
 
         Raises:
-            NoAnswer: It did not come.
-            Unmet: It carries another password.
+            NoReply: It did not come.
+            CaseFailed: It carries another password.
         """
         request = self.request("login", call)
         sent = request.seen.text  # a NUL may end it (A-T-3)
@@ -245,8 +251,8 @@ class Line(Wire):
             sent: What the request has to carry; None for anything.
 
         Raises:
-            NoAnswer: No request came.
-            Unmet: It carries something else.
+            NoReply: No request came.
+            CaseFailed: It carries something else.
         """
         request = self.request(call.name, call)
         self.reply(call.name, value, data=data)

@@ -7,7 +7,7 @@ from scaraspec.suite.client.harness.auto_responder import FETCHES
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.incoming_connection import Line
-from scaraspec.suite.engine.expectations import NoAnswer
+from scaraspec.suite.engine.expectations import NoReply
 
 _FETCH_S: Final = 1.0
 
@@ -46,7 +46,7 @@ def serve_list(
         ahead: Done ahead of each further part.
 
     Raises:
-        Unmet: No request came.
+        CaseFailed: No request came.
     """
     line.request("list_programs", call)
     line.reply("list_programs", data=parts[0])
@@ -71,7 +71,7 @@ def _await_fetching(subject: Subject, line: Line) -> None:
     known = subject.known.get(FETCHES)
     try:
         line.request("list_programs", within_s=patience_s[known])
-    except NoAnswer:
+    except NoReply:
         subject.known[FETCHES] = False
     else:
         subject.known[FETCHES] = True

@@ -23,7 +23,7 @@ from scaraspec.protocol.commands import (
     PortValue,
     Pose,
 )
-from scaraspec.protocol.fields import Number, Wrong, show
+from scaraspec.protocol.fields import Defect, Number, show
 from scaraspec.protocol.payloads import FirstReply, Jog, JogDirection, Record
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
@@ -31,8 +31,8 @@ from scaraspec.suite.client.harness.driver_values import spoken
 from scaraspec.suite.client.harness.incoming_connection import PASSWORD, Line
 from scaraspec.suite.client.harness.poses import gives_pose
 from scaraspec.suite.engine.connection import Answer as Request
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet
-from scaraspec.traffic.events import Undecodable
+from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
+from scaraspec.traffic.events import InvalidBytes
 
 if TYPE_CHECKING:
     from scaraspec.suite.client.harness.client_under_test import Subject
@@ -61,22 +61,22 @@ But for thetaY, which means nothing (L1006).
 OPENINGS: Final[Mapping[str, str]] = {"upload": "upload_name", "download": "download_name"}
 """The command that each transfer begins with."""
 
-_OF_WRITING: Final[Mapping[Wrong, str]] = {
-    Wrong.SPACE_FOR_BAR: "T/1",
-    Wrong.BLANKS: "T/1",
-    Wrong.QUOTES: "T/2",
-    Wrong.BINARY: "T/3",
-    Wrong.NUMBER: "T/5",
-    Wrong.BAR_IN_NAME: "T/6",
-    Wrong.CALENDAR: "4.5/2",
+_OF_WRITING: Final[Mapping[Defect, str]] = {
+    Defect.SPACE_FOR_BAR: "T/1",
+    Defect.BLANKS: "T/1",
+    Defect.QUOTES: "T/2",
+    Defect.BINARY: "T/3",
+    Defect.NUMBER: "T/5",
+    Defect.BAR_IN_NAME: "T/6",
+    Defect.CALENDAR: "4.5/2",
 }
 """What is wrong with a text, wherever it stands, and the requirement that says so."""
 
-_TRAILERS: Final[Mapping[Wrong, tuple[str, str]]] = {
-    Wrong.TRAILING_NUL: ("trailing_nul", "yes"),
-    Wrong.TRAILING_BAR: ("A-T-4", "trailing bar"),
+_TRAILERS: Final[Mapping[Defect, tuple[str, str]]] = {
+    Defect.TRAILING_NUL: ("trailing_nul", "yes"),
+    Defect.TRAILING_BAR: ("A-T-4", "trailing bar"),
 }
-_NO_MATTER: Final = (Wrong.LONG_NAME, Wrong.PATH_IN_NAME)
+_NO_MATTER: Final = (Defect.LONG_NAME, Defect.PATH_IN_NAME)
 
 _OF_LAYOUT: Final[Mapping[Fault, str]] = {
     Fault.STRAY: "3/32",
@@ -133,16 +133,16 @@ def ask(
         The order, which is not answered yet, and the request.
 
     Raises:
-        Unmet: No request came, or another one.
-        NotRun: The client lacks the operation.
+        CaseFailed: No request came, or another one.
+        CaseSkipped: The client lacks the operation.
     """
     call = order(subject, name, value)
     request = awaited(line, name, call)
     wanted = VALUES.get(name) if value is None else value
     try:
         expect_carries(subject, request, name, wanted, requirement=requirement)
-    except Unmet:
-        with suppress(NoAnswer):  # it has closed already
+    except CaseFailed:
+        with suppress(NoReply):  # it has closed already
             answer(line, name, request)
         raise
     return call, request
@@ -152,12 +152,12 @@ def awaited(line: Line, name: str, call: Call) -> Request:
     """The request of an operation; bytes that are none are blamed for what is wrong with them.
 
     Raises:
-        Unmet: No request came.
-        NotRun: The client lacks the operation.
+        CaseFailed: No request came.
+        CaseSkipped: The client lacks the operation.
     """
     try:
         return line.request(name, call)
-    except Unmet:
+    except CaseFailed:
         line.finish()
         blame(line)
         raise
@@ -171,12 +171,12 @@ def blame(line: Line, *, of_length: str = "3/7") -> None:
         of_length: What a wrong length violates.
 
     Raises:
-        Unmet: There are some.
+        CaseFailed: There are some.
     """
     line.flush()
     for noise in line.noise:
         diagnosis = diagnose(noise)
-        raise Unmet(
+        raise CaseFailed(
             f"what the client sent is no frame: {diagnosis.fault.value}",
             expected=diagnosis.expected or "start, opcode, length, data, end",
             observed=f"{show(noise.data)} ({noise.data[:20].hex(' ').upper()})",
@@ -184,7 +184,7 @@ def blame(line: Line, *, of_length: str = "3/7") -> None:
         )
     for seen in line.heard:
         if seen.frame.opcode not in BY_OPCODE:
-            raise Unmet(
+            raise CaseFailed(
                 "the client sends an opcode that nobody has defined",
                 expected="an opcode of clauses 4 and 5",
                 observed=f"{seen.frame}",
@@ -192,7 +192,7 @@ def blame(line: Line, *, of_length: str = "3/7") -> None:
             )
 
 
-def _violated(noise: Undecodable, diagnosis: Diagnosis, of_length: str) -> str:
+def _violated(noise: InvalidBytes, diagnosis: Diagnosis, of_length: str) -> str:
     """The requirement that bytes which are no frame violate."""
     match diagnosis.fault:
         case Fault.LENGTH:
@@ -209,7 +209,7 @@ def expect_carries(
     """A request has to carry this value, written as the document wants it.
 
     Raises:
-        Unmet: It does not.
+        CaseFailed: It does not.
     """
     command, data = BY_NAME[name], request.frame.data
     decoded = command.request.decode(data)
@@ -217,7 +217,7 @@ def expect_carries(
         if complaint.wrong in _TRAILERS:
             subject.tolerate("T/4", *_TRAILERS[complaint.wrong], f"{name}: {complaint.text}")
         elif complaint.wrong not in _NO_MATTER:
-            raise Unmet(
+            raise CaseFailed(
                 f"{name}: {complaint.text}",
                 expected=command.request.form,
                 observed=show(data),
@@ -231,7 +231,7 @@ def expect_carries(
         subject.tolerate("T/10", key, option, f"{name}: each number has {decimals} decimals")
         return
     wanted = command.request.encode(value, subject.dialect.replace(name_max="255"))
-    raise Unmet(
+    raise CaseFailed(
         f"{name} carries another value than was ordered",
         expected=show(wanted, limit=255),
         observed=show(data, limit=255),
@@ -239,9 +239,9 @@ def expect_carries(
     )
 
 
-def _of_writing(wrong: Wrong, data: bytes) -> str:
+def _of_writing(wrong: Defect, data: bytes) -> str:
     """The requirement that says how any such text is written; empty where none does."""
-    if wrong is Wrong.NUMBER and min(data, default=_CONTROL) < _CONTROL:
+    if wrong is Defect.NUMBER and min(data, default=_CONTROL) < _CONTROL:
         return "T/3"
     return _OF_WRITING.get(wrong, "")
 
@@ -303,8 +303,8 @@ def tells(  # noqa: PLR0913 - an answer, and what is thought of it
         odd: The register's entry, and the reading, by which a client may fail at such an answer.
 
     Raises:
-        Unmet: It says something else, or asks wrongly.
-        NotRun: It lacks the operation.
+        CaseFailed: It says something else, or asks wrongly.
+        CaseSkipped: It lacks the operation.
     """
     call, request = ask(subject, line, name)
     data = REPLIES[name] if data is None else data
@@ -322,7 +322,7 @@ def expect_told(
     """A query that was answered with these data has to be told with what they say.
 
     Raises:
-        Unmet: The client says something else, or nothing.
+        CaseFailed: The client says something else, or nothing.
     """
     value = BY_NAME[name].reply.decode(data).value
     if isinstance(value, Pose):
@@ -335,13 +335,13 @@ def accomplished(subject: "Subject", call: Call, *, requirement: str = "") -> No
     """A two-stage operation has to have been done, in both of its stages.
 
     Raises:
-        Unmet: The client says otherwise.
+        CaseFailed: The client says otherwise.
     """
     result = subject.done(call, requirement=requirement)
     if isinstance(result, Mapping):
         refused = result.get("accepted") is False or result.get("outcome", _DONE) != _DONE
         if refused:
-            raise Unmet(
+            raise CaseFailed(
                 f"{call.name} was done, and the client says otherwise",
                 expected="accepted and done",
                 observed=f"{call}",
@@ -355,8 +355,8 @@ def refuses(
     """Order what must not be sent: the client has to say that it failed, and to send nothing.
 
     Raises:
-        Unmet: It sends something, or says that it was done.
-        NotRun: It lacks the operation.
+        CaseFailed: It sends something, or says that it was done.
+        CaseSkipped: It lacks the operation.
     """
     refused(subject, line, subject.begin(name, **arguments(name, value)), requirement=requirement)
 
@@ -367,7 +367,7 @@ def refused(subject: "Subject", line: Line, call: Call, *, requirement: str = ""
     if sent is None:
         subject.fails(call, requirement=requirement)
         return
-    raise Unmet(
+    raise CaseFailed(
         f"the client sends what it has to refuse: {call.name}",
         expected="nothing",
         observed=sent,
@@ -381,8 +381,8 @@ def sent_or_settled(subject: "Subject", line: Line, call: Call) -> str | None:
     What else the client may ask meanwhile is left alone.
 
     Raises:
-        Unmet: Neither comes.
-        NotRun: The client lacks the operation.
+        CaseFailed: Neither comes.
+        CaseSkipped: The client lacks the operation.
     """
     deadline_s = subject.access.now_s + subject.answer_s
     while call.answer is None and not _brought_about(line, call) and not line.over:
@@ -412,13 +412,13 @@ def of_each(names: Collection[str], try_one: Callable[[str], None]) -> None:
     """Try something with each of these operations that the client has.
 
     Raises:
-        NotRun: It has none of them.
+        CaseSkipped: It has none of them.
     """
     lacking = []
     for name in names:
         try:
             try_one(name)
-        except NotRun as error:
+        except CaseSkipped as error:
             lacking.append(error)
     if len(lacking) == len(names):
         raise lacking[0]

@@ -14,7 +14,7 @@ def expect_ports(
     """Have the client ask for them, without data, and give back what it is told.
 
     Raises:
-        Unmet: It does otherwise.
+        CaseFailed: It does otherwise.
     """
     call = subject.begin(name)
     line.serve(call, bits, sent=b"")
@@ -27,7 +27,7 @@ def expect_each_port(
     """Try each of so many ports alone, all, none, and what hypothesis draws.
 
     Raises:
-        Unmet: The client gives back otherwise than it is told.
+        CaseFailed: The client gives back otherwise than it is told.
     """
 
     @example("0" * count)

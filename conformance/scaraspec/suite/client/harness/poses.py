@@ -25,7 +25,7 @@ def expect_pose(
     """Fail the client unless a request carries this pose, behind this speed if there is one.
 
     Raises:
-        Unmet: It carries something else.
+        CaseFailed: It carries something else.
     """
     ahead = () if speed is None else (float(speed),)
     wanted = (*ahead, *ordered)
@@ -50,7 +50,7 @@ def gives_pose(subject: Subject, call: Call, due: Pose, *, requirement: str = ""
     """The pose that a client tells has to be this one, whatever it tells of thetaY and thetaZ.
 
     Raises:
-        Unmet: It is another one, or none.
+        CaseFailed: It is another one, or none.
     """
     result = subject.done(call, requirement=requirement)
     values = _by_name(result)

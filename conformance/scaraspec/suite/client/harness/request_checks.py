@@ -14,7 +14,7 @@ from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.incoming_connection import Line
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import Declined, expect, told
+from scaraspec.suite.engine.expectations import OperationRefused, expect, told
 
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
 _NEAR: Final = 5e-4  # nobody need write more than three decimals (A-T-5)
@@ -43,7 +43,7 @@ def expect_numbers(answer: Answer, ordered: Sequence[float], *, requirement: str
     """Fail the client unless a request carries these numbers, in this order.
 
     Raises:
-        Unmet: It carries something else.
+        CaseFailed: It carries something else.
     """
     sent = numbers_of(answer)
     expect(
@@ -66,12 +66,12 @@ def request_unless_refused(
         within_s: How long to wait; by default as long as the client may think.
 
     Raises:
-        NoAnswer: It neither sends anything nor says that it will not.
-        Unmet: It says that it was done, and has sent nothing.
+        NoReply: It neither sends anything nor says that it will not.
+        CaseFailed: It says that it was done, and has sent nothing.
     """
     try:
         return line.request(call.name, call, within_s=within_s)
-    except Declined:
+    except OperationRefused:
         return None
 
 
@@ -79,7 +79,7 @@ def expect_no_value(subject: Subject, call: Call, *, requirement: str = "") -> N
     """Fail the client unless it says that there is no value, by an error or by none at all.
 
     Raises:
-        Unmet: It gives one.
+        CaseFailed: It gives one.
     """
     if not subject.access.attended and subject.settled(call).ok and call.result is None:
         return

@@ -8,7 +8,13 @@ from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.client_under_test import Subject
 from scaraspec.suite.client.harness.incoming_connection import Line
-from scaraspec.suite.engine.expectations import Declined, NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    OperationRefused,
+)
 from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 
 _LOOK_S: Final = 0.02
@@ -28,8 +34,8 @@ def survived(
         share: How much of that silence; a short one shows a limit on a transfer as a whole.
 
     Raises:
-        Unmet: The client has given up.
-        Undecided: The silence was longer than it should be.
+        CaseFailed: The client has given up.
+        CaseInconclusive: The silence was longer than it should be.
     """
     limits, silence = limits_of(subject), Silence(subject)
     subject.pause(limits.survived_s * share)
@@ -38,9 +44,11 @@ def survived(
         message = f"a transfer did not survive {limits.survived_s * share:g} s of silence"
         subject.undone(call, message)
         go_on()
-    except Unmet as error:
+    except CaseFailed as error:
         if passed_s > limits.early_s:
-            raise Undecided(f"this machine is too slow: it was silent for {passed_s:g} s") from None
+            raise CaseInconclusive(
+                f"this machine is too slow: it was silent for {passed_s:g} s"
+            ) from None
         error.requirement = requirement
         raise
 
@@ -49,7 +57,7 @@ def given_up(subject: Subject, call: Call, requirement: str) -> None:
     """Keep silent until the client gives up, which it has to do after 25 s and within 60 s.
 
     Raises:
-        Unmet: It does so at another time, or says that the transfer was done.
+        CaseFailed: It does so at another time, or says that the transfer was done.
     """
     limits, silence = limits_of(subject), Silence(subject)
     while call.answer is None and silence.passed_s < limits.over_s:
@@ -57,11 +65,11 @@ def given_up(subject: Subject, call: Call, requirement: str) -> None:
     passed_s = silence.passed_s
     try:
         subject.fails(call, within_s=_GRACE_S)
-    except Unmet as error:
+    except CaseFailed as error:
         error.requirement = requirement
         raise
     if passed_s < limits.survived_s:
-        raise Unmet(
+        raise CaseFailed(
             f"a transfer was given up after {passed_s:.2f} s of silence",
             expected=f"at least {limits.survived_s:.2f} s",
             observed=f"{passed_s:.2f} s",
@@ -77,23 +85,23 @@ def given_up_meanwhile(subject: Subject, line: Line, call: Call, requirement: st
     """Let the client ask for other things until it gives a silent transfer up, in the same time.
 
     Raises:
-        Unmet: It does not.
-        NotRun: It asks for nothing else as long as a transfer lasts.
+        CaseFailed: It does not.
+        CaseSkipped: It asks for nothing else as long as a transfer lasts.
     """
     limits, silence = limits_of(subject), Silence(subject)
     name, _ = subject.unpolled("get_version", "get_status", "get_time")
     asks = True
     while asks and call.answer is None and silence.passed_s < limits.over_s:
         asks, query = False, subject.begin(name)
-        with suppress(NoAnswer, Declined):
+        with suppress(NoReply, OperationRefused):
             line.request(name, query, within_s=limits.survived_s / 2)
             line.reply(name, data=REPLIES[name])
             asks = True
         subject.pause(limits.survived_s / 4)
     if not asks and call.answer is None:
-        raise NotRun("the client asks for nothing else while a transfer lasts")
+        raise CaseSkipped("the client asks for nothing else while a transfer lasts")
     try:
         subject.fails(call, within_s=_GRACE_S)
-    except Unmet as error:
+    except CaseFailed as error:
         error.requirement = requirement
         raise

@@ -9,10 +9,10 @@ from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, S
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import (
-    NoAnswer,
-    NotRun,
-    Undecided,
-    Unmet,
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
     expect,
     expect_equal,
 )
@@ -36,7 +36,7 @@ def test_port(subject: Subject) -> None:
     """The subject takes connections on port 8877, or on the one that the tester named."""
     port = subject.access.port
     if port is None:
-        raise NotRun("the link is no network")
+        raise CaseSkipped("the link is no network")
     for _ in range(3):
         line = _connect(subject)
         line.ask("get_status")
@@ -77,7 +77,7 @@ def _leave(line: Line, way: int) -> None:
             line.reset()
         case 3:  # listening on, which a subject need not know
             line.send("get_status")
-            with suppress(Undecided):  # no link but TCP can
+            with suppress(CaseInconclusive):  # no link but TCP can
                 line.half_close()
             line.close()
         case _:  # having done nothing
@@ -89,7 +89,7 @@ def _connect(subject: Subject) -> Line:
     for _ in range(_AGAIN):
         try:
             return subject.open()
-        except NoAnswer:
+        except NoReply:
             if subject.dialect["max_clients"] != "one":
                 raise
             subject.access.pause(_AGAIN_S)
@@ -106,7 +106,7 @@ def test_second_client(subject: Subject) -> None:
     What a robot tells of itself (A-3-16) is not told as often as another client asks.
     """
     if not subject.access.several:
-        raise NotRun("this link carries one connection at a time")
+        raise CaseSkipped("this link carries one connection at a time")
     told = subject.observer.told_unasked
     first = subject.open()
     version, time = (first.request(name).encode() for name in ("get_version", "get_time"))
@@ -127,10 +127,10 @@ def test_second_client(subject: Subject) -> None:
     second.reply("get_status")
     expect_equal(second.reply("get_version").value, said, "two clients are told two versions")
     for line in (first, second):
-        _nothing_of_the_other(alone=all(seen.frame.opcode in told for seen in line.fence()))
+        _nothing_of_the_other(alone=all(seen.frame.opcode in told for seen in line.sync()))
     for _ in range(_ASKED):
         second.ask("get_status")
-    _nothing_of_the_other(alone=len(first.fence()) < _ASKED)
+    _nothing_of_the_other(alone=len(first.sync()) < _ASKED)
     second.close()
     first.ask("get_status")
 
@@ -161,7 +161,7 @@ def _admitted(subject: Subject, first: Line, second: Line) -> bool:
         if subject.access.needs_login:
             subject.log_in(second)
         second.ask("get_version")
-    except Unmet:  # it may answer the login with 0, or nothing at all
+    except CaseFailed:  # it may answer the login with 0, or nothing at all
         if _displaced(subject, first, second):
             return False
         first.ask("get_status")

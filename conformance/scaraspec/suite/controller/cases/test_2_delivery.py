@@ -23,7 +23,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.queries import Query, known_to, some_queries
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer
+from scaraspec.suite.engine.expectations import NoReply
 
 _BURST: Final = 250  # more than a kilobyte, which a small buffer holds; the judge follows 256
 _CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
@@ -149,7 +149,7 @@ def _served_together(subject: Subject, line: Line, queries: list[Query]) -> None
 def _or_one_at_a_time(subject: Subject, line: Line, name: str) -> None:
     try:
         line.reply(name)
-    except NoAnswer:
+    except NoReply:
         if not takes_one_at_a_time(subject) or line.ending is not None:
             raise
         subject.tolerate("2/6", "pipelining", "one", f"{name} behind another one was not served")

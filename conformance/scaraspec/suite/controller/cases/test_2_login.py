@@ -30,7 +30,13 @@ from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, stored
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, expect, expect_equal
+from scaraspec.suite.engine.expectations import (
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    expect,
+    expect_equal,
+)
 from scaraspec.suite.program_files.layout import short_program
 
 if TYPE_CHECKING:
@@ -53,7 +59,7 @@ class _Stranger:
 
     def __init__(self, subject: Subject, *, wrong_logins: int = 0) -> None:
         if not subject.access.needs_login:
-            raise NotRun("on this link no login is needed (L83)")
+            raise CaseSkipped("on this link no login is needed (L83)")
         self.granted: list[FrameSeen] = []
         self._subject, self._wrong_logins = subject, wrong_logins
 
@@ -63,7 +69,7 @@ class _Stranger:
         for name, value in examples(requests):
             try:
                 line.send(name, value)
-            except NoAnswer:
+            except NoReply:
                 line = self._connect()
                 line.send(name, value)
             self._hear(line, _BETWEEN_S)
@@ -78,7 +84,7 @@ class _Stranger:
         for _ in range(wrong_logins):
             try:
                 said = line.ask("login", rotated(self._subject.password))
-            except NoAnswer:
+            except NoReply:
                 if line.ending is None:
                     raise
                 return self._subject.open(login=False)
@@ -94,7 +100,7 @@ class _Stranger:
         """Fail the subject if anything was answered with yes.
 
         Raises:
-            Unmet: It was.
+            CaseFailed: It was.
         """
         for seen in self.granted:
             expect(
@@ -133,7 +139,7 @@ def _values(subject: Subject, settings: tuple[tuple[str, str], ...]) -> dict[str
     values = {name: line.ask(name).value for name, _ in settings}
     line.close()
     if None in values.values():
-        raise Undecided("the subject does not say how it is set")
+        raise CaseInconclusive("the subject does not say how it is set")
     return values
 
 
@@ -174,7 +180,7 @@ def _clock_kept(subject: Subject) -> Iterator[datetime]:
     before: datetime | None = line.ask("get_time").value
     line.close()
     if before is None:
-        raise Undecided("the subject does not say its time")
+        raise CaseInconclusive("the subject does not say its time")
     yield before
     line = subject.open()
     after: datetime | None = line.ask("get_time").value
@@ -251,7 +257,7 @@ def test_motion(subject: Subject) -> None:
     moved = farthest(joints_of(line), joints)
     with outputs_kept(line) as after:
         line.send("set_digital_output", PortValue(port, int(before[-1])))
-        line.fence()
+        line.sync()
     expect_equal(after, before, "an output was set without a login")
     expect_equal(status, "00", "a command executes that came without a login")
     expect(moved <= STANDSTILL, "the arm has moved without a login", observed=f"by {moved:.2f}")

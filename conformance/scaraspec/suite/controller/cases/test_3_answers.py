@@ -14,7 +14,7 @@ from scaraspec.suite.controller.harness.requests.queries import Query, known_to,
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
 
 _STATE: Final = (Hazard.STATE,)
@@ -67,16 +67,16 @@ def _ask_under_its_opcode(line: Line, name: str, value: object = None) -> Answer
     """Ask, and where the reply is not found, say whether it came under another opcode.
 
     Raises:
-        Unmet: It did.
-        NoAnswer: It did not come at all.
+        CaseFailed: It did.
+        NoReply: It did not come at all.
     """
     try:
         return line.ask(name, value)
-    except NoAnswer as error:
+    except NoReply as error:
         if not line.heard:
             error.requirement = "3/31"
             raise
-        raise Unmet(
+        raise CaseFailed(
             f"{name} was answered under another opcode",
             expected=f"{BY_NAME[name].opcode:02X}",
             observed=f"{line.heard[0].frame}",

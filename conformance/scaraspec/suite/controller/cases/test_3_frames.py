@@ -29,7 +29,7 @@ from scaraspec.suite.controller.harness.requests.files import (
 from scaraspec.suite.controller.harness.requests.queries import ask_all, known_to
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 from scaraspec.suite.program_files.layout import short_program
 from scaraspec.traffic.events import FrameSeen
 
@@ -66,7 +66,7 @@ def test_replies_are_frames(subject: Subject, line: Line) -> None:
     for query in examples(known_to(subject)):
         with _told_apart(line, query.name):
             line.ask(*query)
-        line.fence()
+        line.sync()
         _no_noise(line, query.name)
 
 
@@ -75,7 +75,7 @@ def _told_apart(line: Line, name: str) -> Iterator[None]:
     """Where no frame came, find out what came: a wrong length waits for what follows it."""
     try:
         yield
-    except Unmet:
+    except CaseFailed:
         for _ in range(_SHORT_REPLIES):
             if line.noise or line.ending:
                 break
@@ -93,7 +93,7 @@ def _no_noise(line: Line, name: str) -> None:
         requirement = _BLAME.get(found.fault, "3/1")
         if requirement == "3/7" and found.observed == "0":
             requirement = "3/8"
-        raise Unmet(
+        raise CaseFailed(
             f"{name} was answered with bytes that are no frame",
             expected=f"{found.fault.value} {found.expected}",
             observed=noise.data.hex(" "),
@@ -105,7 +105,7 @@ def _no_noise(line: Line, name: str) -> None:
 def test_reply_without_data(subject: Subject, line: Line) -> None:
     """The default program is asked for, of which there may be none; its frame is a frame."""
     command = line.send("get_default_program")
-    came = [seen for seen in line.fence() if seen.frame.opcode in (command.opcode, command.also)]
+    came = [seen for seen in line.sync() if seen.frame.opcode in (command.opcode, command.also)]
     _no_noise(line, "get_default_program")
     if not came:
         subject.tolerate(
@@ -122,7 +122,7 @@ def test_long_replies(subject: Subject, line: Line) -> None:
     for number, name in enumerate(names):
         try:
             upload(line, name, content)
-        except Unmet as error:
+        except CaseFailed as error:
             if number < _FEW or error.requirement != "5.2/2":
                 raise
             break  # there is no more room (A-5-21)
@@ -131,7 +131,7 @@ def test_long_replies(subject: Subject, line: Line) -> None:
     with _told_apart(line, "list_programs"):
         line.ask("list_programs")
     line.wait(MOMENT_S)
-    line.fence()
+    line.sync()
     _no_noise(line, "list_programs")
 
 
@@ -141,7 +141,7 @@ def test_nothing_while_idle(subject: Subject) -> None:
     lines = [subject.open(login=False)]
     if subject.takes_several:
         lines.append(subject.open())
-        with suppress(Unmet):  # it may not serve three (A-2-2)
+        with suppress(CaseFailed):  # it may not serve three (A-2-2)
             lines.append(subject.open())
         lines[-1].ask("get_status")
     subject.pause(_IDLE_S)
@@ -153,7 +153,7 @@ def test_nothing_while_idle(subject: Subject) -> None:
         line.ask("get_status")
         line.wait(_IDLE_S)
         _is_silent(subject, line)
-    line.fence()
+    line.sync()
     _no_noise(line, "get_status")
 
 
@@ -236,8 +236,8 @@ def test_every_length(subject: Subject, line: Line) -> None:
 def _came(subject: Subject, line: Line) -> list[FrameSeen]:
     """What a query with data brought about; closing is a reading (A-3-9)."""
     try:
-        return line.fence()
-    except NoAnswer:
+        return line.sync()
+    except NoReply:
         if line.ending is None:
             raise
         subject.tolerate("3/6", "on_unknown", "close", "a query with data ends the connection")
@@ -259,7 +259,7 @@ def test_marks_in_files(subject: Subject, line: Line) -> None:
     expect_round_trip(subject, line, b"plain" * 50)
     for content in examples(_FULL_OF_MARKS):
         expect_round_trip(subject, line, content, "3/9")
-        expect(not line.fence(), "bytes of a file were taken for a frame", observed="a reply")
+        expect(not line.sync(), "bytes of a file were taken for a frame", observed="a reply")
 
 
 @case("3/9", name="name", hazards=(Hazard.STATE,))
@@ -268,4 +268,4 @@ def test_marks_in_names(line: Line) -> None:
     for data in examples((b"\xaa.rob", b"\xcc.rob", b"a\xcc\xaab.rob", b"\xb0\xcc\xaa\xcc.rob")):
         answer = line.ask("download_name", data=data)
         expect(answer.accepted is False, "a file is sent that is not there", requirement="5.3/3")
-        expect(not line.fence(), "bytes of a name were taken for a frame", observed="a reply")
+        expect(not line.sync(), "bytes of a name were taken for a frame", observed="a reply")

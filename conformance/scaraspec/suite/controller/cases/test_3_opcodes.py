@@ -22,7 +22,7 @@ from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, has, interrupted, lasting
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 from scaraspec.suite.program_files.listed import store_program
@@ -83,7 +83,7 @@ def test_settings_behind_undefined_opcodes(subject: Subject, line: Line) -> None
         taken = [line.ask("set_gripper_center", _CENTRE).accepted, named]
         taken += [set_output(line, port, on=True).accepted for port in ALL_OUTPUTS]
         if not any(taken):
-            raise NotRun("the subject takes none of these settings")
+            raise CaseSkipped("the subject takes none of these settings")
         await_rest(subject, line)  # the default program may be run once it is set (A-4.12-3)
         before = _state(subject)
         _send(subject, (Frame(A2C, opcode) for opcode in _UNDEFINED))
@@ -104,9 +104,9 @@ def test_undefined_opcodes_in_an_upload(subject: Subject) -> None:
         for opcode in examples(opcodes[:_A_CHUNK]):
             _send_one(subject, line, Frame(A2C, opcode))
             if line.ending is not None:
-                raise NotRun("the subject ends the connection behind an undefined opcode")
+                raise CaseSkipped("the subject ends the connection behind an undefined opcode")
         if silence.passed_s > limits_of(subject).survived_s:
-            raise NotRun("between so many answers the transfer may be over")
+            raise CaseSkipped("between so many answers the transfer may be over")
         send(line, chunk, "3/21", "behind undefined opcodes a chunk of an upload is not taken")
         del opcodes[:_A_CHUNK]
     expect_stored(again(subject, line), name, content, "3/21")
@@ -147,7 +147,7 @@ def _send_one(subject: Subject, line: Line, frame: Frame) -> None:
     try:
         line.send_bytes(GET_STATUS)
         line.reply("get_status")
-    except NoAnswer:
+    except NoReply:
         expect(
             line.ending is not None,
             "behind a request with an undefined opcode nothing is answered any more",

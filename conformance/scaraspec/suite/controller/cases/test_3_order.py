@@ -18,10 +18,10 @@ from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.clock import shifted
 from scaraspec.suite.controller.harness.requests.files import CHUNK_S, expect_stored
 from scaraspec.suite.controller.harness.requests.motion import (
-    quieten,
     returning,
     status_behind,
     stop,
+    stop_motion,
 )
 from scaraspec.suite.controller.harness.requests.queries import (
     Query,
@@ -33,7 +33,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import finish, has, jog_
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import given
-from scaraspec.suite.engine.expectations import NotRun, Undecided, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseInconclusive, CaseSkipped, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
 
 _STATE: Final = (Hazard.STATE,)
@@ -60,10 +60,10 @@ def _takes_several(subject: Subject) -> None:
     """Go on only where requests may follow each other without waiting.
 
     Raises:
-        NotRun: They may not.
+        CaseSkipped: They may not.
     """
     if takes_one_at_a_time(subject):
-        raise NotRun("the subject serves one request at a time (pipelining)")
+        raise CaseSkipped("the subject serves one request at a time (pipelining)")
 
 
 def _tell_order(subject: Subject, answers: list[Answer]) -> None:
@@ -79,7 +79,7 @@ def test_same_opcode(subject: Subject) -> None:
     line = subject.open()
     line.send_bytes(line.request("get_status").encode() * 20)
     replies_to(line, [Query("get_status")] * 20)
-    for seen in line.fence():
+    for seen in line.sync():
         subject.tolerate("3/26", "A-3-16", "unsolicited frame", f"{seen.frame} came unasked")
 
 
@@ -132,7 +132,7 @@ def test_last_time_stays(subject: Subject, line: Line) -> None:
     has(subject, "set_time", "get_time")
     before: datetime | None = line.ask("get_time").value
     if before is None:
-        raise Undecided("the subject does not say its time")
+        raise CaseInconclusive("the subject does not say its time")
     ahead = [("set_time", shifted(before, hours * _HOUR)) for hours in (5, 3, 1, 0)]
     _send_together(line, ahead)
     for _ in ahead:
@@ -181,11 +181,11 @@ def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
             if stopped.accepted:
                 finish(subject, line, "emergency_stop")  # until then the arm may slow down
             status = status_behind(line).value
-            quieten(subject, line)
+            stop_motion(subject, line)
             if jog.accepted:
                 break
         else:
-            raise Undecided("the subject refuses to jog in any direction")
+            raise CaseInconclusive("the subject refuses to jog in any direction")
         expect(
             stopped.accepted and status != "04",
             "an emergency stop that came behind a jog did not stop it",

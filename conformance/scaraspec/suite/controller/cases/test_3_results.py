@@ -41,8 +41,8 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect
-from scaraspec.traffic.events import FrameSeen, Undecodable
+from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply, expect
+from scaraspec.traffic.events import FrameSeen, InvalidBytes
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
 _LATER_S: Final = 0.4  # for how long a second result is looked for
@@ -72,7 +72,7 @@ def test_one_tagged_result(subject: Subject, line: Line, name: str) -> None:
         observed="the final result first",
         requirement="3/16",
     )
-    line.heard[:0] = line.fence()
+    line.heard[:0] = line.sync()
     _no_result(line, name, f"{name} ended a second time", "3/18")
 
 
@@ -93,7 +93,7 @@ def _expect_tagged(subject: Subject, name: str) -> None:
     opcode = BY_NAME[name].opcode
     for seen in subject.observer.recent:
         if seen.place.direction is C2A and _lacks_its_tag(seen, opcode):
-            raise Unmet(
+            raise CaseFailed(
                 f"the final result of {name} came without the tag",
                 expected=f"{TAG:02X} {opcode:02X}",
                 observed=f"{seen.frame}" if isinstance(seen, FrameSeen) else show(seen.data[:8]),
@@ -101,7 +101,7 @@ def _expect_tagged(subject: Subject, name: str) -> None:
             )
 
 
-def _lacks_its_tag(seen: FrameSeen | Undecodable, opcode: int) -> bool:
+def _lacks_its_tag(seen: FrameSeen | InvalidBytes, opcode: int) -> bool:
     """Whether it is a final result without a tag, with another one, or with it elsewhere."""
     if isinstance(seen, FrameSeen):
         frame = seen.frame
@@ -118,7 +118,7 @@ def _says_how_it_ended(data: bytes) -> bool:
 def _no_result(line: Line, name: str, message: str, requirement: str) -> None:
     for seen in line.heard:
         if _is_result(seen, name):
-            raise Unmet(
+            raise CaseFailed(
                 message, expected="no result", observed=f"{seen.frame}", requirement=requirement
             )
 
@@ -132,11 +132,11 @@ def test_queries_bear_no_tag(subject: Subject, line: Line) -> None:
     """The replies of queries bear no tag; one that does is undocumented (A-3-6)."""
     try:
         ask_all(subject, line)
-    except NoAnswer:
+    except NoReply:
         tagged = next((seen for seen in line.heard if seen.frame.tagged), None)
         if tagged is None:
             raise
-        raise Unmet(
+        raise CaseFailed(
             "a query was answered behind the tag of final results",
             expected="no tag",
             observed=f"{tagged.frame}",
@@ -160,7 +160,7 @@ def test_again_and_again(subject: Subject, line: Line) -> None:
             "a final result came ahead of its first reply",
             requirement="3/16",
         )
-        line.heard[:0] = line.fence()
+        line.heard[:0] = line.sync()
         _no_result(line, RUN, "a run ended a second time", "3/18")
 
 
@@ -176,7 +176,7 @@ def test_result_for_whom_asked(subject: Subject, line: Line) -> None:
         if listens(subject, other):
             other.ask("get_status")
         finish(subject, line, MOVE)
-        other.fence()
+        other.sync()
 
 
 # ---------------------------------------------------------------------- none
@@ -209,7 +209,7 @@ def test_no_result_of_what_is_refused(subject: Subject, line: Line) -> None:
 def test_no_result_of_what_came_while_busy(subject: Subject, line: Line) -> None:
     """While a program runs, other commands are refused, and none of them has a result."""
     if subject.dialect["busy_reply"] == "queue":
-        raise NotRun("the subject claims to execute afterwards what comes while it is busy")
+        raise CaseSkipped("the subject claims to execute afterwards what comes while it is busy")
     has(subject, RUN)
     requests = harmless(subject, line)
     with lasting(subject, line, RUN) as task:

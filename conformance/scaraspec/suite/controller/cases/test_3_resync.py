@@ -34,7 +34,7 @@ from scaraspec.suite.controller.harness.malformed.mutation_targets import (
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply, expect
 
 _LONG_BYTES: Final = 5000
 _HANGING: Final = 4
@@ -75,7 +75,7 @@ def test_wrong_start(subject: Subject) -> None:
     for start in {*range(256)} - {A2C.start, C2A.start}:
         try:
             line.send_bytes(bytes((start,)) + GET_TIME[1:])
-        except NoAnswer:
+        except NoReply:
             line = subject.open(judged=False)
             continue
         if start % 16 == 0:
@@ -96,7 +96,7 @@ def test_stray_bytes(subject: Subject, garbage: bytes, carrier: bytes) -> None:
     for data in (garbage, carrier, garbage, carrier):
         try:
             line.send_bytes(data)
-        except NoAnswer:
+        except NoReply:
             break
     how = recovers(subject, line)
     nothing_else(line, requirement="3/19")
@@ -122,7 +122,7 @@ def test_much_garbage(subject: Subject) -> None:
     ):
         try:
             line.send_bytes(data)
-        except NoAnswer:
+        except NoReply:
             break
     how = recovers(subject, line)
     nothing_else(line, requirement="3/19")
@@ -227,7 +227,7 @@ def test_often(subject: Subject) -> None:
     for number in range(200):
         try:
             line.send_bytes(bytes((A2C.start, 0x08, number % 5)) + b"0" * 5 + b"\xcd")
-        except NoAnswer:
+        except NoReply:
             line = subject.open(judged=False)
             continue
         if number % 20 == 0 and recovers(subject, line) is Recovery.ANEW:
@@ -317,7 +317,7 @@ def test_cut_off_in_a_frame(subject: Subject) -> None:
 def test_half_close_in_a_frame(subject: Subject) -> None:
     """A client in the middle of a frame sends no more but listens on; the next is served."""
     if subject.access.port is None:
-        raise NotRun("only a network link can be half closed")
+        raise CaseSkipped("only a network link can be half closed")
     for part in examples(_PARTS):
         line = subject.open(judged=False)
         line.send_bytes(part)
@@ -352,7 +352,7 @@ def _hang(subject: Subject) -> list[Line]:
     """Several connections, each in the middle of a frame."""
     subject.several()
     lines = [subject.open(judged=False)]
-    with suppress(Unmet):  # it may not serve so many (A-2-2)
+    with suppress(CaseFailed):  # it may not serve so many (A-2-2)
         while len(lines) <= _HANGING:
             lines.append(subject.open(judged=False))
     lines.pop().close()  # one more is to be served

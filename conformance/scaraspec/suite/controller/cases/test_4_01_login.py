@@ -9,7 +9,7 @@ from scaraspec.suite.controller.harness.suite_passwords import LONG_PASSWORD
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 
 _LOGINS = 5
 
@@ -57,7 +57,7 @@ def test_right_password(subject: Subject) -> None:
     line = subject.open(login=False)
     for _ in range(2):
         _expect_open(subject, line, "the right password was refused")
-        more = [seen for seen in line.fence() if seen.name == "login"]
+        more = [seen for seen in line.sync() if seen.name == "login"]
         expect(
             not more,
             "a login was answered more than once",
@@ -90,7 +90,7 @@ def test_wrong_password(subject: Subject) -> None:
         message = "after a wrong password the right one was refused on the same connection"
         try:
             _expect_open(subject, line, message)
-        except NoAnswer:
+        except NoReply:
             if line.ending is None:
                 raise
     if line.ending is not None:
@@ -138,7 +138,7 @@ def test_near_misses(subject: Subject) -> None:
     line.send("login", data=b"")
     try:
         answer = line.reply("login", within_s=1.0)
-    except NoAnswer:
+    except NoReply:
         return  # a request that says nothing may be ignored (A-3-9)
     if answer.accepted:
-        raise Unmet("no password at all was accepted", expected="0", observed=f"{answer}")
+        raise CaseFailed("no password at all was accepted", expected="0", observed=f"{answer}")

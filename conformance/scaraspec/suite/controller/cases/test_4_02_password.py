@@ -15,7 +15,7 @@ from scaraspec.suite.controller.harness.state.preserve import password_kept
 from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply, expect
 
 _EMPTY_FIELDS = ("empty in old", "empty in new")
 _TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
@@ -92,14 +92,14 @@ def test_former_password(subject: Subject) -> None:
         for line in lines:
             try:
                 served = line.ask("get_status").value is not None
-            except NoAnswer:
+            except NoReply:
                 served = False
             if not served:
                 continue  # the change has ended its login
             _expect_refused(subject, line, former, former, PLAIN_PASSWORD)
             tried = True
     if not tried:
-        raise NotRun("a new password ends all logins")
+        raise CaseSkipped("a new password ends all logins")
 
 
 @case("4.2/6", "4.2/5", name="malformed")
@@ -122,4 +122,4 @@ def test_malformed(subject: Subject, line: Line) -> None:
             if f"{wrong}" in _EMPTY_FIELDS:  # split at the first bar (A-4.2-3)
                 subject.tolerate("4.2/6", "A-4.2-3", "split", f"{wrong} was accepted")
                 continue
-            raise Unmet(f"{wrong} was accepted", expected="0", observed=f"{offered}")
+            raise CaseFailed(f"{wrong} was accepted", expected="0", observed=f"{offered}")

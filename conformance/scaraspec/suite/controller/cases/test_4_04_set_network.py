@@ -19,7 +19,13 @@ from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.state.preserve import alive, kept
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    expect,
+)
 
 _MASKS: Final = ("255.255.255.0", "255.255.0.0")
 
@@ -45,7 +51,7 @@ def _read(line: Line) -> Network:
     answer = line.ask("get_network")
     if not isinstance(answer.value, Network):
         message = "the network is not three IPv4 values between bars"
-        raise Unmet(message, observed=f"{answer}", requirement="4.3/2")
+        raise CaseFailed(message, observed=f"{answer}", requirement="4.3/2")
     return answer.value
 
 
@@ -64,13 +70,13 @@ def _set(subject: Subject, line: Line, wanted: Network, *, again: bool) -> Line:
     ended that: `again` says so, and it is sent once more.
 
     Raises:
-        Unmet: It was refused.
+        CaseFailed: It was refused.
     """
     try:
         answer = line.ask("set_network", wanted)
-    except NoAnswer as error:
+    except NoReply as error:
         if line.ending is None:
-            raise Unmet(
+            raise CaseFailed(
                 f"{error}",
                 expected=error.expected,
                 observed=error.observed,
@@ -96,7 +102,7 @@ def _shown(subject: Subject, line: Line) -> tuple[Network, Line]:
     """The network, and where it is read: elsewhere if setting it ends the connection only now."""
     try:
         return _read(line), line
-    except NoAnswer:
+    except NoReply:
         if line.ending is None:
             raise
     line = alive(subject, line)
@@ -128,7 +134,7 @@ def _network_kept(subject: Subject, line: Line) -> Iterator[None]:
             yield
     finally:
         if subject.statement.network_applies == "after-restart":
-            with suppress(Undecided):
+            with suppress(CaseInconclusive):
                 subject.hook("restart")
 
 
@@ -145,7 +151,7 @@ def test_mask_and_gateway(subject: Subject, line: Line) -> None:
 def test_address(subject: Subject, line: Line) -> None:
     """Any address, mask and gateway that can be are set and shown in this order."""
     if not subject.access.readdressable:
-        raise NotRun("another address would cut us off from a subject on another machine")
+        raise CaseSkipped("another address would cut us off from a subject on another machine")
     lines = [line]
 
     @example(_LONGEST)
@@ -178,7 +184,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
             if offered.accepted or silent:
                 line = _set(subject, line, before, again=True)
             elif (shown := _read(line)) != before:
-                raise Unmet(
+                raise CaseFailed(
                     f"a network with {wrong} was refused and has changed the network",
                     expected="|".join(before),
                     observed="|".join(shown),

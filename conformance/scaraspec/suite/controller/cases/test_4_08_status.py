@@ -7,7 +7,7 @@ from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
-from scaraspec.suite.controller.harness.requests.motion import quieten, status_behind
+from scaraspec.suite.controller.harness.requests.motion import status_behind, stop_motion
 from scaraspec.suite.controller.harness.requests.queries import known_to
 from scaraspec.suite.controller.harness.two_stage.executing import (
     begin,
@@ -19,7 +19,13 @@ from scaraspec.suite.controller.harness.two_stage.executing import (
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import JOG, MOVE, RESET, lasting
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseSkipped,
+    NoReply,
+    expect,
+    expect_equal,
+)
 
 _IDLE: Final = "00"
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
@@ -33,7 +39,7 @@ def _expect_idle(line: Line, message: str) -> None:
     code = sound(answer)
     if code is None:
         message = "the status is no code of table 8-1"
-        raise Unmet(message, expected="00", observed=f"{answer}", requirement="4.8/2")
+        raise CaseFailed(message, expected="00", observed=f"{answer}", requirement="4.8/2")
     expect_equal(code.text, _IDLE, message, requirement="4.8/3")
 
 
@@ -80,7 +86,7 @@ def _watch_program(subject: Subject, line: Line, command: str, code: str, requir
     try:
         begin(subject, line, command, name)
         if not expect_status(subject, line, command, code, requirement):
-            raise NotRun(f"{command} was over before the status could be asked for")
+            raise CaseSkipped(f"{command} was over before the status could be asked for")
         for _ in range(int(_WAIT_S / _STEP_S) - 1):
             line.wait(_STEP_S / subject.statement.time_scale)
             if not expect_status(subject, line, command, code, requirement):
@@ -88,7 +94,7 @@ def _watch_program(subject: Subject, line: Line, command: str, code: str, requir
         else:
             finish(subject, line, command)
     finally:
-        quieten(subject, line)
+        stop_motion(subject, line)
 
 
 @case("4.8/6", "4.8/10", "4.9/6", hazards=_MOTION)
@@ -112,10 +118,10 @@ def test_jogging(subject: Subject, line: Line) -> None:
 def _watch(subject: Subject, line: Line, command: str, requirement: str) -> None:
     with lasting(subject, line, command) as task:
         if not expect_status(subject, line, command, task.state, requirement):
-            raise NotRun(f"{command} was over before the status could be asked for")
+            raise CaseSkipped(f"{command} was over before the status could be asked for")
         line.wait(subject.statement.motion.jog_s / 2)
         expect_status(subject, line, command, task.state, requirement)
-        with suppress(NoAnswer):  # a robot that executes need not answer (A-4-3)
+        with suppress(NoReply):  # a robot that executes need not answer (A-4-3)
             told = line.ask("get_running_program")
             expect(
                 not isinstance(told.value, RunningProgram),

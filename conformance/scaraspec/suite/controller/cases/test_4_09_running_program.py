@@ -7,7 +7,7 @@ from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.clock import Reading, expect_ran, read
-from scaraspec.suite.controller.harness.requests.motion import quieten
+from scaraspec.suite.controller.harness.requests.motion import stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept
 from scaraspec.suite.controller.harness.state.preserve import patient
 from scaraspec.suite.controller.harness.two_stage.executing import (
@@ -22,10 +22,10 @@ from scaraspec.suite.controller.harness.two_stage.tasks import RUN, finish, star
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.expectations import (
-    NoAnswer,
-    NotRun,
-    Undecided,
-    Unmet,
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
     expect,
     expect_equal,
 )
@@ -59,7 +59,7 @@ def _told(subject: Subject, line: Line, command: str, name: bytes) -> RunningPro
     """What is told of a program while it runs; None where it has ended.
 
     Raises:
-        Unmet: It is told wrongly.
+        CaseFailed: It is told wrongly.
     """
     answer = ask_busy(subject, line, "get_running_program", command)
     told = answer.value
@@ -72,7 +72,7 @@ def _told(subject: Subject, line: Line, command: str, name: bytes) -> RunningPro
             return None
         message = "the program that runs is not told"
         expected = f"1|{name.decode()}|DDHHMMSS"
-        raise Unmet(message, expected=expected, observed=f"{answer}", requirement="4.9/2")
+        raise CaseFailed(message, expected=expected, observed=f"{answer}", requirement="4.9/2")
     expect_equal(
         told.name, name, "another program is told than the one that runs", requirement="4.9/4"
     )
@@ -178,16 +178,16 @@ def _expect_told(subject: Subject, line: Line, name: bytes, other: bytes) -> Non
         expect_rest(subject, line, "the robot is not idle although run_program has ended")
         _expect_none(line, "a program is told to run although it has ended")
         if first is None:
-            raise NotRun("the program was over before it could be asked about")
+            raise CaseSkipped("the program was over before it could be asked about")
     finally:
-        quieten(subject, line)
+        stop_motion(subject, line)
 
 
 def _expect_listed_beside(subject: Subject, line: Line, other: bytes, running: bytes) -> None:
     """The program that runs is in a list that has another one."""
     try:
         names = program_names(subject, line)
-    except NoAnswer:  # a robot that executes need not answer (A-4-3)
+    except NoReply:  # a robot that executes need not answer (A-4-3)
         return
     expect(
         running in names or other not in names,
@@ -204,7 +204,7 @@ def _clock(subject: Subject, line: Line) -> Reading | None:
         return None
     try:
         return read(subject, line)
-    except NoAnswer:
+    except NoReply:
         return None
 
 
@@ -239,7 +239,7 @@ def test_simulated(subject: Subject, line: Line) -> None:
         begin(subject, line, "simulate_program", name)
         _told(subject, line, "simulate_program", name)
     finally:
-        quieten(subject, line)
+        stop_motion(subject, line)
     _expect_none(line, "a program is told to run although its simulation has ended")
 
 
@@ -270,9 +270,9 @@ def _watch_carries(subject: Subject, line: Line, marks_s: tuple[int, ...]) -> No
             line.wait(max(begun_s + at_s / scale - _now_s(subject), 0.0))
             now = _read(subject, line, name)
             if now is None:
-                raise Undecided("a program ended that should still wait")
+                raise CaseInconclusive("a program ended that should still wait")
             if first is not None:
                 _expect_grown(subject, first, now, f" past {marks_s[-1]} s")
             first = first or now
     finally:
-        quieten(subject, line)
+        stop_motion(subject, line)

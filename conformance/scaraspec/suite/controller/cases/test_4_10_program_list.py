@@ -15,7 +15,7 @@ from scaraspec.suite.controller.harness.requests.files import NameRefused, uploa
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import given
-from scaraspec.suite.engine.expectations import NotRun, Unmet, expect, expect_in
+from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, expect, expect_in
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
 from scaraspec.suite.program_files.layout import layout_in_use
 from scaraspec.suite.program_files.listed import (
@@ -53,7 +53,7 @@ def _delete(line: Line, name: bytes) -> None:
 def _listed(subject: Subject, line: Line) -> list[bytes]:
     """The names in the list, which is checked as a whole."""
     parts = list_parts(subject, line)
-    more = [seen for seen in line.fence() if seen.name == "list_programs"]
+    more = [seen for seen in line.sync() if seen.name == "list_programs"]
     expect(
         not more,
         "another part of the list comes behind one that begins with 0",
@@ -100,7 +100,7 @@ def _expect_listed(names: list[bytes], wanted: list[bytes]) -> None:
         observed=", ".join(torn),
         requirement="4.10/6",
     )
-    raise Unmet(
+    raise CaseFailed(
         "a program that was uploaded is not listed",
         expected=missing[0],
         observed=", ".join(map(show, names)),
@@ -119,7 +119,7 @@ def test_empty(line: Line) -> None:
     """The list of an empty store is the flag 0 without any name."""
     answer = line.ask("list_programs")
     if answer.value is not None and any(answer.value.names):
-        raise NotRun("there are programs on the subject, which are not the suite's to delete")
+        raise CaseSkipped("there are programs on the subject, which are not the suite's to delete")
     expect_in(
         answer.frame.data.rstrip(b"\0"), _EMPTY, "the list of an empty store is not the flag 0"
     )
@@ -136,7 +136,7 @@ def test_many(subject: Subject, line: Line) -> None:
         name = long_name(subject, length_bytes)
         try:
             mine.append(store_program(subject, line, name))
-        except Unmet as error:
+        except CaseFailed as error:
             if number < _FEW or error.requirement != "5.2/2":
                 raise
             message = f"there is room for {number} more programs"

@@ -12,11 +12,11 @@ from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.malformed.payloads import Malformed, malformed, offer
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.files import NameRefused, expect_stored, upload
-from scaraspec.suite.controller.harness.requests.motion import quieten
+from scaraspec.suite.controller.harness.requests.motion import stop_motion
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, offered
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NotRun, expect
+from scaraspec.suite.engine.expectations import CaseSkipped, expect
 from scaraspec.suite.program_files.layout import short_program
 from scaraspec.suite.program_files.listed import INHERITED, long_name, program_names, store_program
 
@@ -126,7 +126,7 @@ def test_not_run(subject: Subject, line: Line) -> None:
                 observed=f"{answer}",
             )
     finally:
-        quieten(subject, line)
+        stop_motion(subject, line)
 
 
 @case("4.11/3", "4.11/2", name="running", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
@@ -136,7 +136,7 @@ def test_while_it_runs(subject: Subject, line: Line) -> None:
         answer = offered(line, "delete_program", task.program)
         task.lasts()
     if answer is None:
-        raise NotRun("the robot did not answer a deletion while a program ran (A-4-3)")
+        raise CaseSkipped("the robot did not answer a deletion while a program ran (A-4-3)")
     listed = task.program in program_names(subject, line)
     if not answer.accepted:
         expect(

@@ -6,7 +6,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
 from scaraspec.suite.controller.harness.outgoing_connection import Line
-from scaraspec.suite.controller.harness.requests.motion import IDLE, joints_of, listens, quieten
+from scaraspec.suite.controller.harness.requests.motion import IDLE, joints_of, listens, stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
@@ -16,7 +16,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, expect
 from scaraspec.suite.program_files.listed import long_name, program_names, store_program
 
 _SOON_S = 0.3
@@ -104,7 +104,7 @@ def test_moves_nothing(subject: Subject, line: Line) -> None:
             statuses.append(line.ask("get_status").value)
             if any(status != IDLE for status in statuses):
                 message = "the program that was made the default one was started"
-                raise Unmet(message, expected=IDLE, observed=", ".join(map(str, statuses)))
+                raise CaseFailed(message, expected=IDLE, observed=", ".join(map(str, statuses)))
             if farthest(joints_of(line), before) > STANDSTILL:
                 message = "the arm moved after set_default_program"
                 subject.tolerate("4.13/6", "A-4.12-3", "moves", message)
@@ -116,10 +116,10 @@ def test_moves_nothing(subject: Subject, line: Line) -> None:
                     named = line.ask("set_default_program", other).accepted
                     name = other if named else name
                     expect_default(subject, line, name, "4.13/3" if named else "4.13/5")
-                quieten(subject, line)
+                stop_motion(subject, line)
                 expect_default(subject, line, name, "4.13/3")
                 start_program(subject, line, RUN, seconds=0)
                 finish(subject, line, RUN)
                 expect_default(subject, line, name, "4.13/3")
         finally:
-            quieten(subject, line)
+            stop_motion(subject, line)

@@ -3,7 +3,7 @@
 from scaraspec.protocol.commands import BY_NAME, JointValues
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 
 _TIMES = 5
 _PAUSE_S = 0.05
@@ -33,6 +33,6 @@ def test_opcode(line: Line) -> None:
     if not answers:
         observed = "; ".join(f"{seen.frame}" for seen in came)
         if not observed:
-            raise NoAnswer("the temperatures were not told", expected="a reply", observed="silence")
+            raise NoReply("the temperatures were not told", expected="a reply", observed="silence")
         message = "the temperatures bear the opcode of another command"
-        raise Unmet(message, expected="0F, or 0E", observed=observed)
+        raise CaseFailed(message, expected="0F, or 0E", observed=observed)

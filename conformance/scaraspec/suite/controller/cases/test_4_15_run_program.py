@@ -7,19 +7,19 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.files import NameRefused
-from scaraspec.suite.controller.harness.requests.motion import BUSY, quieten
+from scaraspec.suite.controller.harness.requests.motion import BUSY, stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_missing
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     BRIEFLY_S,
     RUN,
     accepted,
-    attentive,
     done,
     finish,
     has,
     lasting,
     offered,
+    require_responsive,
     start_program,
     stop_nothing,
     stored,
@@ -136,7 +136,7 @@ def test_end_of_a_run(subject: Subject, line: Line) -> None:
 
     Of a stop that came before it nothing is left.
     """
-    attentive(subject, line)
+    require_responsive(subject, line)
     stop_nothing(subject, line)
     begun = start_program(subject, line, RUN, BRIEFLY_S)
     line.wait(0.2)
@@ -255,4 +255,4 @@ def test_second_run(subject: Subject, line: Line) -> None:
             expected=task.program.decode(),
             observed=f"{shown}",
         )
-    quieten(subject, line)
+    stop_motion(subject, line)

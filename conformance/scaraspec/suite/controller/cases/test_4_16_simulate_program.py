@@ -5,7 +5,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.files import upload
-from scaraspec.suite.controller.harness.requests.motion import BUSY, joints_of, quieten
+from scaraspec.suite.controller.harness.requests.motion import BUSY, joints_of, stop_motion
 from scaraspec.suite.controller.harness.requests.ports import outputs, outputs_kept, settable
 from scaraspec.suite.controller.harness.two_stage.refusals import (
     expect_first_reply,
@@ -16,9 +16,9 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
     SIMULATE,
     accepted,
-    attentive,
     done,
     lasting,
+    require_responsive,
     start_program,
     stored,
 )
@@ -76,7 +76,7 @@ def test_end_of_a_simulation(subject: Subject, line: Line) -> None:
 @case("4.16/5", "4.8/5", hazards=_MOTION)
 def test_simulation_touches_nothing(subject: Subject, line: Line) -> None:
     """A simulated program that sets an output, and waits, moves no joint and sets none."""
-    attentive(subject, line)  # which finds the layout, too
+    require_responsive(subject, line)  # which finds the layout, too
     with outputs_kept(line) as before:
         port = settable(line)[-1]
         nodes = [set_output(port, on=not before[port - 1]), *wait(1)]
@@ -94,7 +94,7 @@ def test_simulation_touches_nothing(subject: Subject, line: Line) -> None:
             requirement="4.8/5",
         )
         now, moved = outputs(line), farthest(joints_of(line), joints)
-        quieten(subject, line)
+        stop_motion(subject, line)
         if now != before or outputs(line) != before:
             message = "a simulation has set an output"
             subject.tolerate("4.16/5", "A-4.16-1", "outputs", message)

@@ -20,10 +20,10 @@ from scaraspec.suite.controller.harness.requests.motion import (
     begin_step_somewhere,
     joints_of,
     pose_of,
-    quieten,
     returning,
     same_place,
     status_behind,
+    stop_motion,
     target,
 )
 from scaraspec.suite.controller.harness.two_stage.performing import perform
@@ -49,7 +49,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, expect
+from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
 
 _BARELY_S: Final = 0.02  # a step may take but a fifth of a second
@@ -86,7 +86,7 @@ def test_nothing_to_stop(subject: Subject, line: Line) -> None:
         if answer.accepted:
             subject.tolerate("4.17/2", "A-4.17-1", "always 1", "a stop of an idle robot succeeds")
             finish(subject, line, STOP)
-            quieten(subject, line)
+            stop_motion(subject, line)
             continue
         expect(
             answer.accepted is False and answer.frame.data[:1] == b"0",
@@ -112,7 +112,7 @@ def _behind_a_stop(subject: Subject, line: Line) -> Answer:
     line.reply(STOP)
     try:
         return line.reply("get_status")
-    except NoAnswer as error:
+    except NoReply as error:
         error.requirement = "2/6"
         raise
 
@@ -142,7 +142,7 @@ def _interrupts(answer: Answer, task: Task) -> None:
     Who simulates takes what time he likes (A-4.16-1, A-4.17-1).
 
     Raises:
-        NotRun: It had.
+        CaseSkipped: It had.
     """
     if task.name == SIMULATE and task.over_before(answer):
         task.lasts()
@@ -181,7 +181,7 @@ def test_stop_behind_the_start(subject: Subject, line: Line, name: str) -> None:
         accepted(name, line.reply(name))
         try:
             answer = line.reply(STOP)
-        except NoAnswer:
+        except NoReply:
             message = "a request was lost that was sent before the answer to the one before"
             subject.tolerate("4.17/6", "pipelining", "one", message)
             answer = line.ask(STOP)
@@ -229,7 +229,7 @@ def test_stop_within_a_transfer(subject: Subject, line: Line) -> None:
                 tried = True
         line = again(subject, line)
     if not tried:
-        raise NotRun("no file is sent or fetched while a program runs")
+        raise CaseSkipped("no file is sent or fetched while a program runs")
 
 
 @case("4.17/4", "3/18", name="twice", hazards=_MOTION)
@@ -244,7 +244,7 @@ def test_stop_twice(subject: Subject, line: Line) -> None:
         answers = [line.reply(STOP)]
         try:
             answers.append(line.reply(STOP))
-        except NoAnswer:
+        except NoReply:
             message = "a request was lost that was sent before the answer to the one before"
             subject.tolerate("4.17/4", "pipelining", "one", message)
         expect(
@@ -280,7 +280,7 @@ def test_stop_again_and_again(subject: Subject, line: Line) -> None:
             observed=f"{shown}",
             requirement="4.9/6",
         )
-        quieten(subject, line)
+        stop_motion(subject, line)
 
 
 @pytest.mark.parametrize("name", [MOVE, JOG])

@@ -7,10 +7,10 @@ from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
-    quieten,
     returning,
     status_at_rest,
     stop,
+    stop_motion,
 )
 from scaraspec.suite.controller.harness.two_stage.performing import expect_stays
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_busy, text_of
@@ -79,7 +79,7 @@ def test_idle_robot_is_reset(subject: Subject, line: Line) -> None:
             if stopped:
                 start_program(subject, line, RUN)
                 stop(subject, line)
-                quieten(subject, line)
+                stop_motion(subject, line)
             with home_at(subject, line):  # behind the program, which may set another (A-6.3-3)
                 answer = begin(subject, line, RESET)
                 expect(

@@ -19,7 +19,7 @@ from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, running
 
 _MEANT: Final = 4  # x, y, z and thetaX; the others mean nothing (L1006)
@@ -41,7 +41,7 @@ def _near(line: Line) -> Pose:
     read may lie beyond, where it is never still.
 
     Raises:
-        Unmet: The subject refuses it, although the arm can be there.
+        CaseFailed: The subject refuses it, although the arm can be there.
     """
     line.ask("set_gripper_center", Point(0, 0, 0))
     read = dict.fromkeys(pose_of(line) for _ in range(_READINGS))
@@ -50,7 +50,7 @@ def _near(line: Line) -> Pose:
         if answer.accepted:
             return near
     message = "where the arm stands is not taken for an initial tool position"
-    raise Unmet(message, expected="1", observed=f"{answer}", requirement="4.21/2")
+    raise CaseFailed(message, expected="1", observed=f"{answer}", requirement="4.21/2")
 
 
 def _set(line: Line, wanted: Pose) -> Answer:

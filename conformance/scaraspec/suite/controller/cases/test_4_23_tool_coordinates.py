@@ -18,7 +18,7 @@ from scaraspec.suite.controller.harness.two_stage.performing import expect_stays
 from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NotRun, expect
+from scaraspec.suite.engine.expectations import CaseSkipped, expect
 
 _TIMES: Final = 8
 _PAUSE_S: Final = 0.05
@@ -30,13 +30,13 @@ _OFFSETS: Final = (Point(0, 0, 30), Point(20, 0, 0))
 def test_coordinates(subject: Subject, line: Line) -> None:
     """The coordinates are six numbers between bars, which do not change while the robot is idle."""
     if line.ask("get_status").value != "00":
-        raise NotRun("the robot is not idle")
+        raise CaseSkipped("the robot is not idle")
     first = pose_of(line)
     for _ in range(_TIMES):
         line.wait(_PAUSE_S)
         now = pose_of(line)
         if line.ask("get_status").value != "00":
-            raise NotRun("the robot is not idle")
+            raise CaseSkipped("the robot is not idle")
         expect(
             farthest(first, now) <= STANDSTILL,
             "the coordinates changed although the robot is idle",
@@ -68,7 +68,7 @@ def test_screw_end(subject: Subject, line: Line) -> None:
     """The gripper centre is not part of the coordinates, or the coordinates are those of it."""
     with kept(subject, line, "gripper centre"):
         if not line.ask("set_gripper_center", Point(0, 0, 0)).accepted:
-            raise NotRun("the gripper centre cannot be set")
+            raise CaseSkipped("the gripper centre cannot be set")
         screw_end = pose_of(line)
         for offset in examples(_OFFSETS):
             if not line.ask("set_gripper_center", offset).accepted:

@@ -23,9 +23,9 @@ from scaraspec.suite.controller.harness.requests.motion import (
     off_by,
     part_way,
     pose_of,
-    quieten,
     returning,
     same_place,
+    stop_motion,
     target,
 )
 from scaraspec.suite.controller.harness.state.preserve import alive
@@ -228,7 +228,7 @@ def test_malformed_requests(subject: Subject, line: Line) -> None:
             _expect_unmoved(line, pose, here, f"a malformed request ({wrong}) has moved the arm")
         line = alive(subject, line)
         line.wait(MOMENT_S)  # a move may begin late, and tell nobody
-        quieten(subject, line)
+        stop_motion(subject, line)
         status = line.ask("get_status")
         expect(
             status.value not in BUSY,

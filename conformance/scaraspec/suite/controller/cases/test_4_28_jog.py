@@ -17,11 +17,11 @@ from scaraspec.suite.controller.harness.requests.motion import (
     joints_of,
     listens,
     pose_of,
-    quieten,
     release_latch,
     returning,
     status_of,
     stop,
+    stop_motion,
 )
 from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
@@ -29,17 +29,17 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
     STOP,
     accepted,
-    attentive,
     begin_jog,
     finish,
     has,
     interrupted,
     jog_somewhere,
     offered,
+    require_responsive,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NotRun, expect
+from scaraspec.suite.engine.expectations import CaseSkipped, expect
 
 _MOTION = (Hazard.MOTION,)
 _ENOUGH_MM: Final = 1.0
@@ -101,7 +101,7 @@ def test_direction(subject: Subject, line: Line, direction: JogDirection) -> Non
             expect_first_reply(JOG, answer)
             accepted(JOG, jog_somewhere(subject, line))
             stop(subject, line)
-            raise NotRun(f"the arm has no room towards {direction}: {answer}")
+            raise CaseSkipped(f"the arm has no room towards {direction}: {answer}")
         _jogged(subject, line)
         halt(subject, line)
         now, after = pose_of(line), joints_of(line)
@@ -115,7 +115,7 @@ def test_direction(subject: Subject, line: Line, direction: JogDirection) -> Non
         if max(abs(along), across) <= STANDSTILL:
             longest_s = subject.statement.motion.jog_s
             message = f"the arm did not move towards {direction} within {longest_s:g} s"
-            raise NotRun(f"{message}: it has no room there, or needs a longer [motion] jog_s")
+            raise CaseSkipped(f"{message}: it has no room there, or needs a longer [motion] jog_s")
         if single and along < across:
             subject.tolerate("4.28/3", "A-4.28-2", "joints", "a jog moved a single joint")
             return
@@ -174,7 +174,7 @@ def test_end_of_a_jog(subject: Subject, line: Line) -> None:
             if own is None and subject.dialect["estop_interrupted"] != "none":
                 message = "the stopped jog had no final result of its own"
                 subject.tolerate("4.28/5", "estop_interrupted", "none", message)
-            quieten(subject, line)
+            stop_motion(subject, line)
             line.no_result(JOG, for_s=0.1)
 
 
@@ -182,7 +182,7 @@ def test_end_of_a_jog(subject: Subject, line: Line) -> None:
 def test_to_the_limit(subject: Subject, line: Line) -> None:
     """A jog that meets the end of the arm's travel ends there, or is stopped there (A-4.28-3)."""
     if subject.access.patience_s < _TO_THE_LIMIT_S:
-        raise NotRun(f"it lasts up to {_TO_THE_LIMIT_S:.0f} s: grant them with --patience")
+        raise CaseSkipped(f"it lasts up to {_TO_THE_LIMIT_S:.0f} s: grant them with --patience")
     with returning(subject, line):
         answer = begin_jog(subject, line, JogDirection.PLUS_X)
         if not answer.accepted:
@@ -190,7 +190,7 @@ def test_to_the_limit(subject: Subject, line: Line) -> None:
             return
         if not listens(subject, line, jogs=True):
             stop(subject, line)
-            raise NotRun("the robot answers nothing while it executes (A-4-3)")
+            raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
         there, standing_s = pose_of(line), 0.0
         left_s = subject.longest_s
         while line.ask("get_status").value in BUSY and left_s > 0 and standing_s < 1:
@@ -219,7 +219,7 @@ def test_to_the_limit(subject: Subject, line: Line) -> None:
 def test_lost_link(subject: Subject, line: Line) -> None:
     """When its client is gone a jog ends, or the next client can stop it (A-2-8)."""
     subject.notices_leaving()
-    attentive(subject, line)
+    require_responsive(subject, line)
     other = subject.open() if subject.takes_several else None
     with returning(subject, other or line):
         jog_somewhere(subject, line)
@@ -241,7 +241,7 @@ def test_lost_link(subject: Subject, line: Line) -> None:
                 observed=f"{stopped}",
                 requirement="4.17/6",
             )
-        quieten(subject, other)
+        stop_motion(subject, other)
         there = pose_of(other)
         other.wait(0.2)
         now = pose_of(other)
@@ -294,7 +294,7 @@ def test_notations(subject: Subject, line: Line) -> None:
         heard = listens(subject, line, jogs=True)
         stop(subject, line)
         if not heard:
-            raise NotRun("the robot answers nothing while it executes (A-4-3)")
+            raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
         request, dialect = BY_NAME[JOG].request, subject.dialect
         taken, ways = [], dict[JogDirection, tuple[float, float]]()
         for notation in ("ascii", "binary"):
@@ -306,7 +306,7 @@ def test_notations(subject: Subject, line: Line) -> None:
                     taken.append(notation)
                     _jogged(subject, line)
                     stop(subject, line)
-                quieten(subject, line)
+                stop_motion(subject, line)
                 now = pose_of(line)
                 if farthest(now[:2], before[:2]) >= _ENOUGH_MM:
                     way = now.x - before.x, now.y - before.y

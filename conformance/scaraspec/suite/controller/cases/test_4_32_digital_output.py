@@ -33,7 +33,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NotRun, expect, expect_equal, expect_in
+from scaraspec.suite.engine.expectations import CaseSkipped, expect, expect_equal, expect_in
 from scaraspec.suite.program_files.bench import PROGRAMS, running
 
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
@@ -141,7 +141,7 @@ def test_while_moving(subject: Subject, line: Line) -> None:
     moves = [name for name in (MOVE, JOG) if name not in lacks]
     releases = lacks.isdisjoint({RELEASE, LOCK})
     if not (moves or releases):
-        raise NotRun("the subject has no command that moves or releases the arm")
+        raise CaseSkipped("the subject has no command that moves or releases the arm")
     port = settable(line)[-1]
     with outputs_kept(line):
         for name in examples(moves):

@@ -8,7 +8,13 @@ from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.two_stage.refusals import text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, has, lasting, offered
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    expect,
+)
 
 _LAST = (Hazard.MOTION, Hazard.DESTRUCTIVE)
 _SHUTDOWN: Final = "shutdown"
@@ -22,7 +28,7 @@ def test_not_while_a_program_runs(subject: Subject, line: Line) -> None:
     """While a program runs the shutdown is refused with "0|01", and the robot stays on."""
     has(subject, _SHUTDOWN)
     if subject.dialect["busy_reply"] == "queue":
-        raise NotRun("a robot that queues would be gone when the program has ended")
+        raise CaseSkipped("a robot that queues would be gone when the program has ended")
     with lasting(subject, line, RUN) as task:
         answer = offered(line, _SHUTDOWN)
         task.lasts()
@@ -43,9 +49,9 @@ def test_not_while_a_program_runs(subject: Subject, line: Line) -> None:
     line.wait(_GOING_S)
     try:
         line.ask("get_status")
-    except NoAnswer as gone:
+    except NoReply as gone:
         message = "behind the program the robot is gone, although it refused to shut down"
-        raise Unmet(message, expected="an answer", observed=gone.observed) from None
+        raise CaseFailed(message, expected="an answer", observed=gone.observed) from None
     subject.settle()
 
 
@@ -86,7 +92,7 @@ def _is_gone(subject: Subject, line: Line) -> bool:
             return True
         try:
             line.ask("get_status")
-        except NoAnswer:
+        except NoReply:
             return True
         line.wait(_TRY_S)
         left_s -= _TRY_S
@@ -100,7 +106,7 @@ def _await_return(subject: Subject) -> None:
     take another one in between.
 
     Raises:
-        Undecided: It was started and does not come back.
+        CaseInconclusive: It was started and does not come back.
     """
     subject.close_lines()
     subject.off = True
@@ -115,7 +121,7 @@ def _await_return(subject: Subject) -> None:
         try:
             line = subject.open()
             status = line.ask("get_status")
-        except Unmet:
+        except CaseFailed:
             subject.close_lines()
             subject.access.pause(_TRY_S)
             left_s -= (subject.now_ns - begun_ns) / 1e9
@@ -130,6 +136,8 @@ def _await_return(subject: Subject) -> None:
         subject.off = False
         return
     if hook:
-        raise Undecided(f"the subject did not come back within {_RETURN_S:g} s of the hook {hook}")
+        raise CaseInconclusive(
+            f"the subject did not come back within {_RETURN_S:g} s of the hook {hook}"
+        )
     message = "the subject did not come back by itself: switch it on again"
     subject.tolerate("4.35/2", "A-4.35-2", "stays off", message)

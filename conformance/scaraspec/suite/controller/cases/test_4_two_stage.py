@@ -19,11 +19,11 @@ from scaraspec.suite.controller.harness.requests.motion import (
     go_on_if_it_listens,
     neighbours,
     pose_of,
-    quieten,
     returning,
     same_place,
     status_at_rest,
     stop,
+    stop_motion,
     target,
 )
 from scaraspec.suite.controller.harness.requests.queries import (
@@ -53,7 +53,6 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     STOP,
     TWO_STAGE,
     accepted,
-    attentive,
     begin,
     done,
     find_out_whether_it_listens,
@@ -64,6 +63,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     interrupted,
     lasting,
     offered,
+    require_responsive,
     start_program,
     stored,
 )
@@ -71,9 +71,9 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import (
-    NoAnswer,
-    NotRun,
-    Unmet,
+    CaseFailed,
+    CaseSkipped,
+    NoReply,
     expect,
     expect_equal,
     expect_in,
@@ -112,7 +112,7 @@ def test_one_reply_and_one_result(subject: Subject, line: Line, name: str) -> No
             observed=f"{performed.result}",
             requirement="4/2",
         )
-    line.heard[:0] = line.fence()
+    line.heard[:0] = line.sync()
     line.no_result(name, for_s=0)
 
 
@@ -146,7 +146,7 @@ def test_result_in_transfers(subject: Subject, line: Line) -> None:
             robot.finish()
             tried = True
         if not tried:
-            raise NotRun("no file is sent or fetched while a program runs")
+            raise CaseSkipped("no file is sent or fetched while a program runs")
 
 
 @case("4/1", "3/17", name="refused", hazards=_MOTION)
@@ -162,7 +162,7 @@ def test_refusals_end_it(subject: Subject, line: Line) -> None:
         else:
             refused.append(BY_NAME[name].opcode)
     line.wait(MOMENT_S)
-    tagged = [seen for seen in line.fence() if seen.frame.tagged and seen.frame.opcode in refused]
+    tagged = [seen for seen in line.sync() if seen.frame.tagged and seen.frame.opcode in refused]
     expect(
         not tagged,
         "a final result came although the command had been refused",
@@ -227,7 +227,7 @@ def _mend(subject: Subject, line: Line) -> None:
 def _at_once(line: Line, name: str) -> Answer | None:
     try:
         return line.result(name, within_s=SILENCE_S)
-    except NoAnswer:
+    except NoReply:
         return None
 
 
@@ -299,7 +299,7 @@ def test_nothing_is_queued(subject: Subject, line: Line) -> None:
 
     Nor does it keep the arm from where it was to go.
     """
-    attentive(subject, line)
+    require_responsive(subject, line)
     values = harmless(subject, line)
     with returning(subject, line):
         _, begun = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
@@ -312,7 +312,7 @@ def test_nothing_is_queued(subject: Subject, line: Line) -> None:
         done(subject, line, MOVE)
         line.ask("get_tool_coordinates")  # which tells the judge (4.24/8)
         line.wait(MOMENT_S)
-        late = [seen for seen in line.fence() if seen.frame.opcode in refused]
+        late = [seen for seen in line.sync() if seen.frame.opcode in refused]
     if subject.dialect["busy_reply"] == "queue":
         return
     expect(
@@ -326,19 +326,19 @@ def test_nothing_is_queued(subject: Subject, line: Line) -> None:
 @case("4/6", name="after-a-run", hazards=_MOTION, slow=True)
 def test_refused_moves_stay_refused(subject: Subject, line: Line) -> None:
     """A move that was refused while a program ran is not made once the program has ended."""
-    attentive(subject, line)
+    require_responsive(subject, line)
     if subject.dialect["busy_reply"] == "queue":
-        raise NotRun("the subject makes it then (busy_reply)")
+        raise CaseSkipped("the subject makes it then (busy_reply)")
     with returning(subject, line) as pose:
         nearby = [each for axis in ("y", "x") for each in neighbours(subject, pose, axis)]
         if not nearby:
-            raise NotRun("there is no room for a step")
+            raise CaseSkipped("there is no room for a step")
         start_program(subject, line, RUN, BRIEFLY_S)
         answer = offered(line, MOVE, target(nearby[0], subject.statement.motion.speed_percent))
         done(subject, line, RUN)
         if answer is not None and answer.accepted:
             done(subject, line, MOVE)
-            raise NotRun("the move was not refused")  # which other cases are about
+            raise CaseSkipped("the move was not refused")  # which other cases are about
         message = "a move that was refused while a program ran was made when it had ended"
         expect_stays(line, message, for_s=_SOON_S, pose=pose)
 
@@ -383,15 +383,15 @@ def _answered_late(subject: Subject, line: Line, query: Query, name: str) -> Non
     stop(subject, line)
     try:
         line.reply(query.name)
-    except NoAnswer as error:
+    except NoReply as error:
         message = f"{error} while {name} executed"
-        raise Unmet(message, observed=error.observed, requirement="3/31") from None
+        raise CaseFailed(message, observed=error.observed, requirement="3/31") from None
 
 
 @case("4/8", "4/7", "3/18", name="to-the-end", hazards=_MOTION, slow=True)
 def test_results_between_replies(subject: Subject, line: Line) -> None:
     """A final result that comes between the replies to queries is one frame among whole others."""
-    attentive(subject, line)
+    require_responsive(subject, line)
     for name, seconds in examples(((RUN, BRIEFLY_S), (SIMULATE, 0))):
         start_program(subject, line, name, seconds)
         opcode, answered = BY_NAME[name].opcode, 0
@@ -446,9 +446,9 @@ def test_queries_meanwhile(subject: Subject, line: Line) -> None:
         for query in known_to(subject, list(queries)):
             try:
                 line.ask(*query)
-            except NoAnswer as error:
+            except NoReply as error:
                 message = f"{error} while a program ran"
-                raise Unmet(message, observed=error.observed, requirement="3/31") from None
+                raise CaseFailed(message, observed=error.observed, requirement="3/31") from None
         expect(not line.noise, "bytes that are no frame came between replies", requirement="3/32")
 
     with lasting(subject, line, RUN):
@@ -494,7 +494,7 @@ def _is_replied_to_at_its_end(subject: Subject, line: Line, name: str, program: 
         late = answer.time_s - before.time_s >= _SOON_S
         if late:  # it may be slow by itself
             late = finish(subject, line, name).time_s - answer.time_s <= _AT_ONCE_S
-        quieten(subject, line)
+        stop_motion(subject, line)
     return late
 
 
@@ -531,10 +531,10 @@ def _comes_with_its_result(subject: Subject, line: Line) -> bool:
 def test_free_again(subject: Subject, line: Line) -> None:
     """After a refusal, a stop and a good end alike an idle robot takes the next command."""
     line.ask(RUN, subject.new_name())
-    quieten(subject, line)
+    stop_motion(subject, line)
     accepted(RUN, start_program(subject, line, RUN).answer)
     stop(subject, line)
-    quieten(subject, line)
+    stop_motion(subject, line)
     for name in examples((SIMULATE, RUN)):
         start_program(subject, line, name, seconds=0)
         done(subject, line, name)
@@ -561,7 +561,7 @@ def test_second_client(subject: Subject, line: Line) -> None:
             requirement="4.17/6",
         )
         finish(subject, other, STOP)
-    other.fence()
+    other.sync()
     start_program(subject, line, RUN, BRIEFLY_S)
     other.close()
     finish(subject, line, RUN)
@@ -574,7 +574,7 @@ def test_lost_link(subject: Subject, line: Line) -> None:
     So it is where the program has come to its end, and there was nobody to be told so.
     """
     subject.notices_leaving()
-    attentive(subject, line)
+    require_responsive(subject, line)
     for end in examples((line.close, None)):
         lone = line if end else subject.open()
         start_program(subject, lone, RUN)
@@ -591,7 +591,7 @@ def test_lost_link(subject: Subject, line: Line) -> None:
                 requirement="4.17/6",
             )
             finish(subject, other, STOP)
-        quieten(subject, other)
+        stop_motion(subject, other)
         start_program(subject, other, RUN, seconds=0)
         done(subject, other, RUN)
         start_program(subject, other, RUN, BRIEFLY_S)

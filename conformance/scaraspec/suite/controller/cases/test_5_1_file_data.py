@@ -27,7 +27,7 @@ from scaraspec.suite.engine.chunks import (
     expect_within,
 )
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseFailed, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
 
 _SIZES = (1, 200, 201, 400, 450)
@@ -252,7 +252,7 @@ def _not_complete(subject: Subject, line: Line, sent: list[int], missing: list[i
     if claimed and subject.dialect["chunk_order"] == "any" and 400 in sent:
         subject.tolerate("5.1/13", "chunk_order", "any", message)
         return
-    raise Unmet(
+    raise CaseFailed(
         message,
         expected="0 to a chunk that leaves a gap, or a wait for what is missing",
         observed=f"1 to each chunk, and a file of {len(got)} bytes",

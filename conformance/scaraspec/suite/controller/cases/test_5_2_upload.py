@@ -32,7 +32,7 @@ from scaraspec.suite.controller.harness.requests.files import (
 from scaraspec.suite.controller.harness.two_stage.tasks import offered
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer, expect
+from scaraspec.suite.engine.expectations import NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
 
@@ -213,7 +213,7 @@ def test_refused_chunks_are_answered(subject: Subject, line: Line) -> None:
         begin(line, subject.new_name())
         try:
             answer = line.ask("upload_chunk", chunk)
-        except NoAnswer:
+        except NoReply:
             if line.ending is None:
                 raise
             subject.tolerate("5.2/6", "A-5-26", "closed", "a chunk out of bounds ends the link")
@@ -499,7 +499,7 @@ def _in_segments(subject: Subject, line: Line, content: bytes, sizes: tuple[int,
     send_in(line, pieces(chunk, sizes), subject, SEGMENT_S)
     try:
         answer = line.reply("upload_chunk", within_s=CHUNK_S)
-    except NoAnswer as error:
+    except NoReply as error:
         error.requirement = "2/5"
         raise
     message = "a chunk was refused that came in several segments"

@@ -36,7 +36,13 @@ from scaraspec.suite.controller.harness.requests.files import (
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import chunk_of
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseSkipped,
+    NoReply,
+    expect,
+    expect_equal,
+)
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 from scaraspec.suite.program_files.listed import INHERITED
@@ -70,10 +76,10 @@ def _unless_last(chunk: Chunk) -> Chunk:
     """Go on only with a file that has a further chunk.
 
     Raises:
-        NotRun: It has none.
+        CaseSkipped: It has none.
     """
     if chunk.last:
-        raise NotRun("the stored program is too short: --allow state sends a longer one")
+        raise CaseSkipped("the stored program is too short: --allow state sends a longer one")
     return chunk
 
 
@@ -251,7 +257,7 @@ def test_silence_of_the_client(subject: Subject, line: Line) -> None:
         silence.in_time(limits.early_s)
         if not _goes_on(on, CHUNK_S):
             message = f"an answer to a chunk after {limits.survived_s:g} s was not taken any more"
-            raise Unmet(message, expected="the next chunk", observed="none")
+            raise CaseFailed(message, expected="the next chunk", observed="none")
 
     def early(on: Line, silence: Silence) -> None:
         passed_s = silence.passed_s
@@ -305,7 +311,7 @@ def _goes_on(line: Line, within_s: float) -> bool:
     try:
         line.answer_chunk(accepted=True)
         came = line.reply("download_chunk", within_s=within_s)
-    except NoAnswer:
+    except NoReply:
         return False
     return not refuses_an_answer(came.frame) and not gives_up(came)
 
@@ -351,7 +357,7 @@ def _still_goes_on(line: Line) -> bool:
     """Answer a chunk; whether the next one comes, where none may."""
     try:
         line.answer_chunk(accepted=True)
-    except NoAnswer:
+    except NoReply:
         return False
     came = transfer_frames(line, stray=True)
     return any(seen.name == "download_chunk" and not gives_up(seen) for seen in came)

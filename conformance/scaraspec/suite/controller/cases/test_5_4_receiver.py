@@ -38,7 +38,7 @@ from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.chunks import chunk_of
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.transfer_timeouts import Limits, Silence, limits_of
 from scaraspec.suite.program_files.listed import program_names, store_program
@@ -77,7 +77,7 @@ def test_name_on_a_second_connection(subject: Subject, line: Line) -> None:
         expect(answer.accepted, message, expected="1", observed=f"{answer}")
         send(on, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.4/1")
-        line.fence()  # the download is over for the subject, too: there may be one at a time
+        line.sync()  # the download is over for the subject, too: there may be one at a time
 
 
 @case("5.4/2")
@@ -207,7 +207,7 @@ def _patient(subject: Subject, limits: Limits) -> Track:
             silence.in_time(limits.early_s + (CHUNK_S if taken is None else 0))
             _serving(subject, line, "a time-out")
             message = f"an upload did not survive {limits.survived_s:g} s of silence"
-            raise Unmet(message, expected="1", observed="0 or silence", requirement="5.4/5")
+            raise CaseFailed(message, expected="1", observed="0 or silence", requirement="5.4/5")
 
     def rest(line: Line, silence: Silence) -> None:
         survived(line, silence, _CHUNKS[1])
@@ -262,12 +262,12 @@ def _serving(subject: Subject, line: Line, what: str) -> Line:
     """The connection, once it has served another command; a new one where only that does."""
     try:
         line.ask("get_status")
-    except NoAnswer as error:
+    except NoReply as error:
         line.close()
         try:
             line = subject.open()
             line.ask("get_status")
-        except Unmet:
+        except CaseFailed:
             error.requirement = "5.4/6"
             raise error from None
         message = f"after {what} only a new connection is served"
@@ -279,8 +279,8 @@ def _transfers(subject: Subject, line: Line, what: str) -> None:
     """Another transfer works after one has broken off."""
     try:
         expect_round_trip(subject, line, b"next")
-    except Unmet as error:
-        raise Unmet(
+    except CaseFailed as error:
+        raise CaseFailed(
             f"after {what} no other transfer works: {error}",
             expected=error.expected,
             observed=error.observed,
@@ -298,7 +298,7 @@ def _nothing_left(subject: Subject, line: Line, name: bytes, part: bytes) -> Lin
         The connection that is open now.
 
     Raises:
-        Unmet: Something else is there, or the name is blocked for good.
+        CaseFailed: Something else is there, or the name is blocked for good.
     """
     got = left_behind(line, name)
     if got is not None:
@@ -439,7 +439,7 @@ def _others(subject: Subject, line: Line, status: str) -> None:
     for name in examples(each for each in _OTHERS if each not in subject.statement.lacks):
         try:
             answer = line.ask(name)
-        except NoAnswer as error:
+        except NoReply as error:
             error.requirement = "5.4/8"
             raise
         if name == "get_status":
@@ -496,7 +496,7 @@ def test_commands_during_a_download(subject: Subject, line: Line) -> None:
             _others(subject, line, status)
             message = "the list is another one within a download"
             expect_equal(_listed(subject, line), listed, message)
-    except Unmet as error:
+    except CaseFailed as error:
         error.requirement = "5.4/8"
         raise
     message = "a file was not the same with other commands meanwhile"
@@ -515,7 +515,7 @@ def _answered_among_others(line: Line, name: bytes) -> None:
             line.send_bytes(GET_STATUS + line.chunk_answer(accepted=True).encode() + GET_STATUS)
             line.reply("get_status")
             line.reply("get_status")
-        except NoAnswer as error:
+        except NoReply as error:
             error.requirement = "2/6"
             raise
 

@@ -8,7 +8,7 @@ from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.ports import outputs, set_output
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expectations import NotRun, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseSkipped, expect, expect_equal
 from scaraspec.suite.program_files.bench import PROGRAMS, Bench, bench
 from scaraspec.suite.program_files.model import (
     Assign,
@@ -112,7 +112,7 @@ def test_initial_values_behind_a_simulation(subject: Subject, line: Line) -> Non
         initial = outputs(line)
         name = robot.store(robot.file(nodes_of(block, initial), variables_of({3: 10})))
         if not robot.ask(name, "simulate_program").accepted:
-            raise NotRun("the subject simulates no such program")
+            raise CaseSkipped("the subject simulates no such program")
         robot.ended("simulate_program", within_s=subject.longest_s)
         robot.restart(name)
         robot.finish()

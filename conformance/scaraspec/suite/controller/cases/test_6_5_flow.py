@@ -18,7 +18,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
 from scaraspec.suite.controller.harness.two_stage.tasks import BRIEFLY_S
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import Undecided, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseInconclusive, expect, expect_equal
 from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, bench
 from scaraspec.suite.program_files.model import (
     Block,
@@ -92,7 +92,7 @@ def test_output_node_in_time(subject: Subject, line: Line) -> None:
         )
         now = outputs(line)
         if robot.since_s() >= robot.ours_s(pause_s):
-            raise Undecided("the outputs were not told before the program could go on")
+            raise CaseInconclusive("the outputs were not told before the program could go on")
         due = with_port(robot.before, first, on=on)
         message = "outputs are set before the program comes to their nodes"
         robot.has_left(due, (first,), message, shown=now)

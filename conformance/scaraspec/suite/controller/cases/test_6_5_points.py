@@ -12,7 +12,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.two_stage.arm import Arm, arm, near
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import Undecided, expect
+from scaraspec.suite.engine.expectations import CaseInconclusive, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, bench
 from scaraspec.suite.program_files.writing import Values, curve, straight
 
@@ -51,7 +51,7 @@ def test_point(subject: Subject, line: Line) -> None:
                     done.append(index)
                     break
         if not done:
-            raise Undecided("the arm cannot make the smallest step in any direction")
+            raise CaseInconclusive("the arm cannot make the smallest step in any direction")
 
 
 @case("6.5/27", name="curve", hazards=PROGRAMS, slow=True)
@@ -68,7 +68,7 @@ def test_curve(subject: Subject, line: Line) -> None:
                 if moved.goes(curve(moved.speed_percent, points)):
                     _expect_at(moved, points[-1])
                 return
-    raise Undecided("the arm cannot go along a small curve where it stands")
+    raise CaseInconclusive("the arm cannot go along a small curve where it stands")
 
 
 @case("6.5/25", hazards=PROGRAMS)
@@ -82,7 +82,7 @@ def test_straight_move(subject: Subject, line: Line) -> None:
             if seen is None or len(seen) >= _LEAST_SEEN:
                 break
         if seen is None:
-            raise Undecided("the arm cannot turn a little to both sides where it stands")
+            raise CaseInconclusive("the arm cannot turn a little to both sides where it stands")
         place = moved.place()
         expect(
             near(place, last),
@@ -121,7 +121,7 @@ def test_several_moves(subject: Subject, line: Line) -> None:
         home, speed = moved.home, moved.speed_percent
         points = [moved.step(home, 3, share) for share in (1, 0.5, -0.5, -1)]
         if not moved.goes([*straight(speed, points[:2]), *straight(speed, points[2:])]):
-            raise Undecided("the arm cannot turn a little to both sides where it stands")
+            raise CaseInconclusive("the arm cannot turn a little to both sides where it stands")
         place = moved.place()
         expect(
             near(place, points[-1]),

@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
 from scaraspec.suite.controller.harness.two_stage.tasks import find_out_whether_it_listens
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NotRun, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, expect
 from scaraspec.suite.program_files.bench import EARLY_S, PROGRAMS, Bench, bench
 from scaraspec.suite.program_files.layout import TRIAL_S, Trial, trial_of, twin_of
 from scaraspec.suite.program_files.writing import (
@@ -65,7 +65,7 @@ def test_wait(subject: Subject, line: Line) -> None:
     The program by which the layout was found shows it. If it did not, another one has to.
     """
     with bench(subject, line) as robot:
-        with suppress(Unmet):
+        with suppress(CaseFailed):
             _expect_lasted(subject, trial_of(subject), [TRIAL_S])
             return
         robot.start(wait(TRIAL_S))
@@ -191,7 +191,7 @@ def _tick(subject: Subject, line: Line) -> tuple[float, float]:
         That, and when it was.
 
     Raises:
-        Undecided: The clock stands still, is not told, or is out of a timer's reach.
+        CaseInconclusive: The clock stands still, is not told, or is out of a timer's reach.
     """
     first = line.ask("get_time").value
     for _ in range(_TICKS):
@@ -201,9 +201,9 @@ def _tick(subject: Subject, line: Line) -> tuple[float, float]:
         if isinstance(first, datetime) and isinstance(clock, datetime) and clock > first:
             seconds = clock.replace(tzinfo=UTC).timestamp()
             if not -_LONG <= seconds < _LONG - _AHEAD_S:
-                raise Undecided("the subject's clock shows a time that a timer cannot hold")
+                raise CaseInconclusive("the subject's clock shows a time that a timer cannot hold")
             return seconds, at_s
-    raise Undecided("the subject's clock, by which a timer would go, stands still")
+    raise CaseInconclusive("the subject's clock, by which a timer would go, stands still")
 
 
 # ---------------------------------------------------------------------- inputs
@@ -271,7 +271,7 @@ def _pass_and_stand(line: Line, robot: Bench) -> None:
     passed: list[Node] = []
     still = still_inputs(line, INPUTS)
     if not still:
-        raise Undecided("no input is still, by which a program could wait")
+        raise CaseInconclusive("no input is still, by which a program could wait")
     with inputs_steady(line, still) as states:
         ports = {states[port - 1]: port for port in still}
         for condition, value, on, holds in _waits():
@@ -357,7 +357,7 @@ def test_hundredths(subject: Subject, line: Line) -> None:
                 break
             robot.stop()
         else:
-            raise Unmet(
+            raise CaseFailed(
                 "a digital input that is on equals neither 100 nor 1",
                 expected="the program goes on",
                 observed="it stands still",
@@ -382,7 +382,7 @@ def test_analog_conditions(subject: Subject, line: Line) -> None:
         try:
             subject.hook("set_analog", port=ANALOG, value=2.5)
             if line.ask("get_analog_input", ANALOG).value not in (2.5, 250):
-                raise NotRun("in which unit the hook drives analog inputs is not known")
+                raise CaseSkipped("in which unit the hook drives analog inputs is not known")
             robot.start([wait_input(ANALOG, condition, value) for condition, value, _ in steps])
             for condition, value, drives in examples(steps):
                 told = f"the analog input does not meet condition {condition} with {value}"

@@ -20,7 +20,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
 from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
-from scaraspec.suite.engine.expectations import NotRun, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, expect
 
 _STATE = (Hazard.STATE,)
 _MOTION = (Hazard.MOTION,)
@@ -32,15 +32,15 @@ def _gripper(line: Line, centre: Point) -> Iterator[None]:
     """Another gripper centre for a while.
 
     Raises:
-        NotRun: The subject does not take it.
+        CaseSkipped: The subject does not take it.
     """
     before = line.ask("get_gripper_center").value
     if before is None or not line.ask("set_gripper_center", centre).accepted:
-        raise NotRun("the subject takes no other gripper centre")
+        raise CaseSkipped("the subject takes no other gripper centre")
     try:
         yield
     finally:
-        with suppress(Unmet, Undecided):
+        with suppress(CaseFailed, CaseInconclusive):
             line.ask("set_gripper_center", before)
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import Point
-from scaraspec.protocol.fields import Wrong, show
+from scaraspec.protocol.fields import Defect, show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import Subject
@@ -19,7 +19,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, RUN, SIMULA
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import Answer
 from scaraspec.suite.engine.examples import examples, given
-from scaraspec.suite.engine.expectations import Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseFailed, expect, expect_equal
 from scaraspec.suite.program_files.layout import short_program
 
 _STATE: Final = (Hazard.STATE,)
@@ -28,18 +28,18 @@ _FREE: Final = ("get_version", "list_programs", "get_running_program")  # hold a
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
 
 
-def _without(answers: list[Answer], *wrongs: Wrong) -> None:
+def _without(answers: list[Answer], *wrongs: Defect) -> None:
     """Fail the subject if a payload is wrong in one of these ways.
 
     Raises:
-        Unmet: It is.
+        CaseFailed: It is.
     """
     for answer in answers:
         complaints = answer.seen.parsed.decoded.complaints if answer.seen.parsed else ()
         for complaint in complaints:
             if complaint.wrong in wrongs:
                 message = f"{answer.seen.name}: {complaint.text}"
-                raise Unmet(message, observed=show(answer.frame.data))
+                raise CaseFailed(message, observed=show(answer.frame.data))
 
 
 # ---------------------------------------------------------------------- separators
@@ -49,10 +49,10 @@ def _without(answers: list[Answer], *wrongs: Wrong) -> None:
 def test_bars(subject: Subject, line: Line) -> None:
     """In the reply to every query one bar stands between two fields."""
     answers = ask_all(subject, line)
-    _without(answers, Wrong.SPACE_FOR_BAR, Wrong.BLANKS)
+    _without(answers, Defect.SPACE_FOR_BAR, Defect.BLANKS)
     # Where single bars stand, the number of fields is not their matter.
     odd = [a for a in answers if b"||" in a.frame.data or b"|" not in a.frame.data]
-    _without(odd, Wrong.FIELD_COUNT)
+    _without(odd, Defect.FIELD_COUNT)
 
 
 @case("T/1", name="refusal", hazards=_MOTION)
@@ -62,7 +62,7 @@ def test_bar_before_a_code(subject: Subject, line: Line) -> None:
         has(subject, name)
         answer = line.ask(name, subject.new_name())
         said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
-        _without(said, Wrong.SPACE_FOR_BAR, Wrong.FIELD_COUNT)
+        _without(said, Defect.SPACE_FOR_BAR, Defect.FIELD_COUNT)
 
 
 @case("T/1", name="list", hazards=_STATE)
@@ -72,7 +72,7 @@ def test_bars_in_a_list(subject: Subject, line: Line) -> None:
     for name in uploaded:
         upload(line, name, short_program(subject))
     answer = line.ask("list_programs")
-    _without([answer], Wrong.SPACE_FOR_BAR, Wrong.BLANKS, Wrong.EMPTY_NAME)
+    _without([answer], Defect.SPACE_FOR_BAR, Defect.BLANKS, Defect.EMPTY_NAME)
     names: tuple[bytes, ...] = answer.value.names if answer.value else ()
     for name in names:
         bare = name.strip(b" ,;\t")
@@ -91,7 +91,7 @@ def test_bars_in_a_list(subject: Subject, line: Line) -> None:
 def test_no_quotation_marks(subject: Subject, line: Line) -> None:
     """No reply has the quotation marks of the examples."""
     answers = ask_all(subject, line)
-    _without(answers, Wrong.QUOTES)
+    _without(answers, Defect.QUOTES)
     for answer in answers:
         marks = [mark for mark in ('"', "“", "”") if mark.encode() in answer.frame.data]
         if answer.seen.name not in _FREE:
@@ -104,7 +104,7 @@ def test_digits_are_characters(subject: Subject, line: Line) -> None:
     answers = [*ask_all(subject, line), line.ask("download_name", subject.new_name())]
     if subject.access.needs_login:
         answers.append(line.ask("login", subject.password))
-    _without(answers, Wrong.BINARY)
+    _without(answers, Defect.BINARY)
     for answer in answers:
         if answer.seen.name in ("get_time", "get_status", "get_digital_outputs"):
             text = answer.frame.data.rstrip(b"\0")
@@ -122,7 +122,7 @@ def test_flags_of_settings(subject: Subject, line: Line) -> None:
     centre = line.ask("get_gripper_center").value
     name = subject.new_name()
     answers = [line.ask("set_gripper_center", centre), line.ask("upload_name", name)]
-    _without(answers, Wrong.BINARY)
+    _without(answers, Defect.BINARY)
 
 
 @case("T/4")
@@ -155,7 +155,7 @@ def test_ends_of_texts(subject: Subject, line: Line) -> None:
 @case("T/5")
 def test_numbers(subject: Subject, line: Line) -> None:
     """The numbers in the replies of queries are plain decimal text."""
-    _without(ask_all(subject, line), Wrong.NUMBER)
+    _without(ask_all(subject, line), Defect.NUMBER)
 
 
 _numbers = (
@@ -236,7 +236,7 @@ def test_codes_of_refusals(subject: Subject, line: Line) -> None:
             continue
         answer = line.ask(name, data=data)
         said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
-        _without(said, Wrong.CODE)
+        _without(said, Defect.CODE)
 
 
 # ---------------------------------------------------------------------- beyond ASCII
@@ -257,7 +257,7 @@ def test_names_beyond_ascii(subject: Subject, line: Line) -> None:
         for chunk in chunks_of(content):
             send(line, chunk)
         expect_stored(line, name, content)
-        line.fence()
+        line.sync()
     refused = ", ".join(show(name) for name, is_taken in taken.items() if not is_taken)
     if not refused:
         return

@@ -20,8 +20,8 @@ from scaraspec.suite.controller.harness.state.restore import (
 )
 from scaraspec.suite.controller.harness.state.watch import watch
 from scaraspec.suite.controller.harness.two_stage.stop_proof import prove_stop
-from scaraspec.suite.engine.expectations import Undecided, Unmet
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import Options
@@ -30,7 +30,7 @@ _NS: Final = 1e9
 
 
 @dataclass(frozen=True)
-class ControllerSetting:
+class ControllerAdapter:
     """A run against a controller; see `run.Setting`.
 
     Attributes:
@@ -47,7 +47,7 @@ class ControllerSetting:
     """
 
     access: Access
-    statement: Statement
+    statement: Ics
     password: bytes
     options: Options
     link: str = ""
@@ -80,7 +80,7 @@ class ControllerSetting:
         """Put back what an interrupted run has left, and write down what the controller is like.
 
         Raises:
-            Unmet: It is not there.
+            CaseFailed: It is not there.
             RecoveryError: What an interrupted run has left cannot be put back.
             JournalError: What it is like cannot be written down.
         """
@@ -100,7 +100,7 @@ class ControllerSetting:
         """Find out how it is to be spoken to; this may change what was written down.
 
         Raises:
-            Unmet: It is gone.
+            CaseFailed: It is gone.
         """
         probe_all(subject)
 
@@ -112,7 +112,7 @@ class ControllerSetting:
         prove_stop(subject)
         if subject.stop_failure:
             return
-        with suppress(Unmet, Undecided):
+        with suppress(CaseFailed, CaseInconclusive):
             make_ready(subject)
             subject.settle()
 

@@ -16,11 +16,17 @@ from scaraspec.suite.controller.harness.guard import EVERYTHING, Guard
 from scaraspec.suite.controller.harness.other_clients import OtherClients
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.own_files import OwnFiles, random_token
-from scaraspec.suite.controller.harness.timeouts import ANSWERED, Patience
-from scaraspec.suite.engine.connection import Answer, Wire, pump
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet, Unreadable
+from scaraspec.suite.controller.harness.timeouts import ANSWERED, TimeoutPolicy
+from scaraspec.suite.engine.connection import Answer, Connection, pump
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    Unreadable,
+)
 from scaraspec.suite.engine.hooks import HookError
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.system_under_test import StopFailure
@@ -91,7 +97,7 @@ class Subject:
     def __init__(  # noqa: PLR0913 - the collaborators of a run
         self,
         access: Access,
-        statement: Statement,
+        statement: Ics,
         password: bytes,
         observer: Observer,
         allowed: frozenset[Hazard],
@@ -106,7 +112,7 @@ class Subject:
         self.tolerated: list[tuple[str, str, str, str]] = []
         self.found: dict[str, str] = {}
         self.known: dict[str, Any] = {}
-        self.patience = Patience()
+        self.patience = TimeoutPolicy()
         self.unanswered: frozenset[str] = frozenset()
         self.survival = ANSWERED
         self.complaints = ""
@@ -179,8 +185,8 @@ class Subject:
                 frame make what follows them undecidable for the judge.
 
         Raises:
-            Unmet: The login was refused.
-            NoAnswer: The subject cannot be reached, or does not answer.
+            CaseFailed: The login was refused.
+            NoReply: The subject cannot be reached, or does not answer.
         """
         attempts = self._attempts(login=login)
         while True:
@@ -189,8 +195,8 @@ class Subject:
             if login and self.access.needs_login:
                 try:
                     self.log_in(line)
-                except Unmet as error:
-                    refused = isinstance(error, NoAnswer) and line.ending is not None
+                except CaseFailed as error:
+                    refused = isinstance(error, NoReply) and line.ending is not None
                     line.close()  # who is not served takes nobody's place
                     if not refused or not attempts:
                         raise
@@ -234,7 +240,7 @@ class Subject:
                 link = self.access.connect()
             except LinkError as error:
                 if attempt == attempts - 1:
-                    raise NoAnswer(f"the subject takes no connection: {error}") from None
+                    raise NoReply(f"the subject takes no connection: {error}") from None
                 self.access.pause(_RECONNECT_S)
                 continue
             break
@@ -246,11 +252,11 @@ class Subject:
         """Log in on a connection.
 
         Raises:
-            Unmet: The subject refuses.
+            CaseFailed: The subject refuses.
         """
         answer = line.ask("login", self.password if password is None else password)
         if not answer.accepted:
-            raise Unmet(
+            raise CaseFailed(
                 "the login was refused", expected="1", observed=f"{answer}", requirement="4.1/2"
             )
         self._overlook_greeting(line)
@@ -261,7 +267,7 @@ class Subject:
         opcodes = self.known.setdefault(_GREETING, {seen.frame.opcode for seen in line.heard})
         line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode not in opcodes]
 
-    def pump_others(self, line: Wire, /) -> list[Link]:
+    def pump_others(self, line: Connection, /) -> list[Link]:
         """Take what came on the other connections; give the links on which more may come."""
         return pump(self._lines, line)
 
@@ -308,23 +314,23 @@ class Subject:
         """Go on only where several connections can be open at once.
 
         Raises:
-            NotRun: They cannot.
+            CaseSkipped: They cannot.
         """
         if not self.access.several:
-            raise NotRun("this link carries one connection at a time")
+            raise CaseSkipped("this link carries one connection at a time")
         if self.dialect["max_clients"] != "many":
-            raise NotRun("the subject serves one client at a time (max_clients)")
+            raise CaseSkipped("the subject serves one client at a time (max_clients)")
         if not self.takes_several:
-            raise NotRun("the subject sends a client away when a further one comes (A-2-2)")
+            raise CaseSkipped("the subject sends a client away when a further one comes (A-2-2)")
 
     def notices_leaving(self) -> None:
         """Go on only where the subject notices that a client is gone.
 
         Raises:
-            NotRun: It does not.
+            CaseSkipped: It does not.
         """
         if not self.access.ends:
-            raise NotRun("this link ends without its subject's notice")
+            raise CaseSkipped("this link ends without its subject's notice")
 
     def has_hook(self, name: str) -> bool:
         """Whether the statement of conformance names this hook."""
@@ -334,18 +340,20 @@ class Subject:
         """Handle the subject.
 
         Raises:
-            NotRun: The statement of conformance names no such hook.
-            Undecided: The hook failed.
+            CaseSkipped: The statement of conformance names no such hook.
+            CaseInconclusive: The hook failed.
         """
         hook = self.statement.hooks.get(name)
         if hook is None:
-            raise NotRun(f"it needs the hook {name} in [hooks] of the statement of conformance")
+            raise CaseSkipped(
+                f"it needs the hook {name} in [hooks] of the statement of conformance"
+            )
         self.guard.may_change(EVERYTHING)
         self.guard.stop.forget()
         try:
             hook.run(**values)
         except HookError as error:
-            raise Undecided(f"{error}") from None
+            raise CaseInconclusive(f"{error}") from None
 
     def notify(self, sentence: str) -> None:
         """Say what the user must know first, now and at the head of the results."""
@@ -396,7 +404,7 @@ class Subject:
 
         Raises:
             Unreadable: It is none at all.
-            Undecided: It does not become so.
+            CaseInconclusive: It does not become so.
         """
         full_s = self.patience.rest_s(self.longest_s) if within_s is None else within_s
         left_s = full_s
@@ -406,7 +414,9 @@ class Subject:
                     self.patience.waited(full_s, rests=False)
                 if status is None:
                     raise Unreadable("what the subject tells of its status is no status")
-                raise Undecided(f"the subject's status stays {status} and does not become 00")
+                raise CaseInconclusive(
+                    f"the subject's status stays {status} and does not become 00"
+                )
             line.wait(_POLL_S)
             left_s -= _POLL_S
         self.patience.waited(full_s - left_s, rests=True)
@@ -415,10 +425,10 @@ class Subject:
         """Bring the subject back to rest, and take away what the case has made.
 
         Raises:
-            NoAnswer: It does not answer any more.
-            Unmet: It refuses a login.
+            NoReply: It does not answer any more.
+            CaseFailed: It refuses a login.
             Unreadable: Nobody can tell whether it has come to rest; it is not moved again.
-            Undecided: It does not come to rest.
+            CaseInconclusive: It does not come to rest.
         """
         self.close_lines()
         self.unanswered = self.patience.unanswered()
@@ -427,7 +437,7 @@ class Subject:
         status = None if busy_and_deaf else line.ask("get_status").value
         if self.moved and (status != _READY or self._runs_ours(line)):
             if line.ask("emergency_stop").accepted:
-                with suppress(NoAnswer):  # what is missing the cases find
+                with suppress(NoReply):  # what is missing the cases find
                     line.result("emergency_stop", within_s=self.reply_s)
             for remedy in _REMEDIES:
                 if line.ask("get_status").value == _READY:
@@ -435,7 +445,7 @@ class Subject:
                 if self.guard.stop.withholds(BY_NAME[remedy].opcode):
                     continue
                 if remedy not in self.statement.lacks and line.ask(remedy).accepted:
-                    with suppress(NoAnswer):
+                    with suppress(NoReply):
                         line.result(remedy, within_s=self.reply_s)
         if self.moved:
             try:
@@ -453,7 +463,7 @@ class Subject:
         """Delete what the case has stored, whole or not: there may be room for little (A-5-21).
 
         Raises:
-            NoAnswer: It does not answer any more.
+            NoReply: It does not answer any more.
         """
         if Hazard.STATE not in self.allowed or _DELETE in self.unanswered:
             return
@@ -461,7 +471,7 @@ class Subject:
             for name in reversed(self.files.stored):
                 line.ask(_DELETE, data=name)
                 self.files.deleted(name)
-        except NoAnswer as error:
+        except NoReply as error:
             error.requirement = ANSWERED
             raise
 
@@ -469,7 +479,7 @@ class Subject:
         """Whether it runs what a case has stored, though its status may say that it is idle."""
         if _RUNNING in self.statement.lacks | self.unanswered:
             return False
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             told = line.ask(_RUNNING).value
             return isinstance(told, RunningProgram) and told.name.startswith(self.files.prefix)
         return False
@@ -478,7 +488,7 @@ class Subject:
         """Start it anew, where a hook can; else it may come back by itself, if it is watched over.
 
         Raises:
-            Undecided: The hook failed.
+            CaseInconclusive: The hook failed.
         """
         self.close_lines()
         if self.has_hook("restart"):
@@ -488,9 +498,9 @@ class Subject:
         while self.now_ns < deadline_ns:
             try:
                 self.open()
-            except NoAnswer:
+            except NoReply:
                 self.pause(_RETURN_POLL_S)
-            except Unmet:
+            except CaseFailed:
                 return  # it is there: asked over and over it may lock us out (A-4.1-2)
             else:
                 return

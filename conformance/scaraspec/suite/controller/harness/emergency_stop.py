@@ -13,7 +13,7 @@ from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.suite.engine.expectations import Undecided
+from scaraspec.suite.engine.expectations import CaseInconclusive
 from scaraspec.suite.engine.system_under_test import StopFailure
 from scaraspec.traffic.events import FrameSeen
 
@@ -40,7 +40,7 @@ _IDLE, _BUSY = "00", ("01", "02", "03", "04")
 _NS: Final = 1e9
 
 
-class StopFailed(Undecided):
+class StopFailed(CaseInconclusive):
     """A request was not sent, because the emergency stop might not end what it starts."""
 
 

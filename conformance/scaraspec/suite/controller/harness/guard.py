@@ -72,7 +72,7 @@ class Guard:
         """A frame is about to be sent.
 
         Raises:
-            NotRun: It names a file of the user.
+            CaseSkipped: It names a file of the user.
             StopFailed: The emergency stop might not end what it starts.
             JournalError: What it changes cannot be written down.
         """

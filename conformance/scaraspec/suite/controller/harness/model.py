@@ -33,9 +33,9 @@ from scaraspec.suite.controller.harness.requests.motion import (
     listens,
     off_by,
     pose_of,
-    quieten,
     status_behind,
     stop,
+    stop_motion,
     target,
 )
 from scaraspec.suite.controller.harness.requests.passwords import (
@@ -67,7 +67,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     offered,
     stop_nothing,
 )
-from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
 from scaraspec.suite.program_files.layout import configured, layout_in_use
 from scaraspec.suite.program_files.listed import program_names, store_program
 from scaraspec.suite.program_files.writing import endless_program, program_file, wait
@@ -148,7 +148,7 @@ class Model:
         """Do a step, and check what follows from it.
 
         Raises:
-            Unmet: The subject is not as it has to be; the message tells the steps before.
+            CaseFailed: The subject is not as it has to be; the message tells the steps before.
         """
         act: Callable[[Step, Line], str | None] = getattr(self, f"_{step.act}")
         line = self._lines[step.line % len(self._lines)]
@@ -157,7 +157,7 @@ class Model:
                 self._stop(step, line)
                 self.told.append("stop")
             said = act(step, line)
-        except Unmet as error:
+        except CaseFailed as error:
             self._tell(error, step.act)
             raise
         if said:
@@ -167,7 +167,7 @@ class Model:
         """Look at all that is known.
 
         Raises:
-            Unmet: The subject is not as it has to be; the message tells the steps before.
+            CaseFailed: The subject is not as it has to be; the message tells the steps before.
         """
         for act in dict.fromkeys(self._acts):
             if act == "download":
@@ -180,12 +180,12 @@ class Model:
         """Stop what executes, take away all files, and end the connections.
 
         Raises:
-            Unmet: The subject does not obey.
+            CaseFailed: The subject does not obey.
         """
         try:
             line = self._lines[0] = alive(self._subject, self._lines[0])
             if self._subject.moved:
-                quieten(self._subject, line)
+                stop_motion(self._subject, line)
             self._settle_transfer(line)
             for name in self._files:
                 if not line.ask("delete_program", data=name).accepted and name == self._named:
@@ -204,11 +204,11 @@ class Model:
         line.ask("set_default_program", store_program(self._subject, line))
         line.ask("delete_program", data=name)
 
-    def _tell(self, error: Unmet, act: str) -> None:
+    def _tell(self, error: CaseFailed, act: str) -> None:
         behind = "; ".join(self.told[-_TOLD:]) or "nothing"
         more = f"… {len(self.told) - _TOLD} steps; " if len(self.told) > _TOLD else ""
         error.args = (f"{error}, in {act} behind: {more}{behind}",)
-        if isinstance(error, NoAnswer):
+        if isinstance(error, NoReply):
             error.requirement = error.requirement or error.owed
 
     def _name(self, step: Step) -> bytes:
@@ -245,7 +245,7 @@ class Model:
         other = self._subject.open(login=False)
         try:
             answer = other.ask("login", b"no-" + self._password)
-        except NoAnswer:
+        except NoReply:
             silent = other.ending is None
             other.close()
             if silent and self._serves_a_third():
@@ -258,7 +258,7 @@ class Model:
             observed=f"{answer}",
             requirement="4.1/3",
         )
-        with suppress(NoAnswer):  # it may end the connection; two in a row may lock us out
+        with suppress(NoReply):  # it may end the connection; two in a row may lock us out
             other.ask("login", self._password)
         other.close()
         return "log in wrongly elsewhere"
@@ -268,7 +268,7 @@ class Model:
         third = self._subject.open(login=False)
         try:
             return third.ask("login", self._password).accepted is True
-        except NoAnswer:
+        except NoReply:
             return False
         finally:
             third.close()
@@ -304,10 +304,10 @@ class Model:
             line.close()
         try:
             self._lines = [self._connection() for _ in self._lines]
-        except NoAnswer:
+        except NoReply:
             raise
-        except Unmet as error:
-            raise Unmet(message, observed=error.observed, requirement=requirement) from None
+        except CaseFailed as error:
+            raise CaseFailed(message, observed=error.observed, requirement=requirement) from None
 
     # ------------------------------------------------------------------ asking
 
@@ -368,7 +368,7 @@ class Model:
             )
         elif running:
             message = "a program is told although none runs"
-            raise Unmet(message, expected="0", observed=f"{told}", requirement="4.9/6")
+            raise CaseFailed(message, expected="0", observed=f"{told}", requirement="4.9/6")
 
     # ------------------------------------------------------------------ files
 
@@ -447,13 +447,13 @@ class Model:
         """
         fetching, self._fetching = self._fetching, None
         if fetching not in (None, line) and not fetching.closed and fetching.ending is None:
-            fetching.fence()
+            fetching.sync()
 
     def _list_programs(self, _: Step, line: Line) -> str | None:
         listed = [name for name in program_names(self._subject, line) if name in self._names]
         for name in self._names:
             if (name in listed) is not (name in self._files):
-                raise Unmet(
+                raise CaseFailed(
                     f"{show(name)} is {'' if name in listed else 'not '}listed",
                     expected=" ".join(map(show, sorted(self._files))) or "none",
                     observed=" ".join(map(show, listed)) or "none",
@@ -599,7 +599,7 @@ class Model:
             return None
         answer = offered(line, command, name)
         if answer is not None and answer.accepted and self._is_over(within_s=0):
-            quieten(self._subject, line)
+            stop_motion(self._subject, line)
             return f"{command} {show(name)} behind the end of a simulation"
         expect(
             answer is None or not answer.accepted,
@@ -635,7 +635,7 @@ class Model:
             return False
         try:
             self._running[2].result(SIMULATE, within_s=within_s)
-        except NoAnswer:
+        except NoReply:
             return False
         self._running = None
         return True
@@ -660,5 +660,5 @@ class Model:
             requirement="4.17/3",
         )
         self._running = None
-        quieten(self._subject, owner)
+        stop_motion(self._subject, owner)
         return "stop"

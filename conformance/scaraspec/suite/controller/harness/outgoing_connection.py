@@ -16,8 +16,8 @@ from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
 from scaraspec.protocol.payloads import FinalResult, NameListPart, Nothing, Outcome
 from scaraspec.suite.controller.harness.timeouts import Due
-from scaraspec.suite.engine.connection import Answer, Wire
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.connection import Answer, Connection
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.transfers import NAMES
@@ -31,7 +31,7 @@ _INSTANT_S: Final = 0.001
 _NS: Final = 1e9
 
 
-class Line(Wire):
+class Line(Connection):
     """One connection, on which the suite sends requests; made by `Subject.open`.
 
     Attributes:
@@ -84,15 +84,17 @@ class Line(Wire):
         """The frame of a request, in the subject's dialect.
 
         Raises:
-            Undecided: The value, which comes from the subject, is none that anybody can send.
+            CaseInconclusive: The value, which comes from the subject, cannot be sent.
         """
         command, dialect = BY_NAME[name], self._subject.dialect
         if value is None and data is None and not isinstance(command.request, Nothing):
-            raise Undecided(f"{name} cannot be asked with what the subject tells, which is nothing")
+            raise CaseInconclusive(
+                f"{name} cannot be asked with what the subject tells, which is nothing"
+            )
         try:
             payload = command.request.encode(value, dialect) if data is None else data
         except PayloadError as error:
-            raise Undecided(f"{name} cannot be asked: {error}") from None
+            raise CaseInconclusive(f"{name} cannot be asked: {error}") from None
         opcode = command.opcode
         if command.also is not None and dialect["op_get_default"] == "0x13":
             opcode = command.also
@@ -102,10 +104,12 @@ class Line(Wire):
         """Go on only where the latest two frames followed each other as a transfer needs it.
 
         Raises:
-            Undecided: A transfer may have been over between them: this machine is too slow.
+            CaseInconclusive: A transfer may have been over between them: this machine is too slow.
         """
         if (pause_s := self._pause_ns / _NS) > limits_of(self._subject).early_s:
-            raise Undecided(f"this machine is too slow: a frame followed {pause_s:.3f} s late")
+            raise CaseInconclusive(
+                f"this machine is too slow: a frame followed {pause_s:.3f} s late"
+            )
 
     # ------------------------------------------------------------------ asking
 
@@ -120,7 +124,7 @@ class Line(Wire):
         """Send a request and wait for its first reply.
 
         Raises:
-            NoAnswer: None came in `within_s`, by default the subject's reply time.
+            NoReply: None came in `within_s`, by default the subject's reply time.
         """
         self._drop_unasked(self.send(name, value, data=data))
         return self.reply(name, within_s=within_s)
@@ -138,7 +142,7 @@ class Line(Wire):
         """Wait for a first reply, or for a chunk of a download.
 
         Raises:
-            NoAnswer: None came.
+            NoReply: None came.
         """
         command = BY_NAME[name]
         opcodes = {command.opcode, command.also, command.reply_also} - {None}
@@ -165,7 +169,7 @@ class Line(Wire):
                 vain, it will in every case that is about something else.
 
         Raises:
-            NoAnswer: None came.
+            NoReply: None came.
         """
         due, opcode = Due(name, result=True), BY_NAME[name].opcode
         in_vain = self._subject.patience.vain(due)
@@ -194,7 +198,7 @@ class Line(Wire):
         patience, asked_s = self._subject.patience, full_s if within_s is None else within_s
         try:
             answer = self.awaited(wanted, patience.within_s(due, asked_s), message)
-        except NoAnswer as error:
+        except NoReply as error:
             error.owed = due.requirement
             if patience.vain(due):
                 error.requirement = due.requirement
@@ -209,14 +213,14 @@ class Line(Wire):
         """Fail the subject if a final result of this command comes within this time.
 
         Raises:
-            Unmet: One came.
+            CaseFailed: One came.
         """
         self.wait(for_s)
         opcode = BY_NAME[name].opcode
         for seen in self.heard:
             if seen.frame.tagged and seen.frame.opcode == opcode:
                 message = f"a final result of {name} came that must not come"
-                raise Unmet(
+                raise CaseFailed(
                     message, expected="none", observed=f"{seen.frame}", requirement=requirement
                 )
 
@@ -236,14 +240,14 @@ class Line(Wire):
         """
         self.wait(_APART_S if self._subject.dialect["pipelining"] == "one" else _INSTANT_S)
 
-    def fence(self) -> list[FrameSeen]:
+    def sync(self) -> list[FrameSeen]:
         """Ask for the status, and take everything that came before its reply.
 
         Replies come in the order of their requests (3/14), so what has not come by then is not
         coming: silence is shown without waiting.
 
         Raises:
-            NoAnswer: Not even this was answered.
+            NoReply: Not even this was answered.
         """
         if self._subject.dialect["pipelining"] == "one":
             self.apart()
@@ -263,12 +267,12 @@ class Line(Wire):
                 raise self.no_answer("get_status was not answered")
 
     def answers(self) -> list[FrameSeen]:
-        """As `fence`, and where nothing came a moment longer: not all answer in order (A-3-14).
+        """As `sync`, and where nothing came a moment longer: not all answer in order (A-3-14).
 
         Raises:
-            NoAnswer: The status was not answered.
+            NoReply: The status was not answered.
         """
-        came = self.fence()
+        came = self.sync()
         if not came:
             self.wait(_APART_S)
             came = list(self.heard)
@@ -295,14 +299,14 @@ class Line(Wire):
         """
         if self.over:
             return
-        with suppress(Unmet):
+        with suppress(CaseFailed):
             notices = self._subject.access.ends
             if not notices and self.mid_frame:
                 self.send_bytes(bytes(MAX_FRAME_BYTES))
             if self._subject.transfers_outlive and self._may_transfer:
                 self.wait(limits_of(self._subject).over_s)
             if not notices:
-                self.fence()
+                self.sync()
 
     @property
     def _may_transfer(self) -> bool:

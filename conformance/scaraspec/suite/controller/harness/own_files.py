@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from scaraspec.protocol.fields import NAME_MAX_BYTES
-from scaraspec.suite.engine.expectations import NotRun
+from scaraspec.suite.engine.expectations import CaseSkipped
 from scaraspec.suite.engine.journal import Journal
 
 STEM: Final = "zs"
@@ -51,14 +51,14 @@ class OwnFiles:
             names: The names of the stored files.
 
         Raises:
-            NotRun: Every token that was drawn is in use.
+            CaseSkipped: Every token that was drawn is in use.
         """
         self._foreign = {_base(name) for name in names} - {b""}
         for _ in range(_TOKENS):
             if not any(name.startswith(self.prefix) for name in self._foreign):
                 return
             self.prefix = (STEM + self._draw_token()).encode()
-        raise NotRun(f"{_TOKENS} names for new files were all in use")
+        raise CaseSkipped(f"{_TOKENS} names for new files were all in use")
 
     def new_name(self, extension: str, stem: str = "", *, lead: str = "") -> bytes:
         """A name that no file has: the prefix, `lead`, a number, `stem`, the extension.
@@ -90,11 +90,11 @@ class OwnFiles:
         """Go on only if this name is not that of a file of the user.
 
         Raises:
-            NotRun: It is.
+            CaseSkipped: It is.
         """
         if _base(name) in self._foreign and not self.is_own(name):
             shown = name.decode("utf-8", "backslashreplace")
-            raise NotRun(f"{shown} is a file on the controller that the suite did not make")
+            raise CaseSkipped(f"{shown} is a file on the controller that the suite did not make")
 
     def offered(self, name: bytes) -> None:
         """An upload is about to be requested."""

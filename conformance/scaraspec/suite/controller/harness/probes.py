@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.controller_under_test import (
     Subject,
 )
 from scaraspec.suite.controller.harness.requests.files import upload
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.suite.program_files.layout import LISTED, candidates
 from scaraspec.suite.program_files.listed import program_names
@@ -51,7 +51,7 @@ def probe_all(subject: Subject) -> None:
             if (option := probe.look(subject)) is not None:
                 subject.follows(probe.key, option)
             subject.settle()
-        except (Unmet, Undecided):
+        except (CaseFailed, CaseInconclusive):
             subject.close_lines()
 
 
@@ -63,7 +63,7 @@ def _op_get_default(subject: Subject) -> str | None:
         assert opcode is not None, "the document prints two"
         line = subject.open()
         line.send_frame(Frame(A2C, opcode))
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             for seen in line.answers():
                 if seen.frame.opcode == opcode:
                     replies[f"0x{opcode:02X}"] = seen.frame.data
@@ -88,12 +88,12 @@ def _max_clients(subject: Subject) -> str | None:
     try:
         second = subject.open()
         second.ask("get_status")
-    except Unmet:
+    except CaseFailed:
         return "one"
     if first.ends(within_s=SILENCE_S) is not None:
         return "newest"
     first.ask("get_status")
-    with suppress(Unmet):  # it may not serve so many
+    with suppress(CaseFailed):  # it may not serve so many
         for _ in range(_FURTHER):
             subject.open(login=False)
         subject.known[DISPLACES] = first.ends(within_s=SILENCE_S) is not None

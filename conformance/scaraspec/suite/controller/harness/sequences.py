@@ -25,7 +25,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     STOP,
     find_out_whether_it_listens,
 )
-from scaraspec.suite.engine.expectations import Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.engine.shrink import Failure
 
 _NAMES: Final = 3
@@ -131,18 +131,20 @@ def model_of(subject: Subject, acts: list[str], names: Sequence[bytes]) -> Itera
     """A model to begin with, where no file of these names is stored; all is taken away afterwards.
 
     Raises:
-        Unmet: In the end the subject is not as it has to be.
+        CaseFailed: In the end the subject is not as it has to be.
     """
     if "set_password" in acts:
         for _ in range(2):
-            with suppress(Unmet, Undecided):  # a model that failed may have left another
+            with suppress(
+                CaseFailed, CaseInconclusive
+            ):  # a model that failed may have left another
                 restore_password(subject)
     model = Model(subject, acts, names)
     try:
         yield model
         model.check()
     finally:
-        with suppress(Unmet, Undecided):
+        with suppress(CaseFailed, CaseInconclusive):
             model.take_away()
 
 
@@ -160,7 +162,7 @@ def attempt(
             for step in steps:
                 taken += 1
                 model.take(step)
-    except Unmet as error:
+    except CaseFailed as error:
         if like is None or error.requirement == like.error.requirement:
             return Failure(error, taken)
     return None

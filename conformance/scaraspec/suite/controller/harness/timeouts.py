@@ -41,7 +41,7 @@ class Due(NamedTuple):
         return SUCCESS[self.name] if self.result else ANSWERED
 
 
-class Patience:
+class TimeoutPolicy:
     """What was awaited in full, and what has ever come."""
 
     def __init__(self) -> None:

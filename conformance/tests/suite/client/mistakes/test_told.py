@@ -15,8 +15,8 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.client.harness.adapter import ClientSetting
-from scaraspec.suite.engine.ics import Statement
+from scaraspec.suite.client.harness.adapter import ClientAdapter
+from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 
@@ -59,7 +59,7 @@ def test_what_is_wrong_costs_no_time_out() -> None:
         only = frozenset({"4.1/1", "4.11/1", "4.15/1"})
         options = Options(only=only, allowed=ALL, examples=3)
         begun_s = access.now_s
-        results = Run(ClientSetting(access, Statement(), options)).results()
+        results = Run(ClientAdapter(access, Ics(), options)).results()
         assert access.now_s - begun_s < 1
     verdicts = {case.id: case.verdict for case in results.cases}
     for case in ("4.1/1.passwords", "4.11/1.names", "4.15/1.names"):
@@ -80,7 +80,7 @@ def test_who_says_that_it_is_over_is_not_waited_for() -> None:
     with closing(MemoryClient(shell, DEFAULT)) as access:
         options = Options(only=frozenset({"5.3/11"}), allowed=ALL, examples=3)
         begun_s = access.now_s
-        results = Run(ClientSetting(access, Statement(), options)).results()
+        results = Run(ClientAdapter(access, Ics(), options)).results()
         assert access.now_s - begun_s < 10
     told = {case.id: case for case in results.cases}["5.3/11"]
     assert told.verdict is Verdict.FAIL

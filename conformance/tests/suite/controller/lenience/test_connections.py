@@ -59,7 +59,7 @@ class ClosesOnMalformed(Brain):
         """End it."""
         command = self._command(frame)
         asks = command and command.request.fields and not command.two_stage
-        if command and asks and command.asker is A2C and self._value(command, frame) is None:
+        if command and asks and command.initiator is A2C and self._value(command, frame) is None:
             self._end(session, now_s)
         else:
             super().handle(session, frame, now_s)
@@ -72,7 +72,7 @@ class ClosesOnAnyMalformed(Brain):
         """End it."""
         command = self._command(frame)
         spoilt = command and frame.data and self._value(command, frame) is None
-        if command and spoilt and command.asker is A2C:
+        if command and spoilt and command.initiator is A2C:
             self._end(session, now_s)
         else:
             super().handle(session, frame, now_s)

@@ -10,7 +10,7 @@ import pytest
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
-from scaraspec.protocol.frames import Frame, Skipped, Why
+from scaraspec.protocol.frames import Frame, Skipped, SkipReason
 from scaraspec.protocol.payloads import Acceptance, NameListPart
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.virtual_controller.behaviour import SILENCE
@@ -96,7 +96,7 @@ class OverlooksEnds(Brain):
 
     def _take_in(self, session: Session, found: list[Any], now_s: float) -> None:
         for index, item in enumerate(found):
-            if isinstance(item, Skipped) and item.why is Why.BAD_END:
+            if isinstance(item, Skipped) and item.why is SkipReason.BAD_END:
                 found[index] = Frame(A2C, item.data[1], item.data[3:-1])
         super()._take_in(session, found, now_s)
 

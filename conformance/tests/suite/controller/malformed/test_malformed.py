@@ -33,7 +33,7 @@ VALUES: dict[str, Any] = {
     "get_analog_input": 1,
     "upload_chunk": Chunk(1, 0, 1, b"!"),
 }
-ASKED = [command for command in COMMANDS if command.asker is A2C]
+ASKED = [command for command in COMMANDS if command.initiator is A2C]
 
 
 def value_of(command: Command) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from scaraspec.mutants.controller.breaking import OtherInlet
-from scaraspec.protocol.frames import Found, Frame
+from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.inlet import Inlet
 from scaraspec.virtual_controller.session import Action
@@ -20,7 +20,7 @@ Try = Callable[..., Any]
 class _Restarts(Inlet):
     """Takes a segment that begins with AA for a new frame."""
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         """Forget the old one."""
         if data.startswith(b"\xaa"):
             self._framer = self._new_framer()
@@ -36,7 +36,7 @@ class SegmentIsFrame(OtherInlet):
 class _EndsAtAStop(Inlet):
     """Empties its buffer at an emergency stop."""
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         """Forget what is behind it."""
         found = super().receive(data, now_s)
         stops = (
@@ -54,9 +54,9 @@ class StopsListening(OtherInlet):
 class _FullBuffer(Inlet):
     """Reads 256 bytes at once, and has no room for these behind what it has kept."""
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         """Forget the beginning of a frame where a whole buffer follows it."""
-        found: list[Found] = []
+        found: list[StreamItem] = []
         for begin in range(0, len(data), 256):
             part = data[begin : begin + 256]
             if len(part) == 256:
@@ -76,7 +76,7 @@ class _FewPieces(Inlet):
 
     pieces = 0
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         """Give it up at the ninth."""
         self.pieces += 1
         if self.pieces > 8:
@@ -123,7 +123,7 @@ class EndsAtTheMark(Brain):
 class _OutputsLast(Inlet):
     """Settings of outputs wait until the rest of a segment has been served."""
 
-    def receive(self, data: bytes, now_s: float) -> list[Found]:
+    def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         """Put them behind it."""
         found = super().receive(data, now_s)
         return sorted(found, key=lambda each: isinstance(each, Frame) and each.opcode == 0x43)

@@ -46,7 +46,7 @@ def ask_together(
     """Send queries without waiting, in segments of these sizes or all in one; await all replies.
 
     Raises:
-        NoAnswer: One was not answered.
+        NoReply: One was not answered.
     """
     queries = known_to(subject, queries)
     data = b"".join(query.frame(line).encode() for query in queries)

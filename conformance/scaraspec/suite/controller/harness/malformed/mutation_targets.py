@@ -16,7 +16,7 @@ from scaraspec.protocol.frames import MAX_FRAME_BYTES, TAG, Frame
 from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.queries import opcodes_of
-from scaraspec.suite.engine.expectations import NoAnswer, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 
 CARRIERS: Final = ("get_time", "get_version", "get_status")
 OPCODES: Final = opcodes_of(*CARRIERS)
@@ -111,7 +111,7 @@ def survives(
         opcodes: Under which it may answer.
 
     Raises:
-        Unmet: It serves no more, or sends what nobody asked for.
+        CaseFailed: It serves no more, or sends what nobody asked for.
     """
     assert harmless(data + FLOOD), "damaged bytes may be executed"
     line = subject.open(judged=False)
@@ -129,8 +129,8 @@ def recovers(subject: Subject, line: Line) -> Recovery:
     (A-3-11), behind 260 bytes of requests it has to find one, unless it closes.
 
     Raises:
-        NoAnswer: It does not serve new connections.
-        Unmet: It keeps the connection open and serves nothing on it.
+        NoReply: It does not serve new connections.
+        CaseFailed: It keeps the connection open and serves nothing on it.
     """
     try:
         if _answers(line, GET_VERSION, _SOON_S):
@@ -138,7 +138,7 @@ def recovers(subject: Subject, line: Line) -> Recovery:
         for within_s in (SILENCE_S, subject.reply_s, subject.reply_s):
             if _answers(line, FLOOD, within_s) or _answers(line, GET_VERSION, within_s):
                 return Recovery.LATER
-    except NoAnswer:
+    except NoReply:
         pass  # it has closed
     closed = line.ending is not None
     line.close()
@@ -146,7 +146,7 @@ def recovers(subject: Subject, line: Line) -> Recovery:
     anew.ask("get_version")
     anew.close()
     if not closed:
-        raise Unmet(
+        raise CaseFailed(
             "behind bytes that are no frame nothing was served on the connection any more",
             expected="an answer to a later request, or the end of the connection",
             observed="silence, while a new connection is served",
@@ -159,12 +159,12 @@ def _answers(line: Line, data: bytes, within_s: float) -> bool:
     """Send requests for the version; whether one is answered.
 
     Raises:
-        NoAnswer: The subject has closed.
+        NoReply: The subject has closed.
     """
     line.send_bytes(data)
     try:
         line.reply("get_version", within_s=within_s)
-    except NoAnswer:
+    except NoReply:
         if line.ending is not None:
             raise
         return False
@@ -175,7 +175,7 @@ def nothing_else(line: Line, *, requirement: str, opcodes: frozenset[int] = OPCO
     """Fail the subject if it has sent anything but replies under these opcodes.
 
     Raises:
-        Unmet: It has.
+        CaseFailed: It has.
     """
     for seen in line.heard:
         opcode = seen.frame.opcode

@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import NoAnswer
+from scaraspec.suite.engine.expectations import NoReply
 
 _LATE: Final = "late answers to malformed "
 
@@ -81,13 +81,13 @@ def offer(subject: Subject, line: Line, name: str, wrong: Malformed) -> Offered:
     """Send a malformed request.
 
     Raises:
-        NoAnswer: The subject answers nothing any more.
+        NoReply: The subject answers nothing any more.
     """
     line = alive(subject, line)
     opcode = line.send(name, data=wrong.data).opcode
     try:
-        came = line.fence()
-    except NoAnswer:
+        came = line.sync()
+    except NoReply:
         line.pump()
         if line.ending is None:
             raise
@@ -104,7 +104,7 @@ def _late(subject: Subject, line: Line, name: str) -> Answer | None:
     A subject that has once stayed silent is not waited for again.
     """
     if line.ending is None and subject.known.setdefault(f"{_LATE}{name}", True):
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             return line.reply(name)
         subject.known[f"{_LATE}{name}"] = False
     return None

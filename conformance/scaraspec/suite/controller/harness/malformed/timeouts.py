@@ -10,7 +10,7 @@ from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.files import CHUNK_S, begin, incoming, offer
-from scaraspec.suite.engine.expectations import Unmet
+from scaraspec.suite.engine.expectations import CaseFailed
 from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 
 _INSTANT_S: Final = 1e-6
@@ -73,7 +73,7 @@ def run_tracks(subject: Subject, tracks: list[Track], *, at_once: bool) -> None:
         while at_once and waiting:
             try:
                 running.append(_Running(subject, waiting[0]))
-            except Unmet:  # it takes no more at once
+            except CaseFailed:  # it takes no more at once
                 break
             del waiting[0]
         _run(subject, running)
@@ -98,7 +98,7 @@ def uploads_at_once(subject: Subject) -> bool:
         for line in lines:
             begin(line, subject.new_name())
         taken = [offer(line, Chunk(1, 0, 1, b"!"), within_s=CHUNK_S) for line in lines]
-    except Unmet:
+    except CaseFailed:
         taken = [False]
     for line in lines:
         line.close()
@@ -114,7 +114,7 @@ def downloads_at_once(subject: Subject, name: bytes) -> bool:
         taken = [line.ask("download_name", data=name).accepted for line in lines]
         if all(taken):
             deque(zip(*map(incoming, lines), strict=True), maxlen=0)
-    except (Unmet, ValueError):  # a chunk of the other one's, or one that never comes
+    except (CaseFailed, ValueError):  # a chunk of the other one's, or one that never comes
         taken = [False]
     for line in lines:
         line.close()

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, expect
 
 SLACK_S: Final = 2.0
 """What a clock may be off (4.5/4)."""
@@ -30,14 +30,14 @@ def read(subject: Subject, line: Line) -> Reading:
     """Ask for the time.
 
     Raises:
-        Unmet: The reply is no time of the calendar.
+        CaseFailed: The reply is no time of the calendar.
     """
     asked_s = subject.now_ns / _NS
     answer = line.ask("get_time")
     if not isinstance(answer.value, datetime):
         message = "the reply to 0x07 is no time YYYYMMDDHHMMSS of the calendar"
         requirement = "4.6/3" if _has_form(answer) else "4.6/2"
-        raise Unmet(
+        raise CaseFailed(
             message, expected="YYYYMMDDHHMMSS", observed=f"{answer}", requirement=requirement
         )
     return Reading(answer.value, asked_s, answer.time_s)
@@ -51,19 +51,19 @@ def shifted(time: datetime, by: timedelta) -> datetime:
     """Another time, so much later than what a clock tells.
 
     Raises:
-        Undecided: The calendar has no such time.
+        CaseInconclusive: The calendar has no such time.
     """
     try:
         return time + by
     except OverflowError:
-        raise Undecided(f"the clock tells {time}, next to an end of the calendar") from None
+        raise CaseInconclusive(f"the clock tells {time}, next to an end of the calendar") from None
 
 
 def set_to(subject: Subject, line: Line, time: datetime) -> Reading:
     """Set the clock; what it showed then.
 
     Raises:
-        Unmet: It is refused.
+        CaseFailed: It is refused.
     """
     asked_s = subject.now_ns / _NS
     answer = line.ask("set_time", time)
@@ -79,7 +79,7 @@ def expect_ran(
     """Fail the subject unless its clock ran from one reading to the other.
 
     Raises:
-        Unmet: It did not.
+        CaseFailed: It did not.
     """
     scale = subject.statement.time_scale
     least_s = max(then.asked_s - first.answered_s, 0.0) * scale

@@ -15,7 +15,13 @@ from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.chunks import chunk_of, expect_next
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import (
+    CaseFailed,
+    CaseInconclusive,
+    CaseSkipped,
+    NoReply,
+    expect,
+)
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.transfers import refuses_an_answer
 
@@ -28,7 +34,7 @@ _MOST_BYTES: Final = 2**20
 _MOST_CHUNKS: Final = 2000  # of a file of at most so many bytes
 
 
-class NameRefused(NotRun):
+class NameRefused(CaseSkipped):
     """A new name of other characters than letters and digits, which may be refused (A-5-20)."""
 
 
@@ -39,7 +45,7 @@ def begin(line: Line, name: bytes) -> None:
     """Offer a new file name.
 
     Raises:
-        Unmet: It is refused.
+        CaseFailed: It is refused.
         NameRefused: It is, and may be.
     """
     answer = line.ask("upload_name", data=name)
@@ -64,7 +70,7 @@ def offer(
     """Send a chunk, or whatever data in its place; whether it is taken, None without an answer."""
     try:
         return line.ask("upload_chunk", chunk, data=data, within_s=within_s).accepted
-    except NoAnswer:
+    except NoReply:
         return None
 
 
@@ -72,8 +78,8 @@ def send(line: Line, chunk: Chunk, requirement: str = "5.2/6", message: str = ""
     """Send a chunk that has to be taken; the message says what is wrong where it is not.
 
     Raises:
-        Unmet: It is not.
-        Undecided: It came so late that the transfer may have been over.
+        CaseFailed: It is not.
+        CaseInconclusive: It came so late that the transfer may have been over.
     """
     answer = line.ask("upload_chunk", chunk, within_s=CHUNK_S)
     if not answer.accepted:
@@ -92,7 +98,7 @@ def upload(line: Line, name: bytes, content: bytes, requirement: str = "5.2/6") 
     """Send a whole file (5.2).
 
     Raises:
-        Unmet: The subject refuses the name or a chunk.
+        CaseFailed: The subject refuses the name or a chunk.
     """
     begin(line, name)
     for chunk in chunks_of(content):
@@ -106,8 +112,8 @@ def download(line: Line, name: bytes) -> bytes | None:
     """Fetch a whole file (5.3); None where the subject says that it has none.
 
     Raises:
-        Unmet: A chunk is none, is out of bounds, or does not follow on the one before.
-        NoAnswer: A chunk does not come.
+        CaseFailed: A chunk is none, is out of bounds, or does not follow on the one before.
+        NoReply: A chunk does not come.
     """
     if not line.ask("download_name", data=name).accepted:
         return None
@@ -118,8 +124,8 @@ def incoming(line: Line) -> Iterator[Chunk]:
     """The chunks of a download, each of which is answered when the next is asked for.
 
     Raises:
-        Unmet: A chunk is none, is out of bounds, or does not follow on the one before.
-        NoAnswer: A chunk does not come.
+        CaseFailed: A chunk is none, is out of bounds, or does not follow on the one before.
+        NoReply: A chunk does not come.
     """
     due, size_bytes = 0, -1
     while due != size_bytes:
@@ -130,7 +136,9 @@ def incoming(line: Line) -> Iterator[Chunk]:
         line.answer_chunk(accepted=True)
         due += chunk.length
         if due > _MOST_BYTES:
-            raise Undecided(f"a file of more than {_MOST_BYTES} bytes is not fetched to its end")
+            raise CaseInconclusive(
+                f"a file of more than {_MOST_BYTES} bytes is not fetched to its end"
+            )
     line.apart()
 
 
@@ -138,11 +146,11 @@ def expect_stored(line: Line, name: bytes, content: bytes, requirement: str = "5
     """Fetch a file and hold it against what it should be.
 
     Raises:
-        Unmet: It is not there, or is another one.
+        CaseFailed: It is not there, or is another one.
     """
     got = download(line, name)
     if got is None:
-        raise Unmet(
+        raise CaseFailed(
             "a file that was uploaded cannot be downloaded",
             expected="1",
             observed="0",
@@ -152,7 +160,7 @@ def expect_stored(line: Line, name: bytes, content: bytes, requirement: str = "5
         return
     first = next((i for i, (a, b) in enumerate(zip(got, content, strict=False)) if a != b), None)
     at = min(len(got), len(content)) if first is None else first
-    raise Unmet(
+    raise CaseFailed(
         f"a file of {len(content)} bytes differs from byte {at} on when it is fetched",
         expected=f"{len(content)} bytes, at {at}: {content[at : at + 8].hex(' ')}",
         observed=f"{len(got)} bytes, at {at}: {got[at : at + 8].hex(' ')}",
@@ -166,7 +174,7 @@ def expect_round_trip(
     """Send a file, fetch it, compare, and delete it.
 
     Raises:
-        Unmet: It does not come back as it was sent.
+        CaseFailed: It does not come back as it was sent.
     """
     name = subject.new_name()
     upload(line, name, content, requirement)
@@ -178,9 +186,9 @@ def next_chunk(line: Line) -> Chunk:
     """Wait for the next chunk of a download.
 
     Raises:
-        NoAnswer: None comes in `CHUNK_S`.
-        Unmet: It is no chunk.
-        Undecided: The one before was answered so late that the transfer may have been over.
+        NoReply: None comes in `CHUNK_S`.
+        CaseFailed: It is no chunk.
+        CaseInconclusive: The one before was answered so late that the transfer may have been over.
     """
     return chunk_of(_chunk_frame(line))
 
@@ -189,8 +197,8 @@ def course_of(line: Line, name: bytes) -> list[Answer]:
     """Fetch a file and keep every frame of it, right or wrong, until no more come.
 
     Raises:
-        Unmet: The file is refused.
-        Undecided: A chunk was answered so late that the transfer may have been over.
+        CaseFailed: The file is refused.
+        CaseInconclusive: A chunk was answered so late that the transfer may have been over.
     """
     expect(
         line.ask("download_name", data=name).accepted,
@@ -208,7 +216,7 @@ def course_of(line: Line, name: bytes) -> list[Answer]:
             break
         try:
             frames.append(_chunk_frame(line))
-        except NoAnswer:
+        except NoReply:
             break
     return frames
 
@@ -216,7 +224,7 @@ def course_of(line: Line, name: bytes) -> list[Answer]:
 def _chunk_frame(line: Line) -> Answer:
     try:
         return line.reply("download_chunk", within_s=CHUNK_S)
-    except NoAnswer as error:
+    except NoReply as error:
         line.in_time()
         error.requirement = "5.3/4"
         raise
@@ -235,7 +243,7 @@ def nothing_more(line: Line, message: str, requirement: str, *, stray: bool = Fa
         stray: Whether an answer to no chunk was sent, which may be answered 0 (A-5-16).
 
     Raises:
-        Unmet: It has.
+        CaseFailed: It has.
     """
     came = transfer_frames(line, stray=stray)
     expect(
@@ -254,8 +262,8 @@ def transfer_frames(line: Line, *, stray: bool = False) -> list[FrameSeen]:
     """
     line.apart()
     try:
-        came = line.fence() if line.ending is None else line.heard
-    except NoAnswer:
+        came = line.sync() if line.ending is None else line.heard
+    except NoReply:
         if line.ending is None:  # it may end the link (A-5-26)
             raise
         came = line.heard
@@ -274,7 +282,7 @@ def delete(line: Line, name: bytes) -> None:
     """Delete a file of the suite's own.
 
     Raises:
-        Unmet: The subject refuses.
+        CaseFailed: The subject refuses.
     """
     answer = line.ask("delete_program", data=name)
     expect(
@@ -290,7 +298,7 @@ def some_file(subject: Subject, line: Line, content: bytes) -> bytes:
     """The name of a file to fetch: one of this content, or what is there where none may be sent.
 
     Raises:
-        NotRun: There is none, and none may be sent.
+        CaseSkipped: There is none, and none may be sent.
     """
     if Hazard.STATE in subject.allowed:
         name = subject.new_name()
@@ -298,7 +306,7 @@ def some_file(subject: Subject, line: Line, content: bytes) -> bytes:
         return name
     part = line.ask("list_programs").value
     if part is None or not part.names:
-        raise NotRun("no program is stored, and --allow state is needed to send one")
+        raise CaseSkipped("no program is stored, and --allow state is needed to send one")
     return bytes(part.names[0])
 
 
@@ -312,7 +320,7 @@ def left_behind(line: Line, name: bytes) -> bytes | None:
     """What is stored under a name, of which nothing may be; b"" also where no chunk comes.
 
     Raises:
-        Undecided: A chunk was answered so late that the transfer may have been over.
+        CaseInconclusive: A chunk was answered so late that the transfer may have been over.
     """
     if not line.ask("download_name", data=name).accepted:
         return None
@@ -320,7 +328,7 @@ def left_behind(line: Line, name: bytes) -> bytes | None:
     for _ in range(_MOST_CHUNKS):
         try:
             chunk = chunk_of(line.reply("download_chunk"))
-        except NoAnswer:
+        except NoReply:
             if content:
                 line.in_time()
             break

@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.poses import numbers_of
 from scaraspec.suite.controller.harness.timeouts import Due
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 
 AXES: Final = ("x", "y", "z", "theta_x")
 """What a move may change, with a meaning (7.1, L1006)."""
@@ -81,11 +81,11 @@ def neighbours(subject: Subject, pose: Pose, axis: str) -> list[Pose]:
     """The poses a step away along an axis, one way and the other, as far as they are in the box.
 
     Raises:
-        NotRun: The arm stands outside of the box in which it may be moved.
+        CaseSkipped: The arm stands outside of the box in which it may be moved.
     """
     motion = subject.statement.motion
     if not in_box(subject, pose):
-        raise NotRun(f"the arm stands at {pose[:3]}, outside of motion.box_mm: bring it there")
+        raise CaseSkipped(f"the arm stands at {pose[:3]}, outside of motion.box_mm: bring it there")
     value = getattr(pose, axis)
     steps = (value + motion.step_mm, value - motion.step_mm)
     poses = [pose._replace(**{axis: round(each, 3)}) for each in steps]
@@ -119,13 +119,13 @@ def begin_step(
         Where it goes, and the first reply, which is no refusal for being out of reach.
 
     Raises:
-        NotRun: There is no room along this axis.
+        CaseSkipped: There is no room along this axis.
     """
     for pose in neighbours(subject, pose_of(line), axis):
         answer = ask_move(subject, line, pose, speed_percent)
         if not is_out_of_reach(answer):
             return pose, answer
-    raise NotRun(f"there is no room for a step along {axis}")
+    raise CaseSkipped(f"there is no room for a step along {axis}")
 
 
 def begin_step_somewhere(
@@ -134,13 +134,13 @@ def begin_step_somewhere(
     """Begin a step along the first axis that has room.
 
     Raises:
-        Unmet: None has: the arm can go nowhere from where it stands (4.24/5).
+        CaseFailed: None has: the arm can go nowhere from where it stands (4.24/5).
     """
     for axis in ("y", "x", "z", "theta_x"):
-        with suppress(NotRun):
+        with suppress(CaseSkipped):
             return begin_step(subject, line, axis, speed_percent)
     message = "no step from where the arm stands is possible, along no axis and either way"
-    raise Unmet(message, expected="1", observed="0|05 or 0|06", requirement="4.24/5")
+    raise CaseFailed(message, expected="1", observed="0|05 or 0|06", requirement="4.24/5")
 
 
 def is_out_of_reach(answer: Answer) -> bool:
@@ -154,20 +154,22 @@ def returning(subject: Subject, line: Line) -> Iterator[Pose]:
     """Give the pose of the tool, and bring it back there afterwards, whatever has happened.
 
     Raises:
-        Undecided: It could not be brought back.
+        CaseInconclusive: It could not be brought back.
     """
     release_latch(subject, line)
     pose = pose_of(line)
     try:
         yield pose
     except BaseException:
-        with suppress(Unmet, Undecided):
+        with suppress(CaseFailed, CaseInconclusive):
             _go_back(subject, line, pose)
         raise
     try:
         _go_back(subject, line, pose)
-    except Unmet as error:
-        raise Undecided(f"the arm could not be brought back to {pose[:4]}: {error}") from None
+    except CaseFailed as error:
+        raise CaseInconclusive(
+            f"the arm could not be brought back to {pose[:4]}: {error}"
+        ) from None
 
 
 def _go_back(subject: Subject, line: Line, pose: Pose) -> None:
@@ -176,12 +178,12 @@ def _go_back(subject: Subject, line: Line, pose: Pose) -> None:
     if line.closed or line.ending is not None:
         subject.close_lines()
         line = subject.open()
-    quieten(subject, line)
+    stop_motion(subject, line)
     if same_place(pose_of(line), pose):
         return
     answer = ask_move(subject, line, pose)
     if not answer.accepted:
-        raise Unmet("the way back is refused", expected="1", observed=f"{answer}")
+        raise CaseFailed("the way back is refused", expected="1", observed=f"{answer}")
     end_of(subject, line, _MOVE)
 
 
@@ -207,7 +209,7 @@ def listens(subject: Subject, line: Line, *, jogs: bool = False) -> bool:
         if _DEAF_JOGGING not in subject.known:
             try:
                 line.ask("get_status", within_s=subject.statement.motion.jog_s)
-            except NoAnswer:
+            except NoReply:
                 if line.ending is not None:
                     return False
                 subject.known[_DEAF_JOGGING] = True
@@ -217,7 +219,7 @@ def listens(subject: Subject, line: Line, *, jogs: bool = False) -> bool:
     if DEAF not in subject.known:
         try:
             waited_s, status = _timed_status(subject, line)
-        except NoAnswer:
+        except NoReply:
             if line.ending is not None:
                 return False
             subject.known[DEAF] = True
@@ -238,10 +240,10 @@ def go_on_if_it_listens(subject: Subject, line: Line) -> None:
     """Go on only where a robot that executes answers queries; asked while it executes.
 
     Raises:
-        NotRun: It does not.
+        CaseSkipped: It does not.
     """
     if not listens(subject, line):
-        raise NotRun("the robot answers nothing while it executes (A-4-3)")
+        raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
 
 
 # ---------------------------------------------------------------------- coming to rest
@@ -251,7 +253,7 @@ def stop(subject: Subject, line: Line) -> Answer:
     """Stop what executes, to the end, and release its latch; the first reply to the stop.
 
     Raises:
-        NoAnswer: The stop, or its result, is not answered.
+        NoReply: The stop, or its result, is not answered.
     """
     answer = halt(subject, line)
     if answer.accepted:
@@ -263,11 +265,11 @@ def halt(subject: Subject, line: Line) -> Answer:
     """Stop what executes, to the end; the first reply to the stop. The arm stays where it is.
 
     Raises:
-        NoAnswer: The stop, or its result, is not answered.
+        NoReply: The stop, or its result, is not answered.
     """
     answer = line.ask("emergency_stop")
     if answer.accepted:
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             line.result("emergency_stop", within_s=subject.reply_s)
         _await_own_result(line)
         await_rest(subject, line)
@@ -282,11 +284,11 @@ def _await_own_result(line: Line) -> None:
         left_s -= _POLL_S
 
 
-def quieten(subject: Subject, line: Line) -> None:
+def stop_motion(subject: Subject, line: Line) -> None:
     """End whatever executes.
 
     Raises:
-        NoAnswer: The subject does not answer any more.
+        NoReply: The subject does not answer any more.
     """
     for _ in range(_STOPS):
         if status_of(subject, line) not in (*BUSY, None):
@@ -294,7 +296,7 @@ def quieten(subject: Subject, line: Line) -> None:
         stop(subject, line)
     await_rest(subject, line)
     release_latch(subject, line)
-    line.fence()
+    line.sync()
 
 
 def status_behind(line: Line) -> Answer:
@@ -322,7 +324,7 @@ def status_of(subject: Subject, line: Line) -> str | None:
         _drop_late_replies(line)
     try:
         answer = line.ask("get_status", within_s=_POLL_S if deaf else None)
-    except NoAnswer:
+    except NoReply:
         if not deaf:
             raise
         return None
@@ -361,12 +363,12 @@ def end_of(
     left_s = subject.patience.within_s(due, subject.longest_s if within_s is None else within_s)
     idle = False
     while not idle and left_s > 0:
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             return line.result(name, within_s=min(_SLICE_S, left_s))
         left_s -= _SLICE_S
         listens(subject, line)  # a deaf robot is asked otherwise
         idle = status_of(subject, line) == IDLE
-    with suppress(NoAnswer):
+    with suppress(NoReply):
         return line.result(name, within_s=SILENCE_S)
     subject.patience.missed(due)
     return None

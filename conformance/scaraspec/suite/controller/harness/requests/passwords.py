@@ -38,7 +38,7 @@ def expect_changed(line: Line, old: bytes, new: bytes) -> bool:
         Whether it was taken.
 
     Raises:
-        Unmet: Another one is refused.
+        CaseFailed: Another one is refused.
     """
     answer = change(line, old, new)
     if answer.accepted is False and (new in REFUSABLE or new == old):

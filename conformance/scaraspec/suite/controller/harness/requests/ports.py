@@ -12,7 +12,7 @@ from scaraspec.protocol.commands import PortValue
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import Undecided, Unmet, expect, expect_equal
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, expect, expect_equal
 
 ALL_OUTPUTS: Final = range(1, 17)
 """The ports of 0x49 (L687)."""
@@ -36,7 +36,7 @@ def expect_form(subject: Subject, line: Line, name: str) -> None:
     """Ask for the states of ports, and hold what comes against its form (L646, L682).
 
     Raises:
-        Unmet: It is neither one digit a port nor an error, which is tolerated.
+        CaseFailed: It is neither one digit a port nor an error, which is tolerated.
     """
     ports, requirement, register = _FORMS[name]
     answer = line.ask(name)
@@ -56,8 +56,8 @@ def outputs(line: Line) -> Bits:
     """The states of all digital outputs (0x49).
 
     Raises:
-        Unmet: They are not sixteen digits.
-        Undecided: The subject reports an error.
+        CaseFailed: They are not sixteen digits.
+        CaseInconclusive: The subject reports an error.
     """
     return _bits(line, "get_digital_outputs", "4.34/2")
 
@@ -66,8 +66,8 @@ def inputs(line: Line) -> Bits:
     """The states of all digital inputs (0x42).
 
     Raises:
-        Unmet: They are not eight digits.
-        Undecided: The subject reports an error.
+        CaseFailed: They are not eight digits.
+        CaseInconclusive: The subject reports an error.
     """
     return _bits(line, "get_digital_inputs", "4.31/2")
 
@@ -75,10 +75,10 @@ def inputs(line: Line) -> Bits:
 def _bits(line: Line, name: str, requirement: str) -> Bits:
     answer = line.ask(name)
     if answer.seen.text == b"0":
-        raise Undecided(f"{name} is answered with an error")
+        raise CaseInconclusive(f"{name} is answered with an error")
     if not isinstance(answer.value, str):
         message = f"{name} is not answered with one digit a port"
-        raise Unmet(
+        raise CaseFailed(
             message, expected="1| and digits", observed=f"{answer}", requirement=requirement
         )
     return tuple(digit == "1" for digit in reversed(answer.value))
@@ -103,12 +103,12 @@ def settable(line: Line) -> list[int]:
     """The ports of 0x49 that 0x43 takes for outputs; each is set to what it is.
 
     Raises:
-        Undecided: There are none.
+        CaseInconclusive: There are none.
     """
     now = outputs(line)
     ports = [port for port in ALL_OUTPUTS if set_output(line, port, on=now[port - 1]).accepted]
     if not ports:
-        raise Undecided("the subject takes none of its ports for a digital output")
+        raise CaseInconclusive("the subject takes none of its ports for a digital output")
     return ports
 
 
@@ -116,7 +116,7 @@ def expect_outputs(line: Line, expected: Bits, message: str, *, requirement: str
     """Fail the subject unless 0x49 shows these states.
 
     Raises:
-        Unmet: It does not.
+        CaseFailed: It does not.
     """
     expect_equal(digits(outputs(line)), digits(expected), message, requirement=requirement)
 
@@ -125,7 +125,7 @@ def expect_inputs(line: Line, expected: Bits, message: str, *, requirement: str 
     """Fail the subject unless 0x42 shows these states.
 
     Raises:
-        Unmet: It does not.
+        CaseFailed: It does not.
     """
     expect_equal(digits(inputs(line)), digits(expected), message, requirement=requirement)
 
@@ -140,7 +140,7 @@ def outputs_kept(line: Line) -> Iterator[Bits]:
     try:
         yield before
     finally:
-        with suppress(Unmet, Undecided):
+        with suppress(CaseFailed, CaseInconclusive):
             for port, (was, now) in enumerate(zip(before, outputs(line), strict=False), 1):
                 if was != now:
                     set_output(line, port, on=was)
@@ -160,7 +160,7 @@ def inputs_steady(line: Line, ports: Iterable[int] = ALL_INPUTS) -> Iterator[Bit
     """Give the states of the inputs; what fails while these change is held against nobody.
 
     Raises:
-        Undecided: They have changed meanwhile.
+        CaseInconclusive: They have changed meanwhile.
     """
     before = inputs(line)
 
@@ -171,12 +171,12 @@ def inputs_steady(line: Line, ports: Iterable[int] = ALL_INPUTS) -> Iterator[Bit
     message = "the inputs changed while programs read them"
     try:
         yield before
-    except Unmet:
+    except CaseFailed:
         if changed():
-            raise Undecided(message) from None
+            raise CaseInconclusive(message) from None
         raise
     if changed():
-        raise Undecided(message)
+        raise CaseInconclusive(message)
 
 
 class Drive:
@@ -202,8 +202,8 @@ def inputs_driven(subject: Subject, line: Line) -> Iterator[Drive]:
     """Drive the inputs, and afterwards drive them back to what they were.
 
     Raises:
-        NotRun: There is no hook for it.
-        Undecided: The hook failed.
+        CaseSkipped: There is no hook for it.
+        CaseInconclusive: The hook failed.
     """
     before = inputs(line)
     drive = Drive(subject, before)

@@ -8,7 +8,7 @@ from typing import TypeVar
 from scaraspec.judge.rounding import read_back
 from scaraspec.protocol.commands import JointValues, Point, Pose
 from scaraspec.suite.controller.harness.outgoing_connection import Line
-from scaraspec.suite.engine.expectations import Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, expect
 
 _Numbers = TypeVar("_Numbers", JointValues, Point, Pose)
 
@@ -17,14 +17,14 @@ def numbers_of(line: Line, command: str, kind: type[_Numbers], requirement: str)
     """What a query tells that has so many numbers.
 
     Raises:
-        Unmet: It tells something else.
+        CaseFailed: It tells something else.
     """
     answer = line.ask(command)
     if not isinstance(answer.value, kind):
         count = len(kind._fields)
         message = f"{command} does not tell {count} numbers between bars"
         expected = "|".join(kind._fields)
-        raise Unmet(message, expected=expected, observed=f"{answer}", requirement=requirement)
+        raise CaseFailed(message, expected=expected, observed=f"{answer}", requirement=requirement)
     return answer.value
 
 
@@ -44,7 +44,7 @@ def expect_numbers(
     """Hold what is shown against what was set: exactly where it has one decimal or none.
 
     Raises:
-        Unmet: They differ.
+        CaseFailed: They differ.
     """
     expect(
         read_back(shown, wanted),

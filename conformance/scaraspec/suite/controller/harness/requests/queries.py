@@ -59,7 +59,7 @@ def ask_all(subject: Subject, line: Line) -> list[Answer]:
     """Ask each of them once.
 
     Raises:
-        NoAnswer: One was not answered.
+        NoReply: One was not answered.
     """
     return [line.ask(*query) for query in known_to(subject)]
 
@@ -68,7 +68,7 @@ def replies_to(line: Line, queries: list[Query]) -> list[Answer]:
     """Wait for the replies to queries that were sent, in whatever order they come.
 
     Raises:
-        NoAnswer: One does not come.
+        NoReply: One does not come.
     """
     return [line.reply(query.name) for query in queries]
 

@@ -10,7 +10,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.state.preserve import alive
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
 from scaraspec.traffic.events import FrameSeen
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def default_kept(subject: Subject, line: Line) -> Iterator[None]:
         yield
     finally:
         if before:
-            with suppress(Unmet, Undecided):
+            with suppress(CaseFailed, CaseInconclusive):
                 alive(subject, line).ask("set_default_program", data=before)
 
 
@@ -46,13 +46,13 @@ def ask_default(subject: Subject, line: Line, opcode: int) -> FrameSeen | None:
     """Ask with one of the two opcodes; the reply, None where it is not served (A-3-9).
 
     Raises:
-        Unmet: The reply bears the other one.
+        CaseFailed: The reply bears the other one.
     """
     line = alive(subject, line)
     line.send_frame(Frame(A2C, opcode))
     try:
         replies = [seen for seen in line.answers() if seen.frame.opcode in OPCODES]
-    except NoAnswer:
+    except NoReply:
         return None
     if not replies:
         return None
@@ -86,12 +86,12 @@ def expect_default(subject: Subject, line: Line, name: bytes, requirement: str) 
     """Fail the subject unless this is its default program.
 
     Raises:
-        Unmet: It is another one.
+        CaseFailed: It is another one.
     """
     answer: Answer | FrameSeen | None
     try:
         answer = line.ask("get_default_program")
-    except NoAnswer:
+    except NoReply:
         answer = _by_the_other_opcode(subject, line)
         if answer is None:
             raise

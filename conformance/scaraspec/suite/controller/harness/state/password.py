@@ -8,7 +8,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
 
 MOST_ATTEMPTS: Final = 5
 """How many passwords are tried: a controller may lock out who tries more (A-4.1-2)."""
@@ -16,7 +16,7 @@ MOST_ATTEMPTS: Final = 5
 _BUFFERS_BYTES: Final = (64, 63, 32, 31, 30, 20, 16, 15, 10, 8)
 
 
-class PasswordLost(Undecided):
+class PasswordLost(CaseInconclusive):
     """No known password opens a login; the message names the last one that the suite has set."""
 
 
@@ -27,20 +27,20 @@ def restore_password(subject: Subject) -> None:
     alone.
 
     Raises:
-        Unmet: The controller does not answer, or refuses to.
+        CaseFailed: The controller does not answer, or refuses to.
         PasswordLost: No known password opens a login.
     """
     if not subject.journal.changes.passwords or not subject.access.needs_login:
         return
-    refused: Unmet | None = None
+    refused: CaseFailed | None = None
     for password in _candidates(subject):
         if not _opens(subject, password):
             continue
         try:
             set_back(subject, password)
-        except NoAnswer:
+        except NoReply:
             raise
-        except Unmet as error:
+        except CaseFailed as error:
             refused = error
         else:
             return
@@ -51,7 +51,7 @@ def set_back(subject: Subject, password: bytes) -> None:
     """Set the user's password again in place of this one.
 
     Raises:
-        Unmet: The controller does not answer, or refuses to.
+        CaseFailed: The controller does not answer, or refuses to.
     """
     if password != subject.password:
         line = subject.open(login=False)
@@ -67,7 +67,7 @@ def working_password(subject: Subject) -> bytes:
     """A password that opens a login.
 
     Raises:
-        Unmet: The controller does not answer.
+        CaseFailed: The controller does not answer.
         PasswordLost: No known password does.
     """
     for password in _candidates(subject):
@@ -137,7 +137,7 @@ def set_value(line: Line, name: str, value: Any = None, *, data: bytes | None = 
     """Set something, and fail the subject if it refuses.
 
     Raises:
-        Unmet: It does.
+        CaseFailed: It does.
     """
     answer = line.ask(name, value, data=data)
     expect(answer.accepted, f"{name} was refused", expected="1", observed=f"{answer}")

@@ -11,7 +11,7 @@ from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.restore import ITEMS
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 
 
 def alive(subject: Subject, line: Line) -> Line:
@@ -28,18 +28,18 @@ def kept(subject: Subject, line: Line, *names: str) -> Iterator[None]:
     """Put back afterwards what the items of these names were.
 
     Raises:
-        Unmet: The subject does not say what they are.
+        CaseFailed: The subject does not say what they are.
     """
     items = [item for item in ITEMS if item.name in names]
     before = {}
     for item in items:
-        with suppress(NoAnswer):  # as where there is no default program (A-4.12-2)
+        with suppress(NoReply):  # as where there is no default program (A-4.12-2)
             before[item.name] = item.read(subject, line)
     try:
         yield
     finally:
         for item in items:
-            with suppress(Unmet, Undecided):
+            with suppress(CaseFailed, CaseInconclusive):
                 if (value := before.get(item.name)) is not None:
                     item.write(subject, alive(subject, line), value)
 
@@ -49,13 +49,13 @@ def password_kept(subject: Subject) -> Iterator[None]:
     """Set the password again afterwards that the tester named, if it is another one by then.
 
     Raises:
-        NotRun: The link needs none.
+        CaseSkipped: The link needs none.
     """
     needs_login(subject)
     try:
         yield
     finally:
-        with suppress(Unmet, Undecided):
+        with suppress(CaseFailed, CaseInconclusive):
             subject.close_lines()
             restore_password(subject)
 
@@ -64,18 +64,18 @@ def needs_login(subject: Subject) -> None:
     """Go on only over a link that needs a login.
 
     Raises:
-        NotRun: It does not (L83).
+        CaseSkipped: It does not (L83).
     """
     if not subject.access.needs_login:
-        raise NotRun("this link needs no login")
+        raise CaseSkipped("this link needs no login")
 
 
 def patient(subject: Subject, lasts_s: float) -> None:
     """Go on only where a case may last so many of the subject's seconds.
 
     Raises:
-        NotRun: It may not.
+        CaseSkipped: It may not.
     """
     ours_s = lasts_s / subject.statement.time_scale
     if ours_s > subject.access.patience_s:
-        raise NotRun(f"it lasts {ours_s:.0f} s: grant them with --patience")
+        raise CaseSkipped(f"it lasts {ours_s:.0f} s: grant them with --patience")

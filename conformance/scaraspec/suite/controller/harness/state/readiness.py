@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     pose_of,
     status_of,
 )
-from scaraspec.suite.engine.expectations import Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 
 _MOVE: Final = "set_tool_coordinates"
 _READINGS: Final = 5
@@ -36,7 +36,7 @@ def make_ready(subject: Subject) -> None:
     stands at an end of its travel, and what its unsteady readings say lies beyond, now and then.
 
     Raises:
-        Unmet: It answers something otherwise than it must.
+        CaseFailed: It answers something otherwise than it must.
     """
     line = subject.open()
     subject.moved = True
@@ -68,7 +68,7 @@ def come_back(subject: Subject) -> list[str]:
         if any(_goes_back(subject, line, pose) for pose in stood):
             return []
         why = "it refuses to go there"
-    except (Unmet, Undecided) as error:
+    except (CaseFailed, CaseInconclusive) as error:
         why = f"{error}"
     return [f"the arm could not be brought back to {stood[0][:4]}: {why}"]
 

@@ -19,7 +19,7 @@ from scaraspec.suite.controller.harness.state.restore import (
     snapshot,
     write_default,
 )
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.journal import Changes
 
 
@@ -34,7 +34,7 @@ def recover(subject: Subject) -> None:
 
     Raises:
         RecoveryError: The allowed hazards do not permit it, or it failed. The journal is kept.
-        Unmet: The controller cannot be reached or does not answer.
+        CaseFailed: The controller cannot be reached or does not answer.
         JournalError: The journal cannot be written.
     """
     earlier = subject.journal.earlier
@@ -45,7 +45,7 @@ def recover(subject: Subject) -> None:
     subject.journal.resume()
     try:
         told = _recovered(subject, earlier)
-    except (PasswordLost, Undecided) as error:
+    except (PasswordLost, CaseInconclusive) as error:
         raise _failed(subject, f"{error}") from None
     subject.notify(f"{_interrupted(subject)}: {'; '.join(told) or 'nothing was left'}")
 
@@ -69,7 +69,7 @@ def _recovered(subject: Subject, earlier: Changes) -> list[str]:
     if may_differ:
         try:
             set_back(subject, working)
-        except Unmet as error:
+        except CaseFailed as error:
             raise _failed(subject, f"the password: {error}") from None
     subject.moved = earlier.motion
     differences = restore(subject)
@@ -85,7 +85,7 @@ def _put_default_back(subject: Subject, earlier: Changes) -> None:
     """
     default = earlier.settings.get(DEFAULT_PROGRAM)
     if default and DEFAULT_PROGRAM in earlier.changed and Hazard.STATE in subject.allowed:
-        with suppress(Unmet, Undecided):
+        with suppress(CaseFailed, CaseInconclusive):
             write_default(subject, subject.open(), default)
 
 
@@ -96,7 +96,7 @@ def _stopped(subject: Subject) -> str:
         return "nothing moved"
     try:
         line.result("emergency_stop", within_s=subject.reply_s)
-    except NoAnswer:
+    except NoReply:
         return "the emergency stop was accepted, and no final result came"
     return "the robot was stopped"
 

@@ -17,7 +17,7 @@ from scaraspec.suite.controller.harness.guard import EVERYTHING
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.clock import shifted
 from scaraspec.suite.controller.harness.state.password import restore_password, set_value
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.program_files.listed import program_names
 
@@ -75,7 +75,7 @@ def without_the_unrestorable(
                 item.write(subject, line, state[item.name])
             except JournalError:
                 raise
-            except (Unmet, Undecided):
+            except (CaseFailed, CaseInconclusive):
                 state[item.name] = None
     return state
 
@@ -103,7 +103,7 @@ def restore(subject: Subject) -> Differences:
     with subject.journal.restoring():
         try:
             line = _reached(subject)
-        except (Unmet, Undecided) as error:
+        except (CaseFailed, CaseInconclusive) as error:
             return Differences([f"nothing could be put back: {error}"], [])
         for item in ITEMS:
             if before.get(item.name) is None:
@@ -136,14 +136,14 @@ def _put_back(item: Item, subject: Subject, line: Line, wanted: Any, *, ours: bo
         item.write(subject, line, wanted)
         now = _read(item, subject, line)
         expect(not item.differs(subject, now, wanted), f"it is {shown(item, now)}")
-    except (Unmet, Undecided) as error:
+    except (CaseFailed, CaseInconclusive) as error:
         return f"the {item.name} could not be put back to {shown(item, wanted)}: {error}"
     return ""
 
 
 def _set_once_more(clock: Item, subject: Subject, line: Line, wanted: Any) -> Any:
     """Set a clock that is about right, as it drifts each time that a case puts it back."""
-    with suppress(Unmet, Undecided):
+    with suppress(CaseFailed, CaseInconclusive):
         if clock.hazard in subject.allowed:
             clock.write(subject, line, wanted)
     return _read(clock, subject, line)
@@ -186,8 +186,8 @@ def _reached(subject: Subject) -> Line:
     """A connection to the subject at rest; who has just crashed has time to come back.
 
     Raises:
-        Unmet: It cannot be reached.
-        Undecided: It does not come to rest.
+        CaseFailed: It cannot be reached.
+        CaseInconclusive: It does not come to rest.
     """
     begun_ns = subject.now_ns
     while True:
@@ -195,7 +195,7 @@ def _reached(subject: Subject) -> Line:
             restore_password(subject)
             subject.settle()
             return subject.open()
-        except NoAnswer:
+        except NoReply:
             if subject.now_ns - begun_ns > _COMES_BACK_S * _NS:
                 raise
         subject.close_lines()
@@ -205,7 +205,7 @@ def _reached(subject: Subject) -> Line:
 def _read(item: Item, subject: Subject, line: Line) -> Any:
     try:
         return item.read(subject, line)
-    except (Unmet, Undecided):  # of that, too, the cases are the judges
+    except (CaseFailed, CaseInconclusive):  # of that, too, the cases are the judges
         return None
 
 

@@ -31,7 +31,7 @@ from scaraspec.suite.controller.harness.setting_values import (
 from scaraspec.suite.controller.harness.state.defaults import default_kept
 from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.program_files.listed import program_names, store_program
 
 _SET_AGAIN: Final = (CLOCK, GRIPPER_CENTRE, INITIAL_POSITION)
@@ -68,7 +68,7 @@ def watch(subject: Subject, for_s: float) -> None:
         for_s: How long to watch.
     """
     others = subject.others
-    with suppress(Unmet, Undecided):
+    with suppress(CaseFailed, CaseInconclusive):
         line = subject.open()
         read = {name for name in others.touched if _read(subject, line, name) is not None}
         if read & others.deviating.keys() and not others.proved:
@@ -92,7 +92,7 @@ def _set_again(subject: Subject, line: Line, names: Collection[str]) -> Iterator
         requests[CLOCK] = _NOON
     with kept(subject, line, *harmless), default_kept(subject, line):
         if DEFAULT_PROGRAM in names and settings[DEFAULT_PROGRAM].request:
-            with suppress(Unmet, Undecided):
+            with suppress(CaseFailed, CaseInconclusive):
                 requests[DEFAULT_PROGRAM] = store_program(subject, line)
         yield requests
 
@@ -142,7 +142,7 @@ class _Watch:
         """Watch until another client is proved, for about so many seconds at most.
 
         Raises:
-            Unmet: The controller does not answer.
+            CaseFailed: The controller does not answer.
         """
         subject, turn_s = self._subject, for_s / _TURNS
         until_ns = subject.now_ns + round(for_s * _NS)
@@ -217,7 +217,7 @@ def _read(
     query, setting = QUERIES[name], subject.others.settings[name]
     if query in subject.statement.lacks | subject.unanswered:
         return None
-    with suppress(NoAnswer):
+    with suppress(NoReply):
         if name == PROGRAMS:
             setting.read = False
             program_names(subject, line)

@@ -16,8 +16,8 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.programs import Node
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
-from scaraspec.suite.controller.harness.two_stage.tasks import attentive
-from scaraspec.suite.engine.expectations import Undecided, Unmet
+from scaraspec.suite.controller.harness.two_stage.tasks import require_responsive
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.program_files.bench import Bench
 from scaraspec.suite.program_files.writing import Values, straight
 
@@ -89,7 +89,7 @@ class Arm:
         """Run a program that moves; False where the arm cannot go that way.
 
         Raises:
-            Unmet: It does not end, or fails for another reason.
+            CaseFailed: It does not end, or fails for another reason.
         """
         return self.watched(nodes) is not None
 
@@ -99,27 +99,27 @@ class Arm:
         The status is asked for, too: the judge knows what it has to be.
 
         Raises:
-            Unmet: It does not end, or fails for another reason.
+            CaseFailed: It does not end, or fails for another reason.
         """
         answer = self.robot.ask(self.robot.store(self.robot.file(nodes)))
         if not answer.accepted and answer.code in _IMPOSSIBLE:
             return None
         if not answer.accepted:
-            raise Unmet("a valid program is refused", expected="1", observed=f"{answer}")
+            raise CaseFailed("a valid program is refused", expected="1", observed=f"{answer}")
         seen: list[Values] = []
         left_s = self.subject.longest_s
         while (result := self.robot.ended()) is None:
             seen.append(self.place())
             self.line.ask("get_status")
             if left_s <= 0:
-                raise Unmet("a move does not end", expected="11", observed="no result")
+                raise CaseFailed("a move does not end", expected="11", observed="no result")
             self.line.wait(_POLL_S)
             left_s -= _POLL_S
         if result.done:
             return seen
         if result.code in _IMPOSSIBLE:
             return None
-        raise Unmet("a valid program fails", expected="11", observed=f"{result}")
+        raise CaseFailed("a valid program fails", expected="11", observed=f"{result}")
 
 
 def near(a: Values, b: Values) -> bool:
@@ -132,8 +132,8 @@ def arm(subject: Subject, line: Line, robot: Bench) -> Iterator[Arm]:
     """The arm, which goes back afterwards to where it stood.
 
     Raises:
-        Unmet: It cannot even go to where it stands (6.5/27).
-        Undecided: It could not when it was tried before, or does not tell where it is.
+        CaseFailed: It cannot even go to where it stands (6.5/27).
+        CaseInconclusive: It could not when it was tried before, or does not tell where it is.
     """
     with _gripper_at_screw(line):
         meaning = _meaning(subject, line, robot)
@@ -141,7 +141,9 @@ def arm(subject: Subject, line: Line, robot: Bench) -> Iterator[Arm]:
         try:
             yield made
         finally:
-            with suppress(Unmet, Undecided):  # an arm that does not obey is left where it is
+            with suppress(
+                CaseFailed, CaseInconclusive
+            ):  # an arm that does not obey is left where it is
                 robot.stop()
                 if not near(made.place(), made.home):
                     made.goes(straight(made.speed_percent, [made.home]))
@@ -158,7 +160,7 @@ def _gripper_at_screw(line: Line) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(Unmet):
+        with suppress(CaseFailed):
             line.ask("set_gripper_center", before)
 
 
@@ -166,19 +168,19 @@ def _place(line: Line, meaning: Meaning) -> Values:
     name = "get_joint_angles" if meaning is Meaning.JOINTS else "get_tool_coordinates"
     value = line.ask(name).value
     if value is None:
-        raise Undecided(f"{name} does not tell where the arm is")
+        raise CaseInconclusive(f"{name} does not tell where the arm is")
     a, b, c, d, *_ = value
     try:
         straight(1, [(a, b, c, d)])
     except ValueError as error:
-        raise Undecided(f"no program can carry what {name} tells: {error}") from None
+        raise CaseInconclusive(f"no program can carry what {name} tells: {error}") from None
     return a, b, c, d
 
 
 def _meaning(subject: Subject, line: Line, robot: Bench) -> Meaning:
     """What the values of a point are, found out once in a run by turning the gripper a little."""
     if _KEY not in subject.known:
-        attentive(subject, line)  # who cannot watch it does not move what is not known
+        require_responsive(subject, line)  # who cannot watch it does not move what is not known
         subject.known[_KEY] = None
         claimed = subject.dialect[_KEY]
         for meaning in sorted(Meaning, key=lambda each: each != claimed):
@@ -188,7 +190,7 @@ def _meaning(subject: Subject, line: Line, robot: Bench) -> Meaning:
                 subject.follows(_KEY, str(meaning))
                 break
         else:
-            raise Unmet(
+            raise CaseFailed(
                 "a program that turns the gripper a little does not end there",
                 expected="11, with the values of the point in 0x3C or in 0x38",
                 observed="a refusal, a failure or another motion with both",
@@ -196,7 +198,7 @@ def _meaning(subject: Subject, line: Line, robot: Bench) -> Meaning:
             )
     known: Meaning | None = subject.known[_KEY]
     if known is None:
-        raise Undecided("the values of a point are neither those of 0x3C nor those of 0x38")
+        raise CaseInconclusive("the values of a point are neither those of 0x3C nor those of 0x38")
     return known
 
 

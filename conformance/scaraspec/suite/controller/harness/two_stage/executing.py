@@ -16,7 +16,7 @@ from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.suite.program_files.layout import configured, find_layout
 from scaraspec.suite.program_files.writing import wait_program
 
@@ -33,7 +33,7 @@ def store_wait_program(subject: Subject, line: Line, seconds: int, name: bytes =
         Its name.
 
     Raises:
-        Unmet: The subject runs no programs, or takes no file.
+        CaseFailed: The subject runs no programs, or takes no file.
     """
     layout, base = find_layout(subject, line), configured(subject, line)
     name = name or subject.new_name()
@@ -45,12 +45,12 @@ def begin(subject: Subject, line: Line, command: str, value: Any = None) -> None
     """Begin a two-stage command.
 
     Raises:
-        NotRun: The subject refuses it.
+        CaseSkipped: The subject refuses it.
     """
     subject.moved = True
     answer = line.ask(command, value)
     if not answer.accepted:
-        raise NotRun(f"{command} was refused: {answer}")
+        raise CaseSkipped(f"{command} was refused: {answer}")
 
 
 @contextmanager
@@ -64,19 +64,19 @@ def unless_others_run(subject: Subject, line: Line | None = None) -> Iterator[No
         line: A connection to it; without one, all are ended for another.
 
     Raises:
-        NotRun: It does.
+        CaseSkipped: It does.
     """
     try:
         yield
-    except (Unmet, Undecided, Flaky):
+    except (CaseFailed, CaseInconclusive, Flaky):
         name = b""
-        with suppress(Unmet, Undecided):
+        with suppress(CaseFailed, CaseInconclusive):
             if line is None:
                 subject.close_lines()
             name = _program_of_others(subject, line or subject.open())
         if name:
             message = f"the robot runs {show(name)}, which is not the suite's: end it first"
-            raise NotRun(message) from None
+            raise CaseSkipped(message) from None
         raise
 
 
@@ -91,7 +91,7 @@ def ended(line: Line, command: str, within_s: float = 0.0) -> Answer | None:
     """The final result of a command, if it comes by then."""
     try:
         return line.result(command, within_s=within_s)
-    except NoAnswer:
+    except NoReply:
         return None
 
 
@@ -99,25 +99,25 @@ def ask_busy(subject: Subject, line: Line, query: str, command: str) -> Answer:
     """Ask something while a command executes.
 
     Raises:
-        NoAnswer: It is not answered, nor is what was sent before it.
-        NotRun: It is put off until the command has ended (A-4-3).
+        NoReply: It is not answered, nor is what was sent before it.
+        CaseSkipped: It is put off until the command has ended (A-4-3).
     """
     try:
         return line.ask(query)
-    except NoAnswer:
+    except NoReply:
         if line.ending is not None:
             raise
         line.send("emergency_stop")
         stopped = _replied(subject, line)
         if ended(line, command, 0 if stopped else subject.longest_s) is None and not stopped:
             raise
-    raise NotRun(f"{query} is not answered while {command} executes")
+    raise CaseSkipped(f"{query} is not answered while {command} executes")
 
 
 def _replied(subject: Subject, line: Line) -> bool:
     try:
         line.reply("emergency_stop", within_s=subject.reply_s)
-    except NoAnswer:
+    except NoReply:
         return False
     return True
 
@@ -128,9 +128,9 @@ def expect_status(
     """Ask for the status while a command executes; whether it still does.
 
     Raises:
-        Unmet: The status is another one.
-        NotRun: It is not told meanwhile.
-        Undecided: It tells of a fault.
+        CaseFailed: The status is another one.
+        CaseSkipped: It is not told meanwhile.
+        CaseInconclusive: It tells of a fault.
     """
     answer = ask_busy(subject, line, "get_status", command)
     if answer.value == wanted:
@@ -139,18 +139,20 @@ def expect_status(
         return False
     sound(answer)
     message = f"the status is {answer.value} while {command} executes"
-    raise Unmet(message, expected=wanted, observed=f"{answer}", requirement=requirement)
+    raise CaseFailed(message, expected=wanted, observed=f"{answer}", requirement=requirement)
 
 
 def sound(status: Answer) -> errors.Code | None:
     """The code of table 8-1 that a status tells, if it is one.
 
     Raises:
-        Undecided: It tells of a fault of the robot, which is not the suite's to judge.
+        CaseInconclusive: It tells of a fault of the robot, which is not the suite's to judge.
     """
     code = errors.lookup(status.value) if isinstance(status.value, str) else None
     if code is not None and code.kind is errors.Kind.FAULT:
-        raise Undecided(f"the robot reports {code.text}, {code.meaning}: clear that, and try again")
+        raise CaseInconclusive(
+            f"the robot reports {code.text}, {code.meaning}: clear that, and try again"
+        )
     return code
 
 
@@ -158,20 +160,22 @@ def expect_rest(subject: Subject, line: Line, message: str) -> None:
     """Fail the subject unless its status soon is 00.
 
     Raises:
-        Unmet: It is not.
+        CaseFailed: It is not.
     """
     try:
         subject.until_idle(line, within_s=_REST_S)
-    except Undecided as error:
-        raise Unmet(message, expected=_IDLE, observed=f"{error}", requirement="4.8/3") from None
+    except CaseInconclusive as error:
+        raise CaseFailed(
+            message, expected=_IDLE, observed=f"{error}", requirement="4.8/3"
+        ) from None
 
 
 def finish(subject: Subject, line: Line, command: str, lasts_s: float = 0.0) -> None:
     """Wait for the end of a command that lasts so many of the subject's seconds.
 
     Raises:
-        NoAnswer: It does not end.
-        Unmet: It is not at rest then.
+        NoReply: It does not end.
+        CaseFailed: It is not at rest then.
     """
     within_s = subject.longest_s + lasts_s / subject.statement.time_scale
     line.result(command, within_s=within_s)

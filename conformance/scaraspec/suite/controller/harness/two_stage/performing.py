@@ -60,7 +60,7 @@ def perform(subject: Subject, line: Line, name: str) -> Performed:
     """Let an idle robot do the least that a two-stage command can do; the arm comes back.
 
     Raises:
-        Unmet: It refuses, or a final result that is due does not come.
+        CaseFailed: It refuses, or a final result that is due does not come.
     """
     has(subject, name)
     with returning(subject, line) as pose:
@@ -146,7 +146,7 @@ def expect_stays(line: Line, message: str, *, for_s: float, pose: Pose | None = 
         pose: Where it was before; None for where it is now.
 
     Raises:
-        Unmet: It does not.
+        CaseFailed: It does not.
     """
     first = pose or pose_of(line)
     line.wait(for_s)

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.protocol.fields import Wrong
+from scaraspec.protocol.fields import Defect
 from scaraspec.suite.controller.harness.controller_under_test import Subject
 from scaraspec.suite.controller.harness.outgoing_connection import Line
 from scaraspec.suite.controller.harness.requests.motion import BUSY
@@ -39,12 +39,14 @@ def expect_first_reply(name: str, answer: Answer) -> None:
     """Fail the subject unless this is "1", or "0|code" (4/1).
 
     Raises:
-        Unmet: It is not.
+        CaseFailed: It is not.
     """
     if name == STOP and text_of(answer)[:1] == b"0":
         return  # what follows the flag is for 4.17/2
     complaints = answer.seen.parsed.decoded.complaints if answer.seen.parsed else ()
-    malformed = any(c.wrong in (Wrong.FLAG, Wrong.FIELD_COUNT, Wrong.NO_CODE) for c in complaints)
+    malformed = any(
+        c.wrong in (Defect.FLAG, Defect.FIELD_COUNT, Defect.NO_CODE) for c in complaints
+    )
     expect(
         answer.accepted is not None and not malformed,
         f"the first reply to {name} is neither yes nor no",
@@ -58,7 +60,7 @@ def expect_refusal(subject: Subject, answer: Answer) -> None:
     """Fail the subject unless the code of a refusal is one of table 8-1 (4/4).
 
     Raises:
-        Unmet: It is not.
+        CaseFailed: It is not.
     """
     _expect_code(subject, answer, errors.REFUSALS, "4/4", "A-0-7")
 
@@ -67,7 +69,7 @@ def expect_failure(subject: Subject, answer: Answer) -> None:
     """Fail the subject unless the code of a failure is one of table 8-1 (4/5).
 
     Raises:
-        Unmet: It is not.
+        CaseFailed: It is not.
     """
     _expect_code(subject, answer, _FAILURES, "4/5", "A-8-5")
 
@@ -100,8 +102,8 @@ def expect_busy(subject: Subject, line: Line, task: Task, name: str, value: Any 
     """Fail the subject if it accepts a command while a task executes (4/6, 4/15).
 
     Raises:
-        Unmet: It does, or refuses with another state than its own.
-        NotRun: The task was over before the answer.
+        CaseFailed: It does, or refuses with another state than its own.
+        CaseSkipped: The task was over before the answer.
     """
     answer = offered(line, name, value)
     if answer is None:
@@ -140,7 +142,7 @@ def expect_missing(
     """Fail the subject unless it says, now or later, that it has no such program (A-4.15-1).
 
     Raises:
-        Unmet: It says something else.
+        CaseFailed: It says something else.
     """
     subject.moved = True
     first = line.ask(name, program)

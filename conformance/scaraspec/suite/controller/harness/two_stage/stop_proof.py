@@ -36,7 +36,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     jog_somewhere,
     start_program,
 )
-from scaraspec.suite.engine.expectations import NoAnswer, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 
 _UNDER_WAY_S: Final = 0.1
 _LOOKS: Final = 3
@@ -55,7 +55,7 @@ def prove_stop(subject: Subject) -> None:
     for start in (_leave_error, _step, _step_once_locked, _program, _jog):
         if stop.failure:
             return
-        with suppress(Unmet, Undecided):
+        with suppress(CaseFailed, CaseInconclusive):
             proved = _stops(subject, start)
             subject.settle()
             if proved:
@@ -87,14 +87,14 @@ def _is_stopped(subject: Subject, line: Line, started: _Started) -> bool:
     stop = subject.guard.stop
     try:
         answer = line.ask(STOP, within_s=max(LATE_S, subject.reply_s))
-    except NoAnswer as error:
+    except NoReply as error:
         stop.fail("4.17/6", f"it is not answered while {name} executes", "1", error.observed)
         return False
     if not answer.accepted:
         if line.ask("get_status").value in BUSY and line.ask("get_status").value in BUSY:
             stop.fail("4.17/6", f"it is refused while {name} executes", "1", f"{answer}")
         return False
-    with suppress(NoAnswer):
+    with suppress(NoReply):
         line.result(STOP, within_s=subject.reply_s)
     line.wait(EFFECT_S)
     places = [_look(line) for _ in range(_LOOKS)]

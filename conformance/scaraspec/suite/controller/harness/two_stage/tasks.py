@@ -25,16 +25,16 @@ from scaraspec.suite.controller.harness.requests.motion import (
     knows_whether_it_listens,
     listens,
     pose_of,
-    quieten,
     release_latch,
     returning,
     status_of,
     stop,
+    stop_motion,
     target,
 )
 from scaraspec.suite.controller.harness.timeouts import SUCCESS
 from scaraspec.suite.engine.connection import Answer
-from scaraspec.suite.engine.expectations import NoAnswer, NotRun, Undecided, Unmet
+from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.suite.program_files.layout import configured, find_layout, layout_in_use
 from scaraspec.suite.program_files.writing import wait_program
 from scaraspec.traffic.events import FrameSeen
@@ -76,8 +76,8 @@ def begin(subject: Subject, line: Line, name: str, value: Any = None) -> Answer:
     """Ask an idle robot for a two-stage command that it can do.
 
     Raises:
-        Unmet: It refuses.
-        NotRun: It does not have this command.
+        CaseFailed: It refuses.
+        CaseSkipped: It does not have this command.
     """
     has(subject, name)
     subject.moved = True
@@ -88,23 +88,23 @@ def has(subject: Subject, *names: str) -> None:
     """Go on only where the subject has these commands.
 
     Raises:
-        NotRun: It says that it lacks one.
+        CaseSkipped: It says that it lacks one.
     """
     for name in names:
         if name in subject.statement.lacks:
-            raise NotRun(f"the subject lacks {name}")
+            raise CaseSkipped(f"the subject lacks {name}")
 
 
 def accepted(name: str, answer: Answer) -> Answer:
     """Fail the subject unless it has accepted a command that it can do.
 
     Raises:
-        Unmet: It has not.
+        CaseFailed: It has not.
     """
     if answer.accepted:
         return answer
     busy = answer.code in BUSY
-    raise Unmet(
+    raise CaseFailed(
         f"{name} is refused {'as busy ' if busy else ''}by a robot that is idle",
         expected="1",
         observed=f"{answer}",
@@ -152,12 +152,12 @@ def start_program(subject: Subject, line: Line, name: str, seconds: float | None
     The layout of program files is found out first (A-6.1-2).
 
     Raises:
-        Unmet: It is refused.
+        CaseFailed: It is refused.
     """
     has(subject, name)
     subject.moved = True
     if RUN not in subject.statement.lacks:
-        with suppress(Unmet, Undecided):  # it is for the cases about layouts to say so
+        with suppress(CaseFailed, CaseInconclusive):  # it is for the cases about layouts to say so
             find_layout(subject, line)
     release_latch(subject, line)
     program = stored(subject, line, seconds)
@@ -170,7 +170,7 @@ def begin_jog(subject: Subject, line: Line, direction: JogDirection) -> Answer:
     The first reply: to the notation that is understood, where one is.
 
     Raises:
-        NoAnswer: Neither is answered.
+        NoReply: Neither is answered.
     """
     has(subject, JOG)
     find_out_whether_it_listens(subject, line)
@@ -181,7 +181,7 @@ def begin_jog(subject: Subject, line: Line, direction: JogDirection) -> Answer:
         subject.moved = True
         try:
             answer = line.ask(JOG, data=data)
-        except NoAnswer:
+        except NoReply:
             continue
         if answer.accepted or answer.code in BUSY:
             if notation != spoken:
@@ -189,7 +189,7 @@ def begin_jog(subject: Subject, line: Line, direction: JogDirection) -> Answer:
             return answer
         first = first or answer
     if first is None:
-        raise NoAnswer("jog was not answered", expected="1 or 0|code", observed="silence")
+        raise NoReply("jog was not answered", expected="1 or 0|code", observed="silence")
     return first
 
 
@@ -197,7 +197,7 @@ def jog_somewhere(subject: Subject, line: Line) -> Answer:
     """Begin a jog, in the first direction in which there is room.
 
     Raises:
-        Unmet: Every direction is refused.
+        CaseFailed: Every direction is refused.
     """
     for direction in JogDirection:
         answer = begin_jog(subject, line, direction)
@@ -217,13 +217,13 @@ def offered(
     """
     line.send(name, value, data=data)
     try:
-        line.heard[:0] = line.fence()
-    except NoAnswer:
+        line.heard[:0] = line.sync()
+    except NoReply:
         replies = [s for s in line.heard if s.name == name and not s.frame.tagged]
         granted = name in TWO_STAGE and any(Answer(s, s.value).accepted for s in replies)
         if line.ending is None and not granted:
             raise
-    with suppress(NoAnswer):
+    with suppress(NoReply):
         return line.reply(name, within_s=0.0)
     return None
 
@@ -293,10 +293,10 @@ class Task:
         """Go on only while it executes.
 
         Raises:
-            NotRun: It is over: it was too short to find anything out.
+            CaseSkipped: It is over: it was too short to find anything out.
         """
         if self.over:
-            raise NotRun(f"{self.name} was over before anything could be asked of it")
+            raise CaseSkipped(f"{self.name} was over before anything could be asked of it")
 
 
 @contextmanager
@@ -310,8 +310,8 @@ def lasting(subject: Subject, line: Line, name: str, *, queries: bool = True) ->
         queries: Whether something is to be asked meanwhile.
 
     Raises:
-        Unmet: The idle robot refuses it.
-        NotRun: The robot answers nothing while it executes (A-4-3), or cannot do it here.
+        CaseFailed: The idle robot refuses it.
+        CaseSkipped: The robot answers nothing while it executes (A-4-3), or cannot do it here.
     """
     if not queries:  # what ends it asks all the same
         find_out_whether_it_listens(subject, line)
@@ -320,17 +320,17 @@ def lasting(subject: Subject, line: Line, name: str, *, queries: bool = True) ->
         with _BEGIN[name](subject, line, task):
             if queries and not listens(subject, line, jogs=name == JOG):
                 stop(subject, line)
-                quieten(subject, line)
-                raise NotRun("the robot answers nothing while it executes (A-4-3)")
+                stop_motion(subject, line)
+                raise CaseSkipped("the robot answers nothing while it executes (A-4-3)")
             yield task
-            quieten(subject, line)
+            stop_motion(subject, line)
 
 
-def attentive(subject: Subject, line: Line) -> None:
+def require_responsive(subject: Subject, line: Line) -> None:
     """Go on only where a robot that executes answers queries.
 
     Raises:
-        NotRun: It does not (A-4-3).
+        CaseSkipped: It does not (A-4-3).
     """
     if knows_whether_it_listens(subject):
         go_on_if_it_listens(subject, line)
@@ -342,8 +342,8 @@ def attentive(subject: Subject, line: Line) -> None:
 def find_out_whether_it_listens(subject: Subject, line: Line) -> None:
     """Ask once while a program waits, so that no jog goes on while an answer is waited for."""
     if not knows_whether_it_listens(subject):
-        with suppress(Unmet, NotRun):
-            attentive(subject, line)
+        with suppress(CaseFailed, CaseSkipped):
+            require_responsive(subject, line)
 
 
 @contextmanager
@@ -385,16 +385,16 @@ def home_at(subject: Subject, line: Line) -> Iterator[None]:
     So that a reset goes no farther than back to it (A-4.18-3).
 
     Raises:
-        NotRun: The subject does not take it, so that nobody knows how far a reset would go.
+        CaseSkipped: The subject does not take it, so that nobody knows how far a reset would go.
     """
     before = line.ask("get_initial_tool_position").value
     if not line.ask("set_initial_tool_position", pose_of(line)).accepted:
-        raise NotRun("the subject does not take the arm's pose for its initial tool position")
+        raise CaseSkipped("the subject does not take the arm's pose for its initial tool position")
     try:
         yield
     finally:
-        with suppress(Unmet, NotRun):
-            quieten(subject, line)
+        with suppress(CaseFailed, CaseSkipped):
+            stop_motion(subject, line)
             if before is not None:
                 line.ask("set_initial_tool_position", before)
 
@@ -420,14 +420,14 @@ def stop_nothing(subject: Subject, line: Line) -> None:
     subject.moved = True
     if STOP not in subject.statement.lacks and line.ask(STOP).accepted:
         finish(subject, line, STOP)
-        quieten(subject, line)
+        stop_motion(subject, line)
 
 
 def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = None) -> Answer:
     """Wait for a final result; see `end_of`.
 
     Raises:
-        NoAnswer: It does not come.
+        NoReply: It does not come.
     """
     answer = end_of(subject, line, name, within_s=within_s)
     if answer is None:
@@ -444,11 +444,11 @@ def done(subject: Subject, line: Line, name: str) -> Answer:
     """Wait for the successful end of a task.
 
     Raises:
-        Unmet: It has another end, or none.
+        CaseFailed: It has another end, or none.
     """
     answer = finish(subject, line, name)
     if answer.frame.data.rstrip(b"\0") != b"11":
-        raise Unmet(
+        raise CaseFailed(
             f"{name} does not end with success",
             expected="11",
             observed=f"{answer}",
@@ -463,12 +463,12 @@ def release(subject: Subject, line: Line) -> tuple[Answer, Answer | None]:
     That is None where it only comes when the joints are locked again (A-4.25-2).
 
     Raises:
-        Unmet: The idle robot refuses it.
+        CaseFailed: The idle robot refuses it.
     """
     first = begin(subject, line, RELEASE)
     left_s = subject.reply_s
     while True:
-        with suppress(NoAnswer):
+        with suppress(NoReply):
             return first, line.result(RELEASE, within_s=SILENCE_S)
         left_s -= SILENCE_S
         if left_s <= 0 or status_of(subject, line) not in (*BUSY, None):
@@ -481,7 +481,7 @@ def locked_again(subject: Subject, line: Line) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(Unmet):
+        with suppress(CaseFailed):
             if line.ask(LOCK).accepted:
                 finish(subject, line, LOCK)
 
@@ -490,5 +490,5 @@ def interrupted(line: Line, name: str) -> Answer | None:
     """The final result of what a stop has ended, where it has one (A-4.17-4)."""
     try:
         return line.result(name, within_s=SILENCE_S)
-    except NoAnswer:
+    except NoReply:
         return None
