@@ -44,31 +44,32 @@ FAST: Final = 8
 PATIENCE_S: Final = 10 / FAST
 """It is granted as many of its seconds for a case as any other controller is."""
 
-ROOMS: Final = {
-    "scaraspec.judge": "judgement",
-    "scaraspec.virtual_controller": "controller",
+PACKAGES: Final = {
+    "scaraspec.judge": "judge",
+    "scaraspec.traffic": "traffic",
+    "scaraspec.virtual_controller": "virtual controller",
     "scaraspec.client": "client",
     "scaraspec.suite": "suite",
     "scaraspec.report": "report",
-    "scaraspec.transports": "links",
+    "scaraspec.transports": "transports",
     "scaraspec.protocol": "protocol",
     "hypothesis": "hypothesis",
     "_pytest": "pytest",
     "pluggy": "pytest",
 }
-"""What a profile of the suite in memory tells apart."""
+"""The packages that a profile of the suite in memory distinguishes."""
 
-_AS_CLIENT: Final = "scaraspec.suite.controller.harness"
+_HARNESS: Final = "scaraspec.suite.controller.harness"
 WAITS: Final = {
-    "scaraspec.suite.engine.connection.Wire.wait": "time is let pass",
-    f"{_AS_CLIENT}.subject.Subject.pause": "time is let pass",
-    f"{_AS_CLIENT}.access.UrlAccess.pause": "time is let pass",
-    f"{_AS_CLIENT}.line.Line.result": "a final result is awaited",
-    f"{_AS_CLIENT}.line.Line.reply": "an answer is awaited",
-    f"{_AS_CLIENT}.line.Line.fence": "an answer is awaited",
+    "scaraspec.suite.engine.connection.Connection.wait": "time is let pass",
+    f"{_HARNESS}.controller_under_test.ControllerUnderTest.pause": "time is let pass",
+    f"{_HARNESS}.access.UrlAccess.pause": "time is let pass",
+    f"{_HARNESS}.outgoing_connection.OutgoingConnection.result": "a final result is awaited",
+    f"{_HARNESS}.outgoing_connection.OutgoingConnection.reply": "an answer is awaited",
+    f"{_HARNESS}.outgoing_connection.OutgoingConnection.sync": "an answer is awaited",
     "scaraspec.suite.engine.observer": "what passed is judged and kept",
 }
-"""What a profile of the suite over TCP tells apart."""
+"""The waits that a profile of the suite over TCP distinguishes."""
 
 _SOON: Final = ("--transfer-timeout", f"{TRANSFER_S}")
 
@@ -139,7 +140,7 @@ def by_driver(folder: Path) -> None:
 def profile_in_memory() -> None:
     """Print which room the processor's time goes to."""
     for role in STANDS:
-        with sampling.sampled(ROOMS) as samples:
+        with sampling.sampled(PACKAGES) as samples:
             STANDS[role].prove(OPTIONS)
         samples.tell(f"{role.value} in memory, in seconds of the processor")
 

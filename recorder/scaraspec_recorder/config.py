@@ -53,7 +53,7 @@ class ConfigError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Robot:
+class RobotConfig:
     """What is recorded of one robot.
 
     Attributes:
@@ -121,7 +121,7 @@ class Robot:
         return partial(archive_sink, archive=archive)
 
 
-def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> Robot:
+def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
     """Check what is said of one robot.
 
     Args:
@@ -146,13 +146,13 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> Robot:
     if not values.get("url"):
         raise ConfigError(f"{prefix}url is missing: name the controller, as tcp://192.168.1.2")
     values.setdefault("listen", DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)])
-    robot = Robot(name, **values)
+    robot = RobotConfig(name, **values)
     if robot.i_mean_it and not robot.injection:
         raise ConfigError(f"{prefix}i-mean-it means nothing without inject: leave it out")
     return robot
 
 
-def read_config(path: Path) -> tuple[Robot, ...]:
+def read_config(path: Path) -> tuple[RobotConfig, ...]:
     """Read a TOML file: a table for each robot, and before them what holds for all.
 
     Each robot's files have a folder of its name in `out`, unless its own table names another.
@@ -180,7 +180,7 @@ def read_config(path: Path) -> tuple[Robot, ...]:
     return robots
 
 
-def _from_file(path: Path, name: str, table: object, for_all: Mapping[str, Any]) -> Robot:
+def _from_file(path: Path, name: str, table: object, for_all: Mapping[str, Any]) -> RobotConfig:
     if not isinstance(table, dict):
         raise ConfigError(f"{path}: robots.{name} is no table: write [robots.{name}]")
     if name != safe_name(name):
@@ -241,7 +241,7 @@ _KEYS: Final[dict[str, tuple[type, str, _Read]]] = {
     "i-mean-it": (bool, "i_mean_it", bool),
     "timestamps": (str, "timestamps", _clock),
 }
-"""Of every option: its type in a file, the attribute of `Robot`, and what reads it."""
+"""Of every option: its type in a file, the attribute of `RobotConfig`, and what reads it."""
 
 _OF_ONE: Final = ("url", "listen", "inject", "i-mean-it")
 _FOR_ALL: Final = tuple(key for key in _KEYS if key not in _OF_ONE)

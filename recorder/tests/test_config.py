@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec_recorder.config import ConfigError, Robot, read_config, read_robot
+from scaraspec_recorder.config import ConfigError, RobotConfig, read_config, read_robot
 from scaraspec_recorder.quantities import SECOND_NS
 from scaraspec_recorder.recordings.archive import archive_sink
 from scaraspec_recorder.recordings.recovery import repairing_sink
@@ -36,7 +36,7 @@ def test_the_sample() -> None:
 def test_little_is_enough() -> None:
     """A URL is all that must be said; then everything goes into one file."""
     robot = read_robot("r", {"url": URL}, "--")
-    assert robot == Robot("r", URL)
+    assert robot == RobotConfig("r", URL)
     assert robot.mode is Mode.EXPLICIT
     make: Any = robot.sink({}, draw=False, needs_login=True)
     assert make.func is repairing_sink

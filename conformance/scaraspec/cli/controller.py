@@ -16,7 +16,7 @@ import click
 
 from scaraspec.cli.options import Real, password_option
 from scaraspec.cli.problems import Problem, no_such_fault
-from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller import mutants
 from scaraspec.operating_system import ending_signals
 from scaraspec.protocol.frames import StreamItem
 from scaraspec.protocol.port import DEFAULT_PORT
@@ -120,7 +120,7 @@ def command(  # noqa: PLR0913 - one for each option
 def _brain(fault: str | None) -> type[Brain]:
     if fault is None:
         return Brain
-    known = faults()
+    known = mutants()
     if fault not in known:
         raise no_such_fault(fault, known, "controller")
     return known[fault].wrong

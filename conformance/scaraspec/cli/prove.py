@@ -16,7 +16,7 @@ from scaraspec.cli.problems import Problem, no_such_fault
 from scaraspec.judge.requirements import UnknownRequirementError, select
 from scaraspec.judge.verdicts import Conclusion, ExitStatus
 from scaraspec.mutants.kill_matrix import STANDS, Proof, alarm_of, dialects, proof_of
-from scaraspec.mutants.registry import Fault
+from scaraspec.mutants.registry import Mutant
 from scaraspec.mutants.worker_pool import apart
 from scaraspec.report.files import write_whole
 from scaraspec.report.model import Role
@@ -177,7 +177,7 @@ def _requirements(only: str | None) -> frozenset[str] | None:
         raise Problem(f"--only: {error}") from None
 
 
-def _chosen(role: Role, names: Sequence[str], options: Options) -> list[Fault[Any]]:
+def _chosen(role: Role, names: Sequence[str], options: Options) -> list[Mutant[Any]]:
     known = STANDS[role].faults()
     for name in names:
         if name not in known:
@@ -190,7 +190,7 @@ def _chosen(role: Role, names: Sequence[str], options: Options) -> list[Fault[An
     ]
 
 
-def _told(fault: Fault[Any]) -> str:
+def _told(fault: Mutant[Any]) -> str:
     """A fault in one line: its name, what it does, and what it violates, under which readings."""
     violated = ", ".join(fault.requirements)
     under = f" under {', '.join(fault.reading)}" if fault.reading else ""

@@ -36,7 +36,7 @@ from scaraspec_recorder.config import (
     MODES,
     Clock,
     ConfigError,
-    Robot,
+    RobotConfig,
     read_config,
     read_robot,
 )
@@ -133,7 +133,7 @@ class _Plan:
         caller: The serial line that the client is on; None where clients connect.
     """
 
-    robot: Robot
+    robot: RobotConfig
     controller: Tcp | Serial | Rfcomm
     listen: tuple[str, int]
     caller: relay.End | None = None
@@ -167,7 +167,7 @@ def _line(link: Serial | Rfcomm) -> relay.End:
     return relay.Serial(*link) if isinstance(link, Serial) else relay.Rfcomm(*link)
 
 
-def _robots(url: str | None, options: dict[str, Any]) -> Sequence[Robot]:
+def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
     """What is to be recorded: of the command line, or of a file."""
     given = {
         key.replace("_", "-"): list(value) if isinstance(value, tuple) else value
@@ -185,7 +185,7 @@ def _robots(url: str | None, options: dict[str, Any]) -> Sequence[Robot]:
     return (read_robot(name, {"url": url, **given}, "--"),)
 
 
-def _plan(robot: Robot) -> _Plan:
+def _plan(robot: RobotConfig) -> _Plan:
     controller, caller = parse(robot.url), None
     if "://" in robot.listen:
         client = parse(robot.listen)

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import ClassVar, Self, TypeVar
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import Exchange
+from scaraspec.client.exchange import PendingOperation
 from scaraspec.client.operations import Call, Text
 from scaraspec.client.problems import LinkLost, Refused
 from scaraspec.client.shell import CLOSED_HERE, LOST_BY, NOT_CONNECTED, Begun, Shell
@@ -24,7 +24,7 @@ T = TypeVar("T")
 class AsyncPending(Begun):
     """A two-stage command under way; made by the ``start_`` methods of an `AsyncClient`."""
 
-    def __init__(self, client: "AsyncClient", exchange: Exchange) -> None:
+    def __init__(self, client: "AsyncClient", exchange: PendingOperation) -> None:
         super().__init__(exchange)
         self._client = client
 
@@ -157,7 +157,7 @@ class AsyncClient(Shell):
             await self.close()
             raise
 
-    async def _begin(self, call: Call[T]) -> Exchange:
+    async def _begin(self, call: Call[T]) -> PendingOperation:
         if self._transport is None:
             raise LinkLost(NOT_CONNECTED)
         exchange = call.prepare(self._core)

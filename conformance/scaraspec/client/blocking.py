@@ -11,11 +11,11 @@ from types import TracebackType
 from typing import Self, TypeVar
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import Exchange
+from scaraspec.client.exchange import PendingOperation
 from scaraspec.client.operations import Call, Text
 from scaraspec.client.problems import ClientError, LinkLost, Refused
 from scaraspec.client.shell import CLOSED_HERE, LOST_BY, NOT_CONNECTED, Begun, Shell
-from scaraspec.client.transfer import Transfer
+from scaraspec.client.transfer import FileTransfer
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S, connect
 from scaraspec.transports.link import Ending, Link, LinkError
@@ -29,7 +29,7 @@ _LISTEN_S = 0.25  # for how long a listener may miss that another thread has clo
 class Pending(Begun):
     """A two-stage command under way; made by the ``start_`` methods of a `Client`."""
 
-    def __init__(self, client: "Client", exchange: Exchange) -> None:
+    def __init__(self, client: "Client", exchange: PendingOperation) -> None:
         super().__init__(exchange)
         self._client = client
 
@@ -138,7 +138,7 @@ class Client(Shell):
                 exchange.report(call.progress)
         except BaseException:
             exchange.abort()
-            if isinstance(exchange, Transfer):
+            if isinstance(exchange, FileTransfer):
                 with contextlib.suppress(ClientError):
                     self.wait_for(lambda: exchange.settled, self.dialect.seconds("reply_timeout"))
             raise
@@ -167,7 +167,7 @@ class Client(Shell):
             raise LinkLost(NOT_CONNECTED)
         return self._open_link
 
-    def _begin(self, call: Call[T]) -> Exchange:
+    def _begin(self, call: Call[T]) -> PendingOperation:
         exchange = call.prepare(self._core)
         with self._turn:
             self._wait_for(lambda: self._core.is_free(exchange.slot), None)

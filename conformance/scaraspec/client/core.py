@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
-from scaraspec.client.exchange import Exchange, Login, Stage, TwoStage, exchange_for
+from scaraspec.client.exchange import Login, PendingOperation, Stage, TwoStage, exchange_for
 from scaraspec.client.problems import ClientError, LinkLost, LoginFailed
 from scaraspec.client.transfer import Download, Upload, answer_to_chunk
 from scaraspec.protocol.commands import BY_NAME, Parsed, read
@@ -35,14 +35,14 @@ _STOP: Final = "emergency_stop"
 class Taken(NamedTuple):
     """A frame was given to the exchange that awaited it."""
 
-    exchange: Exchange
+    exchange: PendingOperation
     frame: Frame
 
 
 class Settled(NamedTuple):
     """An exchange is over."""
 
-    exchange: Exchange
+    exchange: PendingOperation
 
 
 class Unexpected(NamedTuple):
@@ -78,13 +78,13 @@ class ClientCore:
         self.observed_readings: dict[str, set[str]] = {}
         self.remarks: deque[str] = deque(maxlen=MAX_REMARKS)
         self._framer = Framer(C2A)
-        self._open: list[Exchange] = []
+        self._open: list[PendingOperation] = []
         self._outbox = bytearray()
         self._lost: str | None = None
         self._may_end = ""
         self._heard_s = 0.0
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         """A command of the table, to be sent by `begin`.
 
         Args:
@@ -104,7 +104,7 @@ class ClientCore:
         """A file from the controller (5.3), to be sent by `begin`; raises as `command` does."""
         return Download(name, limit_bytes, self.dialect)
 
-    def begin(self, exchange: Exchange, now_s: float) -> None:
+    def begin(self, exchange: PendingOperation, now_s: float) -> None:
         """Send the request of an exchange.
 
         Raises:
@@ -235,7 +235,7 @@ class ClientCore:
         if key in _LEARNED:
             self.dialect = self.dialect.replace(**{key: option})
 
-    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
         """Draw the consequences of a step of an exchange."""
         for key, option in exchange.observed.items():
             self._observe(key, option)

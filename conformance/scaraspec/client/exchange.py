@@ -39,7 +39,7 @@ class Stage(Enum):
     SETTLED = "settled"
 
 
-class Exchange:
+class PendingOperation:
     """A request with a single reply; the base of the other shapes.
 
     Attributes:
@@ -162,7 +162,7 @@ class Exchange:
         return []
 
 
-class Login(Exchange):
+class Login(PendingOperation):
     """The login (4.1): any reply but ``1`` is a failure (4.1/8)."""
 
     def fail(self, problem: ClientError) -> None:
@@ -174,7 +174,7 @@ class Login(Exchange):
         super().fail(problem)
 
 
-class Listing(Exchange):
+class Listing(PendingOperation):
     """The program list (4.10), in one part or several, pushed or fetched (A-4.10-3).
 
     Parts are taken as pushed; where none comes within the reply time-out the next is asked for.
@@ -212,7 +212,7 @@ class Listing(Exchange):
         return []
 
 
-class DefaultProgram(Exchange):
+class DefaultProgram(PendingOperation):
     """The default program (4.12), asked for under 0x0D and, on silence, 0x13 (A-4.12-1)."""
 
     def __init__(self, command: Command, value: Any, dialect: Dialect) -> None:
@@ -236,7 +236,7 @@ class DefaultProgram(Exchange):
         self._opcodes.add(self.command.also)
 
 
-class TwoStage(Exchange):
+class TwoStage(PendingOperation):
     """A command with a first reply and, behind the 0x90 tag, a final result (A-3-7).
 
     There is no bound for the final result (A-3-15), except where an emergency stop has ended the
@@ -294,11 +294,11 @@ _SHAPES: Final = {
 }
 
 
-def exchange_for(command: Command, value: Any, dialect: Dialect) -> Exchange:
+def exchange_for(command: Command, value: Any, dialect: Dialect) -> PendingOperation:
     """An exchange of the shape that the command has.
 
     Raises:
         PayloadError: The document forbids to send `value`.
     """
-    shape = _SHAPES.get(command.name, TwoStage if command.two_stage else Exchange)
+    shape = _SHAPES.get(command.name, TwoStage if command.two_stage else PendingOperation)
     return shape(command, value, dialect)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import Exchange, Progress
+from scaraspec.client.exchange import PendingOperation, Progress
 from scaraspec.client.files import check_new, write_new
 from scaraspec.client.results import RunningProgram, Status
 from scaraspec.protocol.commands import (
@@ -49,7 +49,7 @@ and comes back so; bytes that are none come back as surrogate escapes, and go ou
 class Call(Generic[T]):
     """An operation with its arguments: what to ask of the core, and what to tell the caller."""
 
-    prepare: Callable[[ClientCore], Exchange]
+    prepare: Callable[[ClientCore], PendingOperation]
     tell: Callable[[Any], T]
     progress: Progress | None = None
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import Exchange
+from scaraspec.client.exchange import PendingOperation
 from scaraspec.client.operations import Operations
 from scaraspec.client.problems import ReplyTimeout
 from scaraspec.protocol.readings import Dialect
@@ -42,7 +42,7 @@ class Shell(Operations):
 class Begun:
     """A two-stage command whose first reply is in."""
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: PendingOperation) -> None:
         self._exchange = exchange
 
     @property

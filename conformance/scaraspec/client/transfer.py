@@ -6,7 +6,7 @@ the file on this side in `files`.
 
 from typing import ClassVar, Final
 
-from scaraspec.client.exchange import Exchange, Progress, Stage
+from scaraspec.client.exchange import PendingOperation, Progress, Stage
 from scaraspec.client.problems import ClientError, Refused, TransferFailed
 from scaraspec.client.replies import value_of
 from scaraspec.protocol.commands import BY_NAME, Command, Parsed
@@ -31,7 +31,7 @@ def answer_to_chunk(*, accepted: bool, dialect: Dialect) -> Frame:
     return Frame(A2C, _DOWNLOAD_CHUNK.opcode, data)
 
 
-class Transfer(Exchange):
+class FileTransfer(PendingOperation):
     """What both directions share: one at a time (A-5-17), 30 s of patience, a count of bytes.
 
     Attributes:
@@ -88,7 +88,7 @@ class Transfer(Exchange):
         self.fail(TransferFailed(self._what, reason))
 
 
-class Upload(Transfer):
+class Upload(FileTransfer):
     """The client sends a file (5.2): one chunk, its answer, the next chunk (5.2/7).
 
     Args:
@@ -163,7 +163,7 @@ class Upload(Transfer):
         return None
 
 
-class Download(Transfer):
+class Download(FileTransfer):
     """The controller sends a file (5.3); its content is the value of the exchange.
 
     Args:

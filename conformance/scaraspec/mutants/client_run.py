@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.driver import Driver
-from scaraspec.mutants.client import Fault
+from scaraspec.mutants.client import ClientMutant
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
@@ -122,7 +122,7 @@ class MemoryClient:
 
 
 def prove_client(
-    options: Options, fault: Fault | None = None, dialect: Dialect | None = None
+    options: Options, fault: ClientMutant | None = None, dialect: Dialect | None = None
 ) -> Results:
     """Run the suite against the reference client.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Final, Literal
 
-from scaraspec.mutants.controller import Fault
+from scaraspec.mutants.controller import ControllerMutant
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.access import MemoryAccess
@@ -119,7 +119,7 @@ class _RobotHook:
 
 
 def prove_controller(
-    options: Options, fault: Fault | None = None, dialect: Dialect | None = None
+    options: Options, fault: ControllerMutant | None = None, dialect: Dialect | None = None
 ) -> Results:
     """Run the suite against the virtual controller.
 

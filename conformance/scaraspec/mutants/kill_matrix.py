@@ -7,11 +7,11 @@ from typing import Any, Final
 from allpairspy import AllPairs  # type: ignore[import-untyped] # it ships no types
 
 from scaraspec.judge.verdicts import Conclusion, Verdict
-from scaraspec.mutants import client as client_faults
-from scaraspec.mutants import controller as controller_faults
+from scaraspec.mutants import client as client_mutants
+from scaraspec.mutants import controller as controller_mutants
 from scaraspec.mutants.client_run import prove_client
 from scaraspec.mutants.controller_run import prove_controller
-from scaraspec.mutants.registry import Fault
+from scaraspec.mutants.registry import Mutant
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.plan import Options
@@ -31,13 +31,13 @@ class Stand:
         prove: Runs the suite against one of them, or against none, in a dialect.
     """
 
-    faults: Callable[[], Mapping[str, Fault[Any]]]
+    faults: Callable[[], Mapping[str, Mutant[Any]]]
     prove: Callable[..., Results]
 
 
 STANDS: Final = {
-    Role.CONTROLLER: Stand(controller_faults.faults, prove_controller),
-    Role.CLIENT: Stand(client_faults.faults, prove_client),
+    Role.CONTROLLER: Stand(controller_mutants.mutants, prove_controller),
+    Role.CLIENT: Stand(client_mutants.mutants, prove_client),
 }
 
 

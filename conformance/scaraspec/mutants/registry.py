@@ -1,8 +1,8 @@
-"""Seeding: implementations that are wrong on purpose, one way each, entered by a decorator.
+"""Registry of mutants: deliberately faulty controllers or clients, entered by a decorator.
 
-What the suite is worth is shown by what it finds: every fault has to be found by a case of a
-requirement that it violates. A fault changes one behaviour and leaves the rest as it is. The faults
-themselves stand beside what they spoil, in `controller.faults` and `client.faults`.
+A case of a requirement that the mutant violates must fail because of it. A mutant changes one
+behaviour and leaves the rest as it is. The mutants are in `mutants.controller` and
+`mutants.client`, one file per clause.
 """
 
 import importlib
@@ -21,7 +21,7 @@ _HUMP: Final = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 
 
 @dataclass(frozen=True)
-class Fault(Generic[T]):
+class Mutant(Generic[T]):
     """One wrong implementation.
 
     Attributes:
@@ -41,7 +41,7 @@ class Fault(Generic[T]):
     subtle: bool = False
 
 
-class Faults(Generic[T]):
+class MutantRegistry(Generic[T]):
     """The faults of one kind of implementation.
 
     Args:
@@ -50,9 +50,9 @@ class Faults(Generic[T]):
 
     def __init__(self, finish: Callable[[Any], T]) -> None:
         self._finish = finish
-        self._entered: dict[str, Fault[T]] = {}
+        self._entered: dict[str, Mutant[T]] = {}
 
-    def fault(
+    def mutant(
         self, *requirements: str, reading: tuple[str, ...] = (), subtle: bool = False
     ) -> Callable[[C], C]:
         """Enter a class as a seeded fault that violates these requirements.
@@ -71,12 +71,12 @@ class Faults(Generic[T]):
                 raise TypeError(f"the fault {name} lacks {missing}")
             sentence = (wrong.__doc__ or "").strip().partition("\n")[0]
             made = self._finish(wrong)
-            self._entered[name] = Fault(name, requirements, sentence, made, reading, subtle)
+            self._entered[name] = Mutant(name, requirements, sentence, made, reading, subtle)
             return wrong
 
         return enter
 
-    def all(self, package: ModuleType) -> Mapping[str, Fault[T]]:
+    def all(self, package: ModuleType) -> Mapping[str, Mutant[T]]:
         """All of them by name, out of the modules of a package, in the order of their names."""
         for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda found: found.name):
             importlib.import_module(f"{package.__name__}.{module.name}")

@@ -20,7 +20,7 @@ from scaraspec.operating_system import state_directory
 from scaraspec.report import terminal
 from scaraspec.suite.controller.harness.access import UrlAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.state.recovery import RecoveryError
 from scaraspec.suite.engine.case import declare_mark
 from scaraspec.suite.engine.ics import Ics
@@ -30,7 +30,7 @@ from scaraspec.suite.engine.run import Run
 from scaraspec.transports.connect import resolved
 from scaraspec.transports.link import LinkError
 
-_RUN: Final = pytest.StashKey[Run[Subject]]()
+_RUN: Final = pytest.StashKey[Run[ControllerUnderTest]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

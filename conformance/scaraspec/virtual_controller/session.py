@@ -34,7 +34,7 @@ Action = Send | Close
 """What the shell is to do for the brain."""
 
 
-class Transfer(NamedTuple):
+class OpenTransfer(NamedTuple):
     """A file on its way: in at a receiver, or out of a sender."""
 
     name: bytes
@@ -58,7 +58,7 @@ class Session:
     carrier: Carrier
     inlet: Inlet
     logged_in: bool
-    transfer: Transfer | None = None
+    transfer: OpenTransfer | None = None
     list_rest: list[NameListPart] = field(default_factory=list)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Exchange
+from scaraspec.client.exchange import PendingOperation
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer, Skipped
 from scaraspec.protocol.readings import DEFAULT, Dialect
@@ -30,11 +30,11 @@ class Play:
         self.core = ClientCore(dialect, login_required=login_required)
         self.now_s = 100.0
 
-    def ask(self, name: str, value: Any = None) -> Exchange:
+    def ask(self, name: str, value: Any = None) -> PendingOperation:
         """The user gives a command."""
         return self.begin(self.core.command(name, value))
 
-    def begin(self, exchange: Exchange) -> Exchange:
+    def begin(self, exchange: PendingOperation) -> PendingOperation:
         """The user gives a command that was prepared."""
         self.core.begin(exchange, self.now_s)
         return exchange

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 
 import pytest
 
-from scaraspec.mutants.registry import Faults
+from scaraspec.mutants.registry import MutantRegistry
 
 
 class _Client(ABC):
@@ -15,21 +15,21 @@ class _Client(ABC):
 
 def test_a_template_is_no_fault() -> None:
     """What nothing can be made of would never run, and so would never be found either."""
-    faults = Faults[type[_Client]](lambda wrong: wrong)
+    registry = MutantRegistry[type[_Client]](lambda wrong: wrong)
     with pytest.raises(TypeError, match="the fault sends-nothing lacks data"):
 
-        @faults.fault("4.1/1")
+        @registry.mutant("4.1/1")
         class SendsNothing(_Client):
             """It sends nothing."""
 
 
 def test_names_are_unique() -> None:
     """A second fault of a name would hide the first."""
-    faults = Faults[type](lambda wrong: wrong)
+    registry = MutantRegistry[type](lambda wrong: wrong)
 
     class Silent:
         """It says nothing."""
 
-    faults.fault("4.1/1")(Silent)
+    registry.mutant("4.1/1")(Silent)
     with pytest.raises(ValueError, match="there is a fault silent already"):
-        faults.fault("4.1/1")(Silent)
+        registry.mutant("4.1/1")(Silent)

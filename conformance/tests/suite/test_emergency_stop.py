@@ -6,7 +6,7 @@ import pytest
 
 from scaraspec.judge.requirements import REQUIREMENTS
 from scaraspec.judge.verdicts import Conclusion, Verdict
-from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import Robot, certified, hooks_of
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.frames import Frame
@@ -107,7 +107,7 @@ MUTANTS = {
     **{brain.__name__: brain for brain in (Refuses, HasNoEffect, StopsLate, AnswersLate)},
     "SaysNothing": SaysNothing,
     **{
-        name: faults()[name].wrong
+        name: mutants()[name].wrong
         for name in (
             *("run-is-not-stopped", "simulation-is-not-stopped", "move-is-not-stopped"),
             *("reset-is-not-stopped", "jog-is-not-stopped", "jog-goes-on", "arm-coasts-on"),

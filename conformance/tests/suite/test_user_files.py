@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Conclusion
-from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import Robot, hooks_of
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C
@@ -219,7 +219,7 @@ class Device:
     robot: Robot = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        fault = faults()[self.fault] if self.fault else None
+        fault = mutants()[self.fault] if self.fault else None
         dialect = Dialect.parse(fault.reading) if fault else DEFAULT
         robot = Robot(fault.wrong if fault else Brain, dialect)
         for name, content in self.files.items():

@@ -10,22 +10,25 @@ from typing import Final
 from scaraspec.judge.requirements import REQUIREMENTS, Method, Strength
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated
 from scaraspec.protocol.fields import show
-from scaraspec.protocol.programs import Fault, Finding, Severity, lint
+from scaraspec.protocol.programs import LintFinding, ProgramDefect, Severity, lint
 from scaraspec.protocol.programs.layout import FOOTER, MAGIC
 from scaraspec.protocol.programs.lint import MAX_FINDINGS
 from scaraspec.protocol.transfer import State
 from scaraspec.traffic.events import Transfer
 from scaraspec.traffic.robot_state import RobotState
 
-_UNREADABLE: Final = {fault.code for fault in Fault} - {Fault.SURPLUS.code, Fault.SECOND.code}
+_UNREADABLE: Final = {fault.code for fault in ProgramDefect} - {
+    ProgramDefect.SURPLUS.code,
+    ProgramDefect.SECOND.code,
+}
 """Faults behind which nothing else of the file can be judged."""
 
 
 @lru_cache(maxsize=1)
-def _worst(transfer: Transfer) -> tuple[Mapping[str, Finding], bool]:
+def _worst(transfer: Transfer) -> tuple[Mapping[str, LintFinding], bool]:
     """The worst finding of each requirement, and whether the others are kept."""
     findings = lint(bytes(transfer.content))
-    worst: dict[str, Finding] = {}
+    worst: dict[str, LintFinding] = {}
     for severity in reversed(Severity):
         for finding in findings:
             if finding.severity is severity:

@@ -12,7 +12,7 @@ from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore
 from scaraspec.mutants import registry
 
-Fault = registry.Fault[type[AsyncClient]]
+ClientMutant = registry.Mutant[type[AsyncClient]]
 
 
 def _client(wrong: type[Any]) -> type[AsyncClient]:
@@ -23,11 +23,11 @@ def _client(wrong: type[Any]) -> type[AsyncClient]:
     return wrong
 
 
-_FAULTS: Final = registry.Faults[type[AsyncClient]](_client)
-fault = _FAULTS.fault
+_MUTANTS: Final = registry.MutantRegistry[type[AsyncClient]](_client)
+mutant = _MUTANTS.mutant
 
 
 @cache
-def faults() -> Mapping[str, Fault]:
+def mutants() -> Mapping[str, ClientMutant]:
     """All seeded faults by name, in the order of the document's clauses."""
-    return _FAULTS.all(sys.modules[__name__])
+    return _MUTANTS.all(sys.modules[__name__])

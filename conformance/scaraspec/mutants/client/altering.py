@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any, ClassVar
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Exchange, TwoStage
+from scaraspec.client.exchange import PendingOperation, TwoStage
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 
@@ -62,7 +62,7 @@ class SendsUnchecked(AltersFields, ABC):
     def passes(self, value: float) -> bool:
         """Whether this one does."""
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         """Show the encoder a 1 in its place."""
         self._unchecked = None
         if name == self.name:
@@ -114,7 +114,7 @@ class OtherTwoStage(ClientCore):
     shape: ClassVar[type[TwoStage]]
     """How."""
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         """Take the other way."""
         if not BY_NAME[name].two_stage:
             return super().command(name, value)

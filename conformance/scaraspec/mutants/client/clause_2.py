@@ -5,10 +5,10 @@ from typing import ClassVar
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Exchange, Login
+from scaraspec.client.exchange import Login, PendingOperation
 from scaraspec.client.problems import ClientError, LinkLost
 from scaraspec.client.shell import LOST_BY
-from scaraspec.mutants.client import fault
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.process import memory
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A
@@ -19,7 +19,7 @@ from scaraspec.transports.link import Ending
 # Who dials
 
 
-@fault("2/1")
+@mutant("2/1")
 class StaysConnectedWhenCut(AsyncClient):
     """After its connection was cut off it takes itself for connected, and does not dial."""
 
@@ -34,7 +34,7 @@ class StaysConnectedWhenCut(AsyncClient):
         super()._lose(reason)
 
 
-@fault("2/1", subtle=True)
+@mutant("2/1", subtle=True)
 class RestsAfterVainLogins(AsyncClient):
     """After a login that came to nothing it does not dial when it is told to the next time."""
 
@@ -49,7 +49,7 @@ class RestsAfterVainLogins(AsyncClient):
             raise
 
 
-@fault("2/3")
+@mutant("2/3")
 class DialsTheNextPort(AsyncClient):
     """It dials 8878 where 8877 is due."""
 
@@ -60,18 +60,18 @@ class DialsTheNextPort(AsyncClient):
 # What comes first
 
 
-@fault("2/10")
+@mutant("2/10")
 class AsksForTheVersionFirst(ClientCore):
     """It asks for the version ahead of the login."""
 
-    def begin(self, exchange: Exchange, now_s: float) -> None:
+    def begin(self, exchange: PendingOperation, now_s: float) -> None:
         """Ask, and begin."""
         if isinstance(exchange, Login):
             self._send([Frame(A2C, BY_NAME["get_version"].opcode)])
         super().begin(exchange, now_s)
 
 
-@fault("2/10", subtle=True)
+@mutant("2/10", subtle=True)
 class AsksForTheStatusWhenItComesBack(AsyncClient):
     """From its second connection on it asks for the status ahead of the login."""
 
@@ -85,7 +85,7 @@ class AsksForTheStatusWhenItComesBack(AsyncClient):
 # Cut
 
 
-@fault("2/5")
+@mutant("2/5")
 class TakesSegmentsForFrames(ClientCore):
     """What a segment leaves unfinished is dropped."""
 
@@ -94,7 +94,7 @@ class TakesSegmentsForFrames(ClientCore):
         return [*super().feed(data, now_s), *self._digest(self._framer.finish(), now_s)]
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class NeedsTheHeadAtOnce(ClientCore):
     """A frame of which less than opcode and length have come is dropped."""
 
@@ -106,7 +106,7 @@ class NeedsTheHeadAtOnce(ClientCore):
         return events
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class LosesLastBytesAlone(ClientCore):
     """A segment of one byte that would end a frame is lost."""
 
@@ -116,7 +116,7 @@ class LosesLastBytesAlone(ClientCore):
         return [] if alone else super().feed(data, now_s)
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class ImpatientWithinFrames(ClientCore):
     """A frame that stops for half a second is given up."""
 
@@ -142,25 +142,25 @@ class _LosesInPieces(ClientCore):
         return [] if lost else super()._dispatch(frame, now_s)
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class LosesChunksInPieces(_LosesInPieces):
     """A chunk that comes in pieces is lost."""
 
     opcode = BY_NAME["download_chunk"].opcode
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class LosesLoginsInPieces(_LosesInPieces):
     """The answer to the login is lost where it comes in pieces."""
 
     opcode = BY_NAME["login"].opcode
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class ForgetsPiecesWhenItAsks(ClientCore):
     """What has come of a frame is thrown away when another request is sent."""
 
-    def begin(self, exchange: Exchange, now_s: float) -> None:
+    def begin(self, exchange: PendingOperation, now_s: float) -> None:
         """Throw it away."""
         self._framer = Framer(C2A)
         super().begin(exchange, now_s)
@@ -169,7 +169,7 @@ class ForgetsPiecesWhenItAsks(ClientCore):
 # Joined
 
 
-@fault("2/6")
+@mutant("2/6")
 class ServesTheFirstOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the first is served."""
 
@@ -177,7 +177,7 @@ class ServesTheFirstOfEachSegment(ClientCore):
         return super()._digest(list(found)[:1], now_s)
 
 
-@fault("2/6", subtle=True)
+@mutant("2/6", subtle=True)
 class ServesFourOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the first four are served."""
 
@@ -185,7 +185,7 @@ class ServesFourOfEachSegment(ClientCore):
         return super()._digest(list(found)[:4], now_s)
 
 
-@fault("2/6", subtle=True)
+@mutant("2/6", subtle=True)
 class ServesTheLastOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the last is served."""
 
@@ -193,7 +193,7 @@ class ServesTheLastOfEachSegment(ClientCore):
         return super()._digest(list(found)[-1:], now_s)
 
 
-@fault("2/6", subtle=True)
+@mutant("2/6", subtle=True)
 class AcceptsAtTheBeginning(ClientCore):
     """A two-stage command is accepted by the first frame of a segment only."""
 
@@ -225,21 +225,21 @@ class _DropsBehind(ClientCore):
         return isinstance(item, Frame) and item.opcode == self.opcode and not item.tagged
 
 
-@fault("2/6", subtle=True)
+@mutant("2/6", subtle=True)
 class DropsWhatIsBehindChunks(_DropsBehind):
     """What comes in one segment behind a chunk is dropped."""
 
     opcode = BY_NAME["download_chunk"].opcode
 
 
-@fault("2/6", subtle=True)
+@mutant("2/6", subtle=True)
 class DropsWhatIsBehindAnswersToChunks(_DropsBehind):
     """What comes in one segment behind the answer to a chunk is dropped."""
 
     opcode = BY_NAME["upload_chunk"].opcode
 
 
-@fault("2/6", subtle=True)
+@mutant("2/6", subtle=True)
 class DropsWhatIsBehindLists(_DropsBehind):
     """What comes in one segment behind a part of the program list is dropped."""
 

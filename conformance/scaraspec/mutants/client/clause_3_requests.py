@@ -5,8 +5,8 @@ from typing import Any
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Exchange
-from scaraspec.mutants.client import fault
+from scaraspec.client.exchange import PendingOperation
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.spoiling import SpoilsFrames
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
@@ -15,7 +15,7 @@ from scaraspec.protocol.frames import Frame
 # Layout
 
 
-@fault("3/1", "3/8")
+@mutant("3/1", "3/8")
 class LeavesOutAnEmptyLength(SpoilsFrames):
     """The request for the version has no length byte, as it has no data."""
 
@@ -26,7 +26,7 @@ class LeavesOutAnEmptyLength(SpoilsFrames):
         return frame[:2] + frame[3:]
 
 
-@fault("3/1", "3/7")
+@mutant("3/1", "3/7")
 class LengthAheadOfTheOpcode(SpoilsFrames):
     """In the request to delete a program the length comes ahead of the opcode."""
 
@@ -37,7 +37,7 @@ class LengthAheadOfTheOpcode(SpoilsFrames):
         return frame[:1] + frame[2:3] + frame[1:2] + frame[3:]
 
 
-@fault("3/2")
+@mutant("3/2")
 class StartsAsTheController(SpoilsFrames):
     """The request for the network settings starts with CC."""
 
@@ -48,7 +48,7 @@ class StartsAsTheController(SpoilsFrames):
         return b"\xcc" + frame[1:]
 
 
-@fault("3/3")
+@mutant("3/3")
 class EndsAsTheController(SpoilsFrames):
     """The request for the gripper centre ends with AA."""
 
@@ -59,7 +59,7 @@ class EndsAsTheController(SpoilsFrames):
         return frame[:-1] + b"\xaa"
 
 
-@fault("3/3")
+@mutant("3/3")
 class EndsWithLineFeed(SpoilsFrames):
     """The request to set the time ends with a line feed."""
 
@@ -70,7 +70,7 @@ class EndsWithLineFeed(SpoilsFrames):
         return frame[:-1] + b"\n"
 
 
-@fault("3/6", "3/7", subtle=True)
+@mutant("3/6", "3/7", subtle=True)
 class SignedLength(SpoilsFrames):
     """A length above 127 is sent as 127."""
 
@@ -81,7 +81,7 @@ class SignedLength(SpoilsFrames):
         return frame[:2] + bytes((min(frame[2], 127),)) + frame[3:]
 
 
-@fault("3/6", "3/7", subtle=True)
+@mutant("3/6", "3/7", subtle=True)
 class TwoBytesOfLength(SpoilsFrames):
     """A length above 127 is sent in two bytes of seven bits."""
 
@@ -94,7 +94,7 @@ class TwoBytesOfLength(SpoilsFrames):
         return frame[:2] + bytes((frame[2] | 0x80, frame[2] >> 7)) + frame[3:]
 
 
-@fault("3/7")
+@mutant("3/7")
 class CountsTheWholeFrame(SpoilsFrames):
     """The length in the request to set an output counts start, opcode, length and end, too."""
 
@@ -105,7 +105,7 @@ class CountsTheWholeFrame(SpoilsFrames):
         return frame[:2] + bytes((len(frame),)) + frame[3:]
 
 
-@fault("3/7")
+@mutant("3/7")
 class LengthOfTheExample(SpoilsFrames):
     """The request to set the network has the length 36 that the document prints."""
 
@@ -116,7 +116,7 @@ class LengthOfTheExample(SpoilsFrames):
         return frame[:2] + bytes((36,)) + frame[3:]
 
 
-@fault("3/8", "3/7")
+@mutant("3/8", "3/7")
 class SendsDataBehindZero(SpoilsFrames):
     """The request for the motors' temperatures has the length 0 and a byte of data."""
 
@@ -127,7 +127,7 @@ class SendsDataBehindZero(SpoilsFrames):
         return frame[:3] + b"\0" + frame[3:]
 
 
-@fault("3/15")
+@mutant("3/15")
 class TagsItsReset(SpoilsFrames):
     """The request to reset the robot has the tag 90 of its final result."""
 
@@ -138,13 +138,13 @@ class TagsItsReset(SpoilsFrames):
         return frame[:1] + b"\x90" + frame[1:]
 
 
-@fault("3/28")
+@mutant("3/28")
 class LengthModulo256(ClientCore):
     """Names of any length are sent, and their length modulo 256."""
 
     _whole = b""
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         """Take it as if it were short."""
         if name == "delete_program" and len(value) > 255:  # noqa: PLR2004 - one byte
             self._whole, value = value, value[:1]
@@ -163,7 +163,7 @@ class LengthModulo256(ClientCore):
 # Opcodes
 
 
-@fault("3/10")
+@mutant("3/10")
 class AsksUnderAnotherOpcode(ClientCore):
     """The joint angles are asked for under 3E, which the document skips."""
 
@@ -172,7 +172,7 @@ class AsksUnderAnotherOpcode(ClientCore):
         super()._send(f._replace(opcode=0x3E) if f.opcode == angles else f for f in frames)
 
 
-@fault("3/10", subtle=True)
+@mutant("3/10", subtle=True)
 class LogsOut(AsyncClient):
     """It logs out with the opcode 02 before it hangs up."""
 
@@ -215,21 +215,21 @@ class _Ticking(ClientCore):
         return super().lose(reason, now_s)
 
 
-@fault("3/10", subtle=True)
+@mutant("3/10", subtle=True)
 class BeatsUnderAnUndefinedOpcode(_Ticking):
     """It keeps the connection alive with frames of the opcode 00."""
 
     beat = Frame(A2C, 0x00).encode()
 
 
-@fault("3/32", subtle=True)
+@mutant("3/32", subtle=True)
 class BeatsWithSingleBytes(_Ticking):
     """It keeps the connection alive with bytes that belong to no frame."""
 
     beat = b"\0"
 
 
-@fault("3/32")
+@mutant("3/32")
 class LineEndsBehindFrames(SpoilsFrames):
     """Behind the request to set the default program comes a line end."""
 
@@ -240,7 +240,7 @@ class LineEndsBehindFrames(SpoilsFrames):
         return frame + b"\r\n"
 
 
-@fault("3/32", "3/10", subtle=True)
+@mutant("3/32", "3/10", subtle=True)
 class SaysQuit(AsyncClient):
     """Before it hangs up it sends the word quit."""
 
@@ -254,7 +254,7 @@ class SaysQuit(AsyncClient):
 # One at a time
 
 
-@fault("3/25")
+@mutant("3/25")
 class AnswersTheLastAskerFirst(ClientCore):
     """A query may be sent again before its answer; the first answer goes to who asked last."""
 
@@ -262,7 +262,7 @@ class AnswersTheLastAskerFirst(ClientCore):
         """Always for queries."""
         return slot == "get_status" or super().is_free(slot)
 
-    def begin(self, exchange: Exchange, now_s: float) -> None:
+    def begin(self, exchange: PendingOperation, now_s: float) -> None:
         """The latest comes first."""
         super().begin(exchange, now_s)
         self._open.insert(0, self._open.pop())

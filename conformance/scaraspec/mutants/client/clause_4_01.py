@@ -2,9 +2,9 @@
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Exchange, Login
+from scaraspec.client.exchange import Login, PendingOperation
 from scaraspec.client.problems import LinkLost
-from scaraspec.mutants.client import fault
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersReplies, AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C
@@ -13,7 +13,7 @@ from scaraspec.protocol.frames import Frame
 # What is sent
 
 
-@fault("4.1/1")
+@mutant("4.1/1")
 class PasswordsInSmallLetters(AltersRequests):
     """Passwords are sent in small letters."""
 
@@ -24,7 +24,7 @@ class PasswordsInSmallLetters(AltersRequests):
         return data.lower()
 
 
-@fault("4.1/1", "T/10", subtle=True)
+@mutant("4.1/1", "T/10", subtle=True)
 class CutsLongPasswords(AltersRequests):
     """Passwords are cut to sixteen characters."""
 
@@ -35,7 +35,7 @@ class CutsLongPasswords(AltersRequests):
         return data[:16]
 
 
-@fault("4.1/1", subtle=True)
+@mutant("4.1/1", subtle=True)
 class TrimsPasswords(AltersRequests):
     """Blanks at the ends of a password are not sent."""
 
@@ -49,24 +49,24 @@ class TrimsPasswords(AltersRequests):
 # What is made of the answer
 
 
-@fault("4.1/5", subtle=True)
+@mutant("4.1/5", subtle=True)
 class AsksForTheStatusWhenRefused(ClientCore):
     """When its login was refused it asks for the status."""
 
-    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
         if isinstance(exchange, Login) and exchange.problem:
             self._send([Frame(A2C, BY_NAME["get_status"].opcode)])
         return super()._follow(exchange, now_s)
 
 
-@fault("4.1/5")
+@mutant("4.1/5")
 class GoesOnWhenRefused(AsyncClient):
     """A refused login is told as such, and does not keep it from anything."""
 
     class core(ClientCore):  # noqa: N801 - it fills in the attribute
         """Takes itself for logged in."""
 
-        def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+        def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
             events = super()._follow(exchange, now_s)
             self.logged_in |= isinstance(exchange, Login)
             return events
@@ -76,14 +76,14 @@ class GoesOnWhenRefused(AsyncClient):
             await self.login(self._password)
 
 
-@fault("4.1/5", subtle=True)
+@mutant("4.1/5", subtle=True)
 class StopsWhenRefused(GoesOnWhenRefused):
     """After a refused login nothing is sent but the emergency stop."""
 
     class core(ClientCore):  # noqa: N801 - it fills in the attribute
         """Takes itself for logged in where it is to stop."""
 
-        def begin(self, exchange: Exchange, now_s: float) -> None:
+        def begin(self, exchange: PendingOperation, now_s: float) -> None:
             """Send it."""
             logged_in = self.logged_in
             self.logged_in = logged_in or exchange.command.name == "emergency_stop"
@@ -91,7 +91,7 @@ class StopsWhenRefused(GoesOnWhenRefused):
             self.logged_in = logged_in
 
 
-@fault("4.1/8")
+@mutant("4.1/8")
 class AllButNoIsYes(AltersReplies):
     """Every answer to the login but 0 is taken for a yes."""
 
@@ -102,7 +102,7 @@ class AllButNoIsYes(AltersReplies):
         return data if data == b"0" else b"1"
 
 
-@fault("4.1/8", subtle=True)
+@mutant("4.1/8", subtle=True)
 class LooksAtTheFirstCharacter(AltersReplies):
     """Of the answer to the login only the first character is looked at."""
 
@@ -113,7 +113,7 @@ class LooksAtTheFirstCharacter(AltersReplies):
         return data[:1]
 
 
-@fault("4.1/8", subtle=True)
+@mutant("4.1/8", subtle=True)
 class NothingIsYes(AltersReplies):
     """An answer to the login without data is taken for a yes."""
 
@@ -124,7 +124,7 @@ class NothingIsYes(AltersReplies):
         return data or b"1"
 
 
-@fault("4.1/8", "2/1", subtle=True)
+@mutant("4.1/8", "2/1", subtle=True)
 class LossIsYes(AsyncClient):
     """A connection that is lost before the login was answered is told as made."""
 

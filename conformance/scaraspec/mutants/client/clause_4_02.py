@@ -5,14 +5,14 @@ from collections.abc import Iterable
 from typing import Any
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import Exchange
-from scaraspec.mutants.client import fault
+from scaraspec.client.exchange import PendingOperation
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersFields
 from scaraspec.protocol.commands import BY_NAME, PasswordChange
 from scaraspec.protocol.frames import Frame
 
 
-@fault("4.2/1")
+@mutant("4.2/1")
 class NewPasswordFirst(AltersFields):
     """The new password is sent ahead of the old one."""
 
@@ -23,7 +23,7 @@ class NewPasswordFirst(AltersFields):
         return fields[::-1]
 
 
-@fault("4.2/1")
+@mutant("4.2/1")
 class NewPasswordAlone(AltersFields):
     """The new password is sent without the old one."""
 
@@ -34,7 +34,7 @@ class NewPasswordAlone(AltersFields):
         return fields[1:]
 
 
-@fault("4.2/1", subtle=True)
+@mutant("4.2/1", subtle=True)
 class RepeatsTheNewPassword(AltersFields):
     """The new password is sent twice, as forms ask for it."""
 
@@ -54,7 +54,7 @@ class _SendsAnyPair(ClientCore, ABC):
     def passes(self, pair: PasswordChange) -> bytes:
         """What is sent of it; nothing where it is refused."""
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         """Take it for another one."""
         if name == "set_password" and (pair := self.passes(value)):
             self._pair, value = pair, PasswordChange(b"o", b"n")
@@ -67,7 +67,7 @@ class _SendsAnyPair(ClientCore, ABC):
             self._pair = b"" if meant else self._pair
 
 
-@fault("4.2/7", "T/6", subtle=True)
+@mutant("4.2/7", "T/6", subtle=True)
 class LooksForBarsInNewOnes(_SendsAnyPair):
     """Only the new password is looked through for bars."""
 
@@ -76,7 +76,7 @@ class LooksForBarsInNewOnes(_SendsAnyPair):
         return b"|".join(pair) if b"|" in pair.old and b"|" not in pair.new else b""
 
 
-@fault("4.2/7", "T/10")
+@mutant("4.2/7", "T/10")
 class CutsLongPairs(_SendsAnyPair):
     """A pair of passwords that is too long is cut."""
 

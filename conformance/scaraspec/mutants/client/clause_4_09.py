@@ -4,8 +4,8 @@ from typing import Any, ClassVar
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import Exchange, Listing
-from scaraspec.mutants.client import fault
+from scaraspec.client.exchange import Listing, PendingOperation
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersReplies, AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
@@ -14,7 +14,7 @@ from scaraspec.protocol.payloads import NameListPart
 # 4.9
 
 
-@fault("4.9/1")
+@mutant("4.9/1")
 class AsksForTheFirstProgram(AltersRequests):
     """The running program is asked for with a number."""
 
@@ -28,7 +28,7 @@ class AsksForTheFirstProgram(AltersRequests):
 # 4.10
 
 
-@fault("4.10/1")
+@mutant("4.10/1")
 class AsksForThePart(AltersRequests):
     """The program list is asked for with the number of a part."""
 
@@ -44,14 +44,14 @@ class _OtherListing(ClientCore):
 
     shape: ClassVar[type[Listing]]
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         """Take the other way."""
         if name != "list_programs":
             return super().command(name, value)
         return self.shape(BY_NAME[name], value, self.dialect)
 
 
-@fault("4.10/10")
+@mutant("4.10/10")
 class FirstPartOnly(_OtherListing):
     """Of a list only the first part is told."""
 
@@ -62,7 +62,7 @@ class FirstPartOnly(_OtherListing):
             return super()._accept(value._replace(more=False), now_s)
 
 
-@fault("4.10/10")
+@mutant("4.10/10")
 class LastPartOnly(_OtherListing):
     """Of a list only the last part is told."""
 
@@ -74,7 +74,7 @@ class LastPartOnly(_OtherListing):
             return super()._accept(value, now_s)
 
 
-@fault("4.10/10", subtle=True)
+@mutant("4.10/10", subtle=True)
 class LosesTheFirstOfLaterParts(_OtherListing):
     """The first name of each further part is lost, if there are others behind it."""
 
@@ -87,7 +87,7 @@ class LosesTheFirstOfLaterParts(_OtherListing):
             return super()._accept(value, now_s)
 
 
-@fault("4.10/10", subtle=True)
+@mutant("4.10/10", subtle=True)
 class SixteenParts(_OtherListing):
     """A list ends with its sixteenth part."""
 
@@ -98,7 +98,7 @@ class SixteenParts(_OtherListing):
             return super()._accept(value._replace(more=value.more and self._parts < 15), now_s)  # noqa: PLR2004 - it is the sixteenth
 
 
-@fault("4.10/10", subtle=True)
+@mutant("4.10/10", subtle=True)
 class JoinsNamesOfParts(_OtherListing):
     """The last name of a part is taken for the beginning of the first of the next."""
 
@@ -111,7 +111,7 @@ class JoinsNamesOfParts(_OtherListing):
             return super()._accept(value, now_s)
 
 
-@fault("4.10/10", reading=("list_cont=request",), subtle=True)
+@mutant("4.10/10", reading=("list_cont=request",), subtle=True)
 class FetchesInVain(_OtherListing):
     """The further parts of a list are asked for, and the last of them is not told (A-4.10-3 b)."""
 
@@ -123,7 +123,7 @@ class FetchesInVain(_OtherListing):
             return super()._accept(value._replace(names=()) if forgotten else value, now_s)
 
 
-@fault("4.10/10", "T/9", subtle=True)
+@mutant("4.10/10", "T/9", subtle=True)
 class HidesDottedNames(_OtherListing):
     """Names that begin with a dot are not told, as files that a system hides."""
 
@@ -135,7 +135,7 @@ class HidesDottedNames(_OtherListing):
             return super()._accept(value._replace(names=shown), now_s)
 
 
-@fault("4.10/10", subtle=True)
+@mutant("4.10/10", subtle=True)
 class TakesTheFlagForText(AltersReplies):
     """Where no bar follows the flag of a list, the flag is told as part of the first name."""
 
@@ -146,7 +146,7 @@ class TakesTheFlagForText(AltersReplies):
         return data if data[1:2] in (b"|", b"") else data[:1] + b"|" + data
 
 
-@fault("4.10/10", subtle=True)
+@mutant("4.10/10", subtle=True)
 class ImpatientForParts(_OtherListing):
     """A part that takes longer than a twentieth of a second is not waited for."""
 
@@ -165,7 +165,7 @@ class ImpatientForParts(_OtherListing):
             return []
 
 
-@fault("4.10/10", "T/9", subtle=True)
+@mutant("4.10/10", "T/9", subtle=True)
 class SortsNames(AsyncClient):
     """Programs are told in alphabetical order."""
 
@@ -174,7 +174,7 @@ class SortsNames(AsyncClient):
         return tuple(sorted(await super().list_programs()))
 
 
-@fault("4.10/12")
+@mutant("4.10/12")
 class EmptyListIsOneName(AsyncClient):
     """An empty list is told as one empty name."""
 
@@ -183,7 +183,7 @@ class EmptyListIsOneName(AsyncClient):
         return await super().list_programs() or ("",)
 
 
-@fault("4.10/12", subtle=True)
+@mutant("4.10/12", subtle=True)
 class BarIsOneName(AltersReplies):
     """An empty list with a bar behind its flag is told as one name."""
 
@@ -194,7 +194,7 @@ class BarIsOneName(AltersReplies):
         return b"0|-" if data == b"0|" else data
 
 
-@fault("4.10/12", "T/9", subtle=True)
+@mutant("4.10/12", "T/9", subtle=True)
 class CutsListedNames(AltersReplies):
     """Listed names are cut to thirty bytes."""
 
@@ -205,7 +205,7 @@ class CutsListedNames(AltersReplies):
         return b"|".join(text[:30] for text in data.split(b"|"))
 
 
-@fault("4.10/12", subtle=True)
+@mutant("4.10/12", subtle=True)
 class FailsAtLongNames(AltersReplies):
     """A list with a name of more than a hundred bytes cannot be read."""
 
@@ -219,7 +219,7 @@ class FailsAtLongNames(AltersReplies):
 # 4.11
 
 
-@fault("4.11/1")
+@mutant("4.11/1")
 class AddsExtensions(AltersRequests):
     """The name of the program to delete is sent with an extension if it has none."""
 
@@ -230,7 +230,7 @@ class AddsExtensions(AltersRequests):
         return data if b"." in data else data + b".rob"
 
 
-@fault("4.11/1")
+@mutant("4.11/1")
 class ReplacesExtensions(AltersRequests):
     """The name of the program to delete is sent with the extension .rob for .txt."""
 
@@ -241,7 +241,7 @@ class ReplacesExtensions(AltersRequests):
         return data.removesuffix(b".txt") + b".rob" if data.endswith(b".txt") else data
 
 
-@fault("4.11/1")
+@mutant("4.11/1")
 class NamesInSmallLetters(AltersRequests):
     """The name of the program to delete is sent in small letters."""
 
@@ -252,7 +252,7 @@ class NamesInSmallLetters(AltersRequests):
         return data.lower()
 
 
-@fault("4.11/1", subtle=True)
+@mutant("4.11/1", subtle=True)
 class EndsNamesAtBlanks(AltersRequests):
     """The name of the program to delete is sent up to its first blank."""
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.mutants.client import fault
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
@@ -13,7 +13,7 @@ _SET_DEFAULT = BY_NAME["set_default_program"].opcode
 _TEMPERATURES = BY_NAME["get_motor_temperatures"].opcode
 
 
-@fault("4.12/1")
+@mutant("4.12/1")
 class AsksForTheDefaultWithData(AltersRequests):
     """The default program is asked for with a 0."""
 
@@ -24,7 +24,7 @@ class AsksForTheDefaultWithData(AltersRequests):
         return data + b"0"
 
 
-@fault("4.12/1", subtle=True)
+@mutant("4.12/1", subtle=True)
 class AsksForTheDefaultUnderBoth(ClientCore):
     """The default program is asked for under 0D and, with the name of a program, under 13."""
 
@@ -35,7 +35,7 @@ class AsksForTheDefaultUnderBoth(ClientCore):
                 super()._send([frame._replace(opcode=_GET_DEFAULT.also, data=b"pro1.rob")])
 
 
-@fault("4.13/1")
+@mutant("4.13/1")
 class SendsThePath(AltersRequests):
     """The name of the default program is sent with the folder that it is in."""
 
@@ -46,7 +46,7 @@ class SendsThePath(AltersRequests):
         return b"/programs/" + data
 
 
-@fault("4.13/1", subtle=True)
+@mutant("4.13/1", subtle=True)
 class SendsTheFirstPartOfNames(AltersRequests):
     """The name of the default program is sent up to the last point in it, and .rob behind that."""
 
@@ -57,7 +57,7 @@ class SendsTheFirstPartOfNames(AltersRequests):
         return data.rpartition(b".")[0] + b".rob" if data.count(b".") > 1 else data
 
 
-@fault("4.14/1")
+@mutant("4.14/1")
 class AsksForEveryMotor(AltersRequests):
     """The temperatures are asked for with the numbers of the motors."""
 
@@ -68,7 +68,7 @@ class AsksForEveryMotor(AltersRequests):
         return data + b"1|2|3|4"
 
 
-@fault("4.14/4")
+@mutant("4.14/4")
 class TakesTemperaturesForYes(ClientCore):
     """Whatever comes under 0E is taken for the reply to setting the default program."""
 
@@ -78,7 +78,7 @@ class TakesTemperaturesForYes(ClientCore):
         return super()._dispatch(frame._replace(data=b"1") if mistaken else frame, now_s)
 
 
-@fault("4.14/4", subtle=True)
+@mutant("4.14/4", subtle=True)
 class TakesYesForTemperatures(ClientCore):
     """Whatever comes under 0E while the temperatures are due is taken for these."""
 
@@ -89,7 +89,7 @@ class TakesYesForTemperatures(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@fault("4.14/4", "T/9", subtle=True)
+@mutant("4.14/4", "T/9", subtle=True)
 class ReadsPrintedTemperaturesBackwards(ClientCore):
     """Temperatures under 0E are told in the other order."""
 

@@ -4,8 +4,8 @@ from abc import ABC, abstractmethod
 from typing import ClassVar, Final
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Exchange, Stage, TwoStage
-from scaraspec.mutants.client import fault
+from scaraspec.client.exchange import PendingOperation, Stage, TwoStage
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersRequests
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
@@ -14,7 +14,7 @@ _STOP: Final = "emergency_stop"
 _OPCODE: Final = BY_NAME[_STOP].opcode
 
 
-@fault("4.17/1")
+@mutant("4.17/1")
 class StopSaysHow(AltersRequests):
     """The stop carries a 1."""
 
@@ -25,7 +25,7 @@ class StopSaysHow(AltersRequests):
         return data + b"1"
 
 
-@fault("4.17/1", subtle=True)
+@mutant("4.17/1", subtle=True)
 class StopNamesTheProgram(AltersRequests):
     """The stop carries the name of the program that was run last, since it "stops programs"."""
 
@@ -42,7 +42,7 @@ class StopNamesTheProgram(AltersRequests):
         return data + self._ran
 
 
-@fault("4.17/9", subtle=True)
+@mutant("4.17/9", subtle=True)
 class InterruptedResultEndsTheStop(ClientCore):
     """While a stop is carried out any result is taken for its own."""
 
@@ -52,11 +52,11 @@ class InterruptedResultEndsTheStop(ClientCore):
         return super()._dispatch(frame, now_s)
 
 
-@fault("4.17/9", subtle=True)
+@mutant("4.17/9", subtle=True)
 class StopEndsAllWell(ClientCore):
     """The success of a stop is taken for that of what it stops."""
 
-    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
         events = super()._follow(exchange, now_s)
         if exchange.command.name == _STOP and exchange.settled and exchange.problem is None:
             for other in self._executing():
@@ -65,7 +65,7 @@ class StopEndsAllWell(ClientCore):
         return events
 
 
-@fault("4.17/9", subtle=True)
+@mutant("4.17/9", subtle=True)
 class UnaskedResultEndsTheLink(ClientCore):
     """At a result that nobody here has asked for the client gives up the connection."""
 
@@ -91,21 +91,21 @@ class _VainStopEndsEverything(ClientCore):
         return events
 
 
-@fault("4.17/9", subtle=True)
+@mutant("4.17/9", subtle=True)
 class FailedStopEndsEverything(_VainStopEndsEverything):
     """What goes on when a stop has failed is taken for stopped."""
 
     accepted = True
 
 
-@fault("4.17/9", subtle=True)
+@mutant("4.17/9", subtle=True)
 class RefusedStopEndsEverything(_VainStopEndsEverything):
     """What goes on when a stop was refused is taken for stopped."""
 
     accepted = False
 
 
-@fault("4.17/9", subtle=True)
+@mutant("4.17/9", subtle=True)
 class StopWaitsForWhatItStops(ClientCore):
     """The success of a stop counts only when what it stops has told a result of its own."""
 
@@ -126,7 +126,7 @@ class _HoldsTheStop(ClientCore, ABC):
     """The stop is not sent while certain other things are open."""
 
     @abstractmethod
-    def hinders(self, exchange: Exchange) -> bool:
+    def hinders(self, exchange: PendingOperation) -> bool:
         """Whether it waits for that."""
 
     def is_free(self, slot: str) -> bool:
@@ -134,34 +134,34 @@ class _HoldsTheStop(ClientCore, ABC):
         return super().is_free(slot) and not (slot == _STOP and any(map(self.hinders, self._open)))
 
 
-@fault("4.17/10")
+@mutant("4.17/10")
 class QueriesHoldTheStop(_HoldsTheStop):
     """The stop waits for the reply to a query."""
 
-    def hinders(self, exchange: Exchange) -> bool:
+    def hinders(self, exchange: PendingOperation) -> bool:
         """Wait for queries."""
         return not isinstance(exchange, TwoStage)
 
 
-@fault("4.17/10", subtle=True)
+@mutant("4.17/10", subtle=True)
 class OrdersHoldTheStop(_HoldsTheStop):
     """The stop waits for the first reply to another order."""
 
-    def hinders(self, exchange: Exchange) -> bool:
+    def hinders(self, exchange: PendingOperation) -> bool:
         """Wait for first replies."""
         return isinstance(exchange, TwoStage) and exchange.stage is Stage.ASKED
 
 
-@fault("4.17/10", subtle=True)
+@mutant("4.17/10", subtle=True)
 class ExecutionHoldsTheStop(_HoldsTheStop):
     """The stop waits until what executes has ended by itself."""
 
-    def hinders(self, exchange: Exchange) -> bool:
+    def hinders(self, exchange: PendingOperation) -> bool:
         """Wait for final results."""
         return isinstance(exchange, TwoStage) and exchange.stage is Stage.EXECUTING
 
 
-@fault("4.17/9", subtle=True)
+@mutant("4.17/9", subtle=True)
 class RemembersTheStop(ClientCore):
     """Behind a stop whatever takes more than a quarter of a second is told as stopped."""
 

@@ -3,8 +3,8 @@
 from typing import Any, Final
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Exchange, TwoStage
-from scaraspec.mutants.client import fault
+from scaraspec.client.exchange import PendingOperation, TwoStage
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersRequests, TakesLossForSuccess
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
@@ -13,7 +13,7 @@ _OFF: Final = "shutdown"
 _MOMENT_S: Final = 0.02
 
 
-@fault("4.35/1")
+@mutant("4.35/1")
 class ShutdownSaysOne(AltersRequests):
     """The shutdown carries a 1."""
 
@@ -24,7 +24,7 @@ class ShutdownSaysOne(AltersRequests):
         return data + b"1"
 
 
-@fault("4.35/1", subtle=True)
+@mutant("4.35/1", subtle=True)
 class ShutdownKeepsTheTarget(AltersRequests):
     """The shutdown carries the target of the last move, which was in the buffer before."""
 
@@ -44,16 +44,16 @@ class ShutdownKeepsTheTarget(AltersRequests):
 class _OtherShutdown(ClientCore):
     """The shutdown is carried out otherwise."""
 
-    shape: type[Exchange]
+    shape: type[PendingOperation]
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         """Take the other way."""
         if name != _OFF:
             return super().command(name, value)
         return self.shape(BY_NAME[name], value, self.dialect)
 
 
-class _SettlesLater(Exchange):
+class _SettlesLater(PendingOperation):
     """It is over a moment after its reply."""
 
     def _accept(self, value: None, now_s: float) -> list[Frame]:  # noqa: ARG002 - there is none
@@ -68,21 +68,21 @@ class _SettlesLater(Exchange):
         return super().expire(now_s)
 
 
-@fault("4.35/6")
+@mutant("4.35/6")
 class ShutdownWaitsForResults(_OtherShutdown):
     """The shutdown has not ended before a final result, which never comes."""
 
     shape = TwoStage
 
 
-@fault("4.35/6", subtle=True)
+@mutant("4.35/6", subtle=True)
 class ShutdownNeedsTime(_OtherShutdown):
     """A link that is lost right behind the reply makes the shutdown an error."""
 
     shape = _SettlesLater
 
 
-@fault("4.35/6", subtle=True)
+@mutant("4.35/6", subtle=True)
 class LostLinkEndsAllWell(ClientCore):
     """What is open when the link is lost behind a shutdown counts as done."""
 
@@ -95,7 +95,7 @@ class LostLinkEndsAllWell(ClientCore):
         return events + super().lose(reason, now_s)
 
 
-@fault("T/9", subtle=True)
+@mutant("T/9", subtle=True)
 class TakesLossForShutdown(TakesLossForSuccess):
     """A link that is lost before the shutdown was answered is taken for the shutdown itself."""
 

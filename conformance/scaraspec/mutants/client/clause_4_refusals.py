@@ -4,9 +4,9 @@ from abc import ABC, abstractmethod
 from dataclasses import replace
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Exchange, TwoStage
+from scaraspec.client.exchange import PendingOperation, TwoStage
 from scaraspec.client.problems import ClientError, Failed, Refused
-from scaraspec.mutants.client import fault
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersReplies, AltersResults, OtherTwoStage
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_OPCODE
@@ -30,7 +30,7 @@ class _AltersRefusals(ClientCore, ABC):
         return super()._dispatch(frame, now_s)
 
 
-@fault("4/13")
+@mutant("4/13")
 class EveryReplyIsYes(_AltersRefusals):
     """A first reply is taken for a yes, whatever it says."""
 
@@ -39,7 +39,7 @@ class EveryReplyIsYes(_AltersRefusals):
         return bool(frame.data)
 
 
-@fault("4/13", subtle=True)
+@mutant("4/13", subtle=True)
 class BareRefusalIsYes(_AltersRefusals):
     """A refusal is known by its bar: a 0 alone is taken for a yes."""
 
@@ -48,7 +48,7 @@ class BareRefusalIsYes(_AltersRefusals):
         return frame.data == b"0" and frame.opcode != _STOP
 
 
-@fault("4/13", subtle=True)
+@mutant("4/13", subtle=True)
 class UnknownRefusalIsYes(_AltersRefusals):
     """A refusal whose code is in no table is taken for a yes."""
 
@@ -57,7 +57,7 @@ class UnknownRefusalIsYes(_AltersRefusals):
         return b"|" in frame.data and errors.lookup(frame.data[2:].decode("latin-1")) is None
 
 
-@fault("4/13", subtle=True)
+@mutant("4/13", subtle=True)
 class MissingFileIsWaitedFor(_AltersRefusals):
     """A refusal with the code 20, for a missing program, is taken for a yes."""
 
@@ -66,7 +66,7 @@ class MissingFileIsWaitedFor(_AltersRefusals):
         return frame.data == b"0|20"
 
 
-@fault("4/13", subtle=True)
+@mutant("4/13", subtle=True)
 class BusyBehindRefusals(ClientCore):
     """After a refusal the client goes on counting the command as under way: no other is sent."""
 
@@ -76,7 +76,7 @@ class BusyBehindRefusals(ClientCore):
         """Hold the next one back."""
         return slot != self._refused and super().is_free(slot)
 
-    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
         if isinstance(exchange, TwoStage) and isinstance(exchange.problem, Refused):
             self._refused = exchange.slot
         return super()._follow(exchange, now_s)
@@ -92,7 +92,7 @@ class _RefusedIsFailed(TwoStage):
         )
 
 
-@fault("4/13")
+@mutant("4/13")
 class RefusalIsToldAsFailure(OtherTwoStage):
     """What was refused is told as begun and failed."""
 
@@ -134,34 +134,34 @@ class _OfMotorsOnly(_AltersCodes):
         return code if code[:1] == "1" else "1F"
 
 
-@fault("4/12")
+@mutant("4/12")
 class CodesLoseTheirZero(OtherTwoStage):
     """Codes are told as numbers: of 05 the zero is lost."""
 
     shape = _AsNumbers
 
 
-@fault("4/12")
+@mutant("4/12")
 class CodesAreToldInDecimals(OtherTwoStage):
     """Codes are told in decimals: 12 becomes 18."""
 
     shape = _AsDecimals
 
 
-@fault("4/12")
+@mutant("4/12")
 class EveryOtherCodeBlamesMotors(OtherTwoStage):
     """Whatever is no motor's fault is told as one of all motors."""
 
     shape = _OfMotorsOnly
 
 
-@fault("4/12", subtle=True)
+@mutant("4/12", subtle=True)
 class CodeBeforeTheLast(ClientCore):
     """With every refusal or failure the code of the one before is told."""
 
     _before: errors.Code | None = None
 
-    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
         problem = exchange.problem
         if isinstance(problem, Refused | Failed) and problem.code is not None:
             code, problem.code = problem.code, self._before or problem.code
@@ -169,7 +169,7 @@ class CodeBeforeTheLast(ClientCore):
         return super()._follow(exchange, now_s)
 
 
-@fault("4/12", subtle=True)
+@mutant("4/12", subtle=True)
 class CodeZeroIsSuccess(AltersResults):
     """A failure with the code 00 is taken for a success: no error has occurred."""
 
@@ -178,7 +178,7 @@ class CodeZeroIsSuccess(AltersResults):
         return b"11" if data == b"00|00" else data
 
 
-@fault("4/12", subtle=True)
+@mutant("4/12", subtle=True)
 class UnknownFailureIsSuccess(AltersResults):
     """A failure whose code is in no table is taken for a success."""
 
@@ -188,7 +188,7 @@ class UnknownFailureIsSuccess(AltersResults):
         return b"11" if data[:2] == b"00" and known is None else data
 
 
-@fault("4/12", subtle=True)
+@mutant("4/12", subtle=True)
 class ReservedFailureIsSuccess(AltersResults):
     """A failure with a reserved code is taken for a success."""
 
@@ -213,14 +213,14 @@ def told_of_swapped(code: str) -> str:
     return errors.code_for_joints(swapped.get(joint, joint) for joint in known.joints).text
 
 
-@fault("8/4", "4/12")
+@mutant("8/4", "4/12")
 class WristIsTakenForTheGripper(OtherTwoStage):
     """Of an order's code the wrist's bit and the gripper's are mixed up."""
 
     shape = _MixesUpJoints
 
 
-@fault("8/4")
+@mutant("8/4")
 class StatusMixesUpJoints(AltersReplies):
     """Of the status the wrist's bit and the gripper's are mixed up."""
 
@@ -231,7 +231,7 @@ class StatusMixesUpJoints(AltersReplies):
         return told_of_swapped(data.decode("latin-1")).encode("latin-1")
 
 
-@fault("8/4", subtle=True)
+@mutant("8/4", subtle=True)
 class OneJointOfSeveral(AltersReplies):
     """Of several faulty joints the status tells the first one only."""
 
@@ -245,7 +245,7 @@ class OneJointOfSeveral(AltersReplies):
         return errors.code_for_joints(code.joints[:1]).text.encode()
 
 
-@fault("8/6")
+@mutant("8/6")
 class SmallLettersAreIdle(AltersReplies):
     """A status in small letters is in no table, and taken for idle."""
 
@@ -256,7 +256,7 @@ class SmallLettersAreIdle(AltersReplies):
         return b"00" if data != data.upper() else data
 
 
-@fault("8/6", subtle=True)
+@mutant("8/6", subtle=True)
 class SmallLettersSucceed(AltersResults):
     """A failure whose code is in small letters is in no table, and taken for a success."""
 
@@ -265,7 +265,7 @@ class SmallLettersSucceed(AltersResults):
         return b"11" if data != data.upper() else data
 
 
-@fault("8/6", subtle=True)
+@mutant("8/6", subtle=True)
 class SmallLettersAreYes(_AltersRefusals):
     """A refusal whose code is in small letters is in no table, and taken for a yes."""
 
@@ -274,7 +274,7 @@ class SmallLettersAreYes(_AltersRefusals):
         return frame.data != frame.data.upper()
 
 
-@fault("8/6", subtle=True)
+@mutant("8/6", subtle=True)
 class SmallLettersAreDigits(AltersReplies):
     """A status in small letters is read digit by digit from a table of capitals: 1a becomes 10."""
 

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from typing import ClassVar
 
 from scaraspec.client.core import ClientCore, Event, Settled, Taken
-from scaraspec.client.exchange import Exchange, Stage, TwoStage
+from scaraspec.client.exchange import PendingOperation, Stage, TwoStage
 from scaraspec.client.problems import ReplyTimeout
-from scaraspec.mutants.client import fault
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersResults, OtherTwoStage
 from scaraspec.protocol.commands import BY_OPCODE, Parsed
 from scaraspec.protocol.direction import C2A
@@ -24,7 +24,7 @@ def _executes(frame: Frame) -> bool:
 # Not told by their tag
 
 
-@fault("4/9", subtle=True)
+@mutant("4/9", subtle=True)
 class TellsResultsByTheirData(ClientCore):
     """What begins with 11 or 00 is taken for a final result, with or without its tag."""
 
@@ -33,7 +33,7 @@ class TellsResultsByTheirData(ClientCore):
         return super()._dispatch(frame._replace(tagged=tagged), now_s)
 
 
-@fault("4/9")
+@mutant("4/9")
 class RefusalWithElevenIsSuccess(ClientCore):
     """A refusal with the code 11 is taken for a success, which ends in 11 too."""
 
@@ -44,7 +44,7 @@ class RefusalWithElevenIsSuccess(ClientCore):
         return events + super()._dispatch(frame._replace(data=b"11", tagged=True), now_s)
 
 
-@fault("4/9")
+@mutant("4/9")
 class FailureWithElevenIsSuccess(AltersResults):
     """A failure with the code 11 is taken for a success: only the end of the data is looked at."""
 
@@ -62,7 +62,7 @@ class _EndsAtOnce(TwoStage):
         return []
 
 
-@fault("4/9")
+@mutant("4/9")
 class FirstReplyIsTheResult(OtherTwoStage):
     """The first reply is taken for the final result."""
 
@@ -79,14 +79,14 @@ class _TakesAnyResult(TwoStage):
         return super().awaits(frame, parsed)
 
 
-@fault("4/9", "4.17/9", subtle=True)
+@mutant("4/9", "4.17/9", subtle=True)
 class AnyResultEndsIt(OtherTwoStage):
     """Behind the tag the opcode is not looked at: the first result ends what was begun first."""
 
     shape = _TakesAnyResult
 
 
-@fault("4/9", subtle=True)
+@mutant("4/9", subtle=True)
 class RefusalEndsTheFirst(ClientCore):
     """A second order that is refused ends the first one, which goes on."""
 
@@ -112,7 +112,7 @@ def _first_reply(event: Event) -> bool:
     )
 
 
-@fault("4/10")
+@mutant("4/10")
 class DropsWhatFollowsTheFirstReply(ClientCore):
     """What comes in the same segment as a first reply is thrown away."""
 
@@ -125,7 +125,7 @@ class DropsWhatFollowsTheFirstReply(ClientCore):
         return events
 
 
-@fault("4/10", subtle=True)
+@mutant("4/10", subtle=True)
 class FlushesBehindTheFirstReply(ClientCore):
     """Behind a first reply the buffer is emptied, and with it the beginning of the result."""
 
@@ -137,7 +137,7 @@ class FlushesBehindTheFirstReply(ClientCore):
         return events
 
 
-@fault("4/10", subtle=True)
+@mutant("4/10", subtle=True)
 class FailureMustComeLater(ClientCore):
     """A failure in the same segment as the first reply is not seen: only a success is so quick."""
 
@@ -152,7 +152,7 @@ class FailureMustComeLater(ClientCore):
         return events
 
 
-@fault("4/10", subtle=True)
+@mutant("4/10", subtle=True)
 class ResultBehindAnotherReplyIsLost(ClientCore):
     """A final result is not seen in the same segment behind the reply to something else."""
 
@@ -218,28 +218,28 @@ class _AsksAgain(_Impatient):
         return [self._request]
 
 
-@fault("4/11")
+@mutant("4/11")
 class WaitsFiveSeconds(OtherTwoStage):
     """The final result is waited for as long as a first reply, five seconds."""
 
     shape = _ForFiveSeconds
 
 
-@fault("4/11", subtle=True)
+@mutant("4/11", subtle=True)
 class WaitsTenSeconds(OtherTwoStage):
     """The final result is waited for hardly longer than ten seconds, whatever the robot says."""
 
     shape = _ForTenSeconds
 
 
-@fault("4/11", subtle=True)
+@mutant("4/11", subtle=True)
 class SilenceIsSuccess(OtherTwoStage):
     """A result that does not come in eight seconds is taken for a success."""
 
     shape = _ForgetsIt
 
 
-@fault("4/16", subtle=True)
+@mutant("4/16", subtle=True)
 class AsksAgainWhenItTakesLong(OtherTwoStage):
     """What has not ended in three seconds is asked for again."""
 
@@ -258,7 +258,7 @@ class _AsksUntilAccepted(TwoStage):
         return self.begin(now_s) if self.stage is Stage.ASKED else super().expire(now_s)
 
 
-@fault("4/16", subtle=True)
+@mutant("4/16", subtle=True)
 class AsksAgainUntilAccepted(OtherTwoStage):
     """What has not been accepted in a quarter of a second is asked for again."""
 
@@ -272,14 +272,14 @@ class _AsksTwice(TwoStage):
         return [*super()._accept(value, now_s), self._request]
 
 
-@fault("4/16")
+@mutant("4/16")
 class AsksTwice(OtherTwoStage):
     """What was accepted is asked for once more, to be sure."""
 
     shape = _AsksTwice
 
 
-@fault("4/16", subtle=True)
+@mutant("4/16", subtle=True)
 class AsksAgainWhenIdle(ClientCore):
     """What has not ended is asked for again when the robot says that it is idle."""
 
@@ -295,7 +295,7 @@ class AsksAgainWhenIdle(ClientCore):
         return events
 
 
-@fault("4/16", subtle=True)
+@mutant("4/16", subtle=True)
 class AsksAgainOnTheNextLink(ClientCore):
     """What had not ended when the link was lost is asked for again behind the next login."""
 
@@ -307,7 +307,7 @@ class AsksAgainOnTheNextLink(ClientCore):
                 self._left[:] = [frame]
             super()._send([frame])
 
-    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
+    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
         events = super()._follow(exchange, now_s)
         if any(isinstance(event, Settled) for event in events) and self._lost is None:
             if isinstance(exchange, TwoStage):

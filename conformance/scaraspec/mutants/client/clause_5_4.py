@@ -1,9 +1,9 @@
 """Faults of clause 5.4: the buffer, the end of a transfer, its time-out, and what comes then."""
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Exchange, Stage
-from scaraspec.client.transfer import Download, Transfer, Upload, answer_to_chunk
-from scaraspec.mutants.client import fault
+from scaraspec.client.exchange import PendingOperation, Stage
+from scaraspec.client.transfer import Download, FileTransfer, Upload, answer_to_chunk
+from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.transferring import (
     UPLOAD_CHUNK,
     DownloadsOtherwise,
@@ -54,7 +54,7 @@ class _Stuffed(Upload):
         return [Frame(A2C, UPLOAD_CHUNK, head + piece.ljust(BUFFER_BYTES, b"\0"))]
 
 
-@fault("5.4/3", "5.1/5")
+@mutant("5.4/3", "5.1/5")
 class FillsTheFrame(UploadsOtherwise):
     """A chunk holds as much as goes into its frame, 243 bytes."""
 
@@ -67,7 +67,7 @@ class _StuffedAtTheEnd(_Stuffed):
         return left_bytes if left_bytes <= _ROOM_BYTES else BUFFER_BYTES
 
 
-@fault("5.4/3", "5.1/5", subtle=True)
+@mutant("5.4/3", "5.1/5", subtle=True)
 class StuffsTheRestIn(UploadsOtherwise):
     """The last chunk holds more than 200 bytes where that saves another one."""
 
@@ -85,7 +85,7 @@ class _UpToAShortOne(Receiver):
         return taken
 
 
-@fault("5.4/4", "5.1/7", "5.3/11")
+@mutant("5.4/4", "5.1/7", "5.3/11")
 class ShortChunksAreTheLast(JudgesChunks):
     """A chunk that is not full ends a download."""
 
@@ -100,7 +100,7 @@ class _Counting(Receiver):
         return taken
 
 
-@fault("5.4/4", "5.3/11", subtle=True)
+@mutant("5.4/4", "5.3/11", subtle=True)
 class CountsChunksToTheEnd(JudgesChunks):
     """A download is done when as many chunks have come as full ones would have been."""
 
@@ -115,7 +115,7 @@ class _OnlyFull(Receiver):
         return taken
 
 
-@fault("5.4/4", "5.1/7", subtle=True)
+@mutant("5.4/4", "5.1/7", subtle=True)
 class FullChunksAreNeverTheLast(JudgesChunks):
     """A download does not end with a chunk that is full."""
 
@@ -129,7 +129,7 @@ class _Forever(Forever, Download):
     pass
 
 
-@fault("5.4/5")
+@mutant("5.4/5")
 class DownloadsWaitForEver(DownloadsOtherwise):
     """A download waits for its next chunk without end."""
 
@@ -140,7 +140,7 @@ class _Hurried(Hurried, Download):
     pass
 
 
-@fault("5.4/5")
+@mutant("5.4/5")
 class DownloadsWaitFiveSeconds(DownloadsOtherwise):
     """A download waits for a chunk as long as other commands do for a reply, 5 s."""
 
@@ -151,7 +151,7 @@ class _Lazy(Lazy, Download):
     pass
 
 
-@fault("5.4/5", subtle=True)
+@mutant("5.4/5", subtle=True)
 class DownloadsWaitTooLong(DownloadsOtherwise):
     """A download is given up after 75 s."""
 
@@ -162,7 +162,7 @@ class _InAll(InAll, Download):
     pass
 
 
-@fault("5.4/5", subtle=True)
+@mutant("5.4/5", subtle=True)
 class DownloadsHaveThirtySecondsInAll(DownloadsOtherwise):
     """The 30 s count from the name on, for all of a download."""
 
@@ -173,7 +173,7 @@ class _ForeverAtFirst(ForeverAtFirst, Download):
     pass
 
 
-@fault("5.4/5", subtle=True)
+@mutant("5.4/5", subtle=True)
 class DownloadNamesWaitForEver(DownloadsOtherwise):
     """The answer to the name of a download is awaited without end."""
 
@@ -188,21 +188,21 @@ class _ForeverForTheFirst(Download):
         return frames
 
 
-@fault("5.4/5", subtle=True)
+@mutant("5.4/5", subtle=True)
 class FirstChunksAreAwaitedForEver(DownloadsOtherwise):
     """The first chunk of a download is awaited without end."""
 
     way = _ForeverForTheFirst
 
 
-@fault("5.4/5", subtle=True)
+@mutant("5.4/5", subtle=True)
 class OtherRepliesPutOffDownloads(PutsOff):
     """The 30 s of a download count anew from whatever comes."""
 
     way = Download
 
 
-@fault("5.4/5", "5.3/5", subtle=True)
+@mutant("5.4/5", "5.3/5", subtle=True)
 class TakesLateChunks(ClientCore):
     """A chunk that comes after a download was given up is answered 1."""
 
@@ -230,7 +230,7 @@ class _Stuck(ClientCore):
 
     busy = False
 
-    def stuck(self, transfer: Transfer) -> bool:
+    def stuck(self, transfer: FileTransfer) -> bool:
         """Whether this one leaves it stuck."""
         return transfer.problem is not None
 
@@ -238,22 +238,22 @@ class _Stuck(ClientCore):
         """Not where it is stuck."""
         return super().is_free(slot) and not (self.busy and slot == "transfer")
 
-    def _follow(self, exchange: Exchange, now_s: float) -> list[Event]:
-        if isinstance(exchange, Transfer) and exchange.settled:
+    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
+        if isinstance(exchange, FileTransfer) and exchange.settled:
             self.busy = self.busy or self.stuck(exchange)
         return super()._follow(exchange, now_s)
 
 
-@fault("5.4/6")
+@mutant("5.4/6")
 class BusyOnceTransfersFail(_Stuck):
     """After a transfer has failed no other one begins."""
 
 
-@fault("5.4/6", subtle=True)
+@mutant("5.4/6", subtle=True)
 class BusyOnceDownloadsBreak(_Stuck):
     """After a download has failed on its way no other transfer begins."""
 
-    def stuck(self, transfer: Transfer) -> bool:
+    def stuck(self, transfer: FileTransfer) -> bool:
         """Only then."""
         return (
             super().stuck(transfer) and isinstance(transfer, Download) and bool(transfer.accepted)

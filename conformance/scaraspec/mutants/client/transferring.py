@@ -12,7 +12,7 @@ from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, ClientCore, Event
 from scaraspec.client.exchange import Progress, Stage
 from scaraspec.client.operations import Text
-from scaraspec.client.transfer import Download, Transfer, Upload
+from scaraspec.client.transfer import Download, FileTransfer, Upload
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 
@@ -144,28 +144,28 @@ class Careless(Receiver):
         return "" if chunk.legal else super()._problem(chunk)
 
 
-class Forever(Transfer):
+class Forever(FileTransfer):
     """Waits without end."""
 
     def _be_patient(self, now_s: float) -> None:
         """Set no alarm."""
 
 
-class Hurried(Transfer):
+class Hurried(FileTransfer):
     """Waits as long as other commands do."""
 
     def _be_patient(self, now_s: float) -> None:
         self._wait("reply_timeout", now_s)
 
 
-class Lazy(Transfer):
+class Lazy(FileTransfer):
     """Waits for more than a minute."""
 
     def _be_patient(self, now_s: float) -> None:
         self.deadline_s = now_s + 75
 
 
-class InAll(Transfer):
+class InAll(FileTransfer):
     """Waits for 30 s, all waits together."""
 
     def _be_patient(self, now_s: float) -> None:
@@ -173,7 +173,7 @@ class InAll(Transfer):
             super()._be_patient(now_s)
 
 
-class ForeverAtFirst(Transfer):
+class ForeverAtFirst(FileTransfer):
     """Waits for the answer to its name without end."""
 
     def _be_patient(self, now_s: float) -> None:
@@ -184,7 +184,7 @@ class ForeverAtFirst(Transfer):
 class PutsOff(ClientCore):
     """Whatever comes puts off the end of the transfers of one kind."""
 
-    way: ClassVar[type[Transfer]]
+    way: ClassVar[type[FileTransfer]]
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         """Wait anew."""

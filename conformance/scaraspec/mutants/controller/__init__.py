@@ -8,13 +8,13 @@ from typing import Final
 from scaraspec.mutants import registry
 from scaraspec.virtual_controller.brain import Brain
 
-Fault = registry.Fault[type[Brain]]
+ControllerMutant = registry.Mutant[type[Brain]]
 
-_FAULTS: Final = registry.Faults[type[Brain]](lambda brain: brain)
-fault = _FAULTS.fault
+_MUTANTS: Final = registry.MutantRegistry[type[Brain]](lambda brain: brain)
+mutant = _MUTANTS.mutant
 
 
 @cache
-def faults() -> Mapping[str, Fault]:
+def mutants() -> Mapping[str, ControllerMutant]:
     """All seeded faults by name, in the order of the document's clauses."""
-    return _FAULTS.all(sys.modules[__name__])
+    return _MUTANTS.all(sys.modules[__name__])

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from typing import Any
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.breaking import OtherInlet
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame, StreamItem
@@ -16,7 +16,7 @@ from scaraspec.virtual_controller.session import Action, Carrier, Close, Request
 # Connections
 
 
-@fault("2/1")
+@mutant("2/1")
 class ClosesBehindReplies(Brain):
     """A connection is closed behind its first reply to anything but a login, as by a web server."""
 
@@ -27,7 +27,7 @@ class ClosesBehindReplies(Brain):
             self._end(session, 0.0)
 
 
-@fault("2/2", subtle=True)
+@mutant("2/2", subtle=True)
 class EveryThirdConnection(Brain):
     """Every third connection is taken by the system, but nobody serves it."""
 
@@ -36,7 +36,7 @@ class EveryThirdConnection(Brain):
         return super().open(connection, now_s, link) if connection % 3 else []
 
 
-@fault("2/13", subtle=True)
+@mutant("2/13", subtle=True)
 class FiftyConnections(Brain):
     """After fifty connections no further one is served."""
 
@@ -45,7 +45,7 @@ class FiftyConnections(Brain):
         return [Close(connection)] if connection > 50 else super().open(connection, now_s, link)
 
 
-@fault("2/13", subtle=True)
+@mutant("2/13", subtle=True)
 class EveryNinetiethConnection(Brain):
     """Every ninetieth connection is refused."""
 
@@ -81,7 +81,7 @@ class _Leaky(Brain, ABC):
         return super().close(connection, now_s)
 
 
-@fault("2/13", subtle=True)
+@mutant("2/13", subtle=True)
 class LeaksHalfFrames(_Leaky):
     """Sessions that end in the middle of a frame are never freed, and sixteen are all there are."""
 
@@ -90,7 +90,7 @@ class LeaksHalfFrames(_Leaky):
         return session.inlet.deadline_s is not None
 
 
-@fault("2/13", subtle=True)
+@mutant("2/13", subtle=True)
 class LeaksTheSilent(_Leaky):
     """Sessions that ask nothing after the login are never freed, and sixteen are all there are."""
 
@@ -112,7 +112,7 @@ class LeaksTheSilent(_Leaky):
 # A further client
 
 
-@fault("2/12", subtle=True)
+@mutant("2/12", subtle=True)
 class OneBufferForAll(Brain):
     """All connections share one receive buffer: what is half in one goes on in the other."""
 
@@ -125,7 +125,7 @@ class OneBufferForAll(Brain):
         return actions
 
 
-@fault("2/12", subtle=True)
+@mutant("2/12", subtle=True)
 class NewcomerTakesTheReplies(Brain):
     """Replies go to the client that connected last, whoever has asked."""
 
@@ -134,7 +134,7 @@ class NewcomerTakesTheReplies(Brain):
         super().emit(self.sessions[max(self.sessions)] if self.sessions else session, frame)
 
 
-@fault("2/12", subtle=True)
+@mutant("2/12", subtle=True)
 class NewcomerClearsBuffers(Brain):
     """When a client connects, what the others have half sent is thrown away."""
 
@@ -145,7 +145,7 @@ class NewcomerClearsBuffers(Brain):
         return super().open(connection, now_s, link)
 
 
-@fault("2/12")
+@mutant("2/12")
 class EveryoneHearsAll(Brain):
     """Each reply is sent to all clients that are logged in."""
 
@@ -167,7 +167,7 @@ class _KeepsNothing(Inlet):
         return found
 
 
-@fault("2/5")
+@mutant("2/5")
 class SegmentIsFrame(OtherInlet):
     """What a segment does not end is thrown away: a frame has to come in one."""
 
@@ -179,7 +179,7 @@ class _OverlooksEnds(Inlet):
         return super().receive(b"" if data == b"\xcc" else data, now_s)
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class EndByteAlone(OtherInlet):
     """A segment of one byte that is an end byte is overlooked."""
 
@@ -196,7 +196,7 @@ class _Cut(Inlet):
         return found
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class CutBehindLength(OtherInlet):
     """A frame that is cut just behind its length byte is lost."""
 
@@ -207,7 +207,7 @@ class _CutLater(_Cut):
     at_byte = 8
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class CutBehindEighthByte(OtherInlet):
     """A frame that is cut just behind its eighth byte is lost."""
 
@@ -219,7 +219,7 @@ class _Impatient(Inlet):
         super().__init__(dialect.replace(partial_timeout="0.5"))
 
 
-@fault("2/5")
+@mutant("2/5")
 class ImpatientWithPauses(OtherInlet):
     """An unfinished frame is given up after half a second."""
 
@@ -235,7 +235,7 @@ class _FromTheFirstByte(Inlet):
         return found
 
 
-@fault("2/5", subtle=True)
+@mutant("2/5", subtle=True)
 class CountsFromFirstByte(OtherInlet):
     """The time for a frame runs from its first byte, not from its last one so far."""
 
@@ -250,7 +250,7 @@ class _ForgetsTheRest(Inlet):
         return found
 
 
-@fault("2/5", "2/6", subtle=True)
+@mutant("2/5", "2/6", subtle=True)
 class RestBehindFrame(OtherInlet):
     """Where a segment ends a frame and begins another, the beginning is lost."""
 
@@ -264,7 +264,7 @@ class _First(Inlet):
         return super().receive(data, now_s)[: self.most]
 
 
-@fault("2/6")
+@mutant("2/6")
 class OneFramePerSegment(OtherInlet):
     """Of several frames in one segment only the first is served."""
 
@@ -275,14 +275,14 @@ class _Sixteen(_First):
     most = 16
 
 
-@fault("2/6", subtle=True)
+@mutant("2/6", subtle=True)
 class SixteenFramesPerSegment(OtherInlet):
     """Of more than sixteen frames in one segment the others are lost."""
 
     inlet = _Sixteen
 
 
-@fault("2/6", subtle=True)
+@mutant("2/6", subtle=True)
 class SmallBuffer(Brain):
     """Of a segment of more than 256 bytes the rest is lost."""
 
@@ -291,7 +291,7 @@ class SmallBuffer(Brain):
         return super().receive(connection, data[:256], now_s)
 
 
-@fault("2/6", subtle=True)
+@mutant("2/6", subtle=True)
 class LoginEndsTheSegment(Brain):
     """What comes in one segment with the login is lost."""
 
@@ -305,7 +305,7 @@ class LoginEndsTheSegment(Brain):
 # Logins
 
 
-@fault("2/11")
+@mutant("2/11")
 class NeedsNoLogin(Brain):
     """Whoever connects may do everything."""
 
@@ -314,7 +314,7 @@ class NeedsNoLogin(Brain):
         self.sessions[connection].logged_in = True
 
 
-@fault("2/11", subtle=True)
+@mutant("2/11", subtle=True)
 class OneLoginForAll(Brain):
     """While one client is logged in, all are."""
 
@@ -323,7 +323,7 @@ class OneLoginForAll(Brain):
         return anybody or super()._may_ask(session, command)
 
 
-@fault("2/11", subtle=True)
+@mutant("2/11", subtle=True)
 class LoginOutlivesTheConnection(Brain):
     """Once somebody has logged in, nobody has to any more."""
 
@@ -341,7 +341,7 @@ class LoginOutlivesTheConnection(Brain):
         return self._opened or super()._may_ask(session, command)
 
 
-@fault("2/11", subtle=True)
+@mutant("2/11", subtle=True)
 class UploadsLeaveTheirLogin(Brain):
     """Who connects behind a client that left in the midst of an upload is logged in as that one."""
 
@@ -361,7 +361,7 @@ class UploadsLeaveTheirLogin(Brain):
         return super().close(connection, now_s)
 
 
-@fault("2/11")
+@mutant("2/11")
 class RefusedButIn(Brain):
     """A wrong password is answered "0", but the session counts as logged in."""
 
@@ -372,7 +372,7 @@ class RefusedButIn(Brain):
         return right
 
 
-@fault("2/11", subtle=True)
+@mutant("2/11", subtle=True)
 class SecondRefusalIsIn(Brain):
     """Whoever is refused twice on a connection counts as logged in."""
 
@@ -408,7 +408,7 @@ class _ForStrangers(Brain):
             super().emit(session, frame)
 
 
-@fault("2/11")
+@mutant("2/11")
 class SilentlyObeysStrangers(_ForStrangers):
     """Without a login nothing is answered, but the gripper centre is set all the same."""
 
@@ -416,7 +416,7 @@ class SilentlyObeysStrangers(_ForStrangers):
     silent = True
 
 
-@fault("2/11")
+@mutant("2/11")
 class ClockForStrangers(_ForStrangers):
     """The clock can be set without a login."""
 
@@ -424,7 +424,7 @@ class ClockForStrangers(_ForStrangers):
     silent = True
 
 
-@fault("2/11", subtle=True)
+@mutant("2/11", subtle=True)
 class ClockForStrangersInCompany(ClockForStrangers):
     """While somebody is logged in, the clock can be set without a login."""
 
@@ -433,7 +433,7 @@ class ClockForStrangersInCompany(ClockForStrangers):
         return company and super()._is_obeyed(session, command)
 
 
-@fault("2/11", subtle=True)
+@mutant("2/11", subtle=True)
 class RefusedMayDelete(_ForStrangers):
     """Who was refused at the login may delete files."""
 
@@ -456,7 +456,7 @@ class RefusedMayDelete(_ForStrangers):
         return refused and super()._is_obeyed(session, command)
 
 
-@fault("2/11")
+@mutant("2/11")
 class UploadForStrangers(_ForStrangers):
     """Files can be uploaded without a login."""
 
@@ -464,7 +464,7 @@ class UploadForStrangers(_ForStrangers):
     silent = True
 
 
-@fault("2/11")
+@mutant("2/11")
 class DeletesForStrangers(_ForStrangers):
     """Files can be deleted without a login."""
 
@@ -472,7 +472,7 @@ class DeletesForStrangers(_ForStrangers):
     silent = True
 
 
-@fault("2/11")
+@mutant("2/11")
 class PasswordForStrangers(_ForStrangers):
     """The password can be changed without a login, since the request holds the old one."""
 
@@ -480,7 +480,7 @@ class PasswordForStrangers(_ForStrangers):
     silent = True
 
 
-@fault("2/11")
+@mutant("2/11")
 class OutputsForStrangers(_ForStrangers):
     """Outputs can be set without a login."""
 
@@ -488,7 +488,7 @@ class OutputsForStrangers(_ForStrangers):
     silent = True
 
 
-@fault("2/11")
+@mutant("2/11")
 class RunsForStrangers(_ForStrangers):
     """Programs can be run without a login."""
 
@@ -496,21 +496,21 @@ class RunsForStrangers(_ForStrangers):
     silent = True
 
 
-@fault("2/11")
+@mutant("2/11")
 class JogsForStrangers(_ForStrangers):
     """The arm can be jogged without a login."""
 
     names = frozenset({"jog"})
 
 
-@fault("2/11")
+@mutant("2/11")
 class ShutsDownForStrangers(_ForStrangers):
     """The robot can be shut down without a login."""
 
     names = frozenset({"shutdown"})
 
 
-@fault("2/11")
+@mutant("2/11")
 class SettingsForStrangers(Brain):
     """What only changes state is obeyed without a login; only motion and loss are guarded."""
 

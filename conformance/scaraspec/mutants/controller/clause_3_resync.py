@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.breaking import Mortal, OtherInlet, Skips
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.session import Action, Carrier, Session
 # Stray bytes
 
 
-@fault("3/19")
+@mutant("3/19")
 class DiesOfStrayBytes(Skips):
     """Bytes ahead of a start byte end the program."""
 
@@ -24,7 +24,7 @@ class DiesOfStrayBytes(Skips):
             self.die(now_s)
 
 
-@fault("3/19", subtle=True)
+@mutant("3/19", subtle=True)
 class DiesOfMuchGarbage(Skips):
     """More than 4096 stray bytes at once end the program."""
 
@@ -34,7 +34,7 @@ class DiesOfMuchGarbage(Skips):
             self.die(now_s)
 
 
-@fault("3/19")
+@mutant("3/19")
 class DiesOfZeros(Skips):
     """A hundred zeros end the program."""
 
@@ -44,7 +44,7 @@ class DiesOfZeros(Skips):
             self.die(now_s)
 
 
-@fault("3/20", subtle=True)
+@mutant("3/20", subtle=True)
 class RestartsAtWrongEnd(Skips):
     """A wrong end byte ends the program, which is started anew at once: every client is cut off."""
 
@@ -72,14 +72,14 @@ class _Deaf(Inlet):
         return found
 
 
-@fault("3/19", "3/31")
+@mutant("3/19", "3/31")
 class DeafAfterStrayBytes(OtherInlet):
     """After stray bytes nothing is heard any more on a connection, which stays open."""
 
     inlet = _Deaf
 
 
-@fault("3/19")
+@mutant("3/19")
 class AnswersStrayBytes(Skips):
     """Stray bytes are answered as a login that failed."""
 
@@ -89,7 +89,7 @@ class AnswersStrayBytes(Skips):
             self.emit(session, Frame(C2A, 0x01, b"0"))
 
 
-@fault("3/19", "3/20", "3/10")
+@mutant("3/19", "3/20", "3/10")
 class SaysNak(Skips):
     """Bytes that are no frame are answered with a frame of the opcode 0x15."""
 
@@ -101,7 +101,7 @@ class SaysNak(Skips):
 # Spoilt frames
 
 
-@fault("3/20")
+@mutant("3/20")
 class DiesOfWrongEnds(Skips):
     """A wrong end byte ends the program."""
 
@@ -111,7 +111,7 @@ class DiesOfWrongEnds(Skips):
             self.die(now_s)
 
 
-@fault("3/20", subtle=True)
+@mutant("3/20", subtle=True)
 class DiesOfSwappedEnd(Skips):
     """An end byte of 0xEC, a digit of which is wrong, ends the program."""
 
@@ -126,14 +126,14 @@ class _DeafAfterBadEnd(_Deaf):
         return item.why is SkipReason.BAD_END
 
 
-@fault("3/20", "3/31")
+@mutant("3/20", "3/31")
 class DeafAfterWrongEnds(OtherInlet):
     """After a wrong end byte nothing is heard any more on a connection, which stays open."""
 
     inlet = _DeafAfterBadEnd
 
 
-@fault("3/20", subtle=True)
+@mutant("3/20", subtle=True)
 class HundredWrongFrames(Skips):
     """After a hundred spoilt frames, on whatever connections, nobody is served any more."""
 
@@ -148,7 +148,7 @@ class HundredWrongFrames(Skips):
             self.die(now_s)
 
 
-@fault("3/20")
+@mutant("3/20")
 class DiesOfClientTags(Mortal):
     """A tag from a client ends the program."""
 
@@ -159,7 +159,7 @@ class DiesOfClientTags(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/20")
+@mutant("3/20")
 class AnswersWithNextOpcode(Skips):
     """A spoilt frame is answered under the opcode of another command."""
 
@@ -169,7 +169,7 @@ class AnswersWithNextOpcode(Skips):
             self.emit(session, Frame(C2A, 0x0B, b"0"))
 
 
-@fault("3/20")
+@mutant("3/20")
 class DiesOfLengthsInDigits(Mortal):
     """A frame that is shorter than its length of 0x30 says ends the program."""
 
@@ -180,7 +180,7 @@ class DiesOfLengthsInDigits(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/20", subtle=True)
+@mutant("3/20", subtle=True)
 class DiesOfTruncation(Mortal):
     """A frame that is cut behind its fifth byte, and followed by another, ends the program."""
 
@@ -197,7 +197,7 @@ class DiesOfTruncation(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/20", subtle=True)
+@mutant("3/20", subtle=True)
 class DiesOfFrameInFrame(Mortal):
     """A whole frame inside of a spoilt one ends the program."""
 
@@ -209,7 +209,7 @@ class DiesOfFrameInFrame(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/20")
+@mutant("3/20")
 class DiesOfLengthsThatCountAll(Mortal):
     """A length that counts the whole frame makes the program wait for ever, with all clients."""
 
@@ -220,7 +220,7 @@ class DiesOfLengthsThatCountAll(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/20")
+@mutant("3/20")
 class DiesOfPrintedLengths(Skips):
     """A request for a download with the length that the document prints ends the program."""
 
@@ -233,7 +233,7 @@ class DiesOfPrintedLengths(Skips):
 # The other direction
 
 
-@fault("3/23")
+@mutant("3/23")
 class DiesOfItsOwnForm(Mortal):
     """A frame in the controller's own form ends the program."""
 
@@ -244,7 +244,7 @@ class DiesOfItsOwnForm(Mortal):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/23", "3/32")
+@mutant("3/23", "3/32")
 class AnswersInTheOtherForm(Brain):
     """A frame in the controller's own form is answered in the client's."""
 
@@ -256,7 +256,7 @@ class AnswersInTheOtherForm(Brain):
         return super().receive(connection, data, now_s)
 
 
-@fault("3/23")
+@mutant("3/23")
 class TakesRepliesForRequests(Brain):
     """A frame in the controller's own form is answered with the network settings."""
 
@@ -270,7 +270,7 @@ class TakesRepliesForRequests(Brain):
 # Frames that stop
 
 
-@fault("3/29", subtle=True)
+@mutant("3/29", subtle=True)
 class HalfFramesBlockAll(Brain):
     """While one client is in the middle of a frame, the others are not heard."""
 
@@ -287,7 +287,7 @@ class _Patient(Inlet):
         super().__init__(dialect.replace(partial_timeout="none"))
 
 
-@fault("3/29", subtle=True)
+@mutant("3/29", subtle=True)
 class HalfFramesGoOn(OtherInlet):
     """What the last client has half sent stays in the buffer of the next one, for ever."""
 
@@ -309,7 +309,7 @@ class HalfFramesGoOn(OtherInlet):
             self.sessions[connection].inlet, self._left = self._left, None
 
 
-@fault("3/29", subtle=True)
+@mutant("3/29", subtle=True)
 class DiesOfCutFrames(Mortal):
     """A connection that ends in the data of a frame ends the program."""
 
@@ -324,7 +324,7 @@ class DiesOfCutFrames(Mortal):
         return actions
 
 
-@fault("3/29")
+@mutant("3/29")
 class DiesOfSilence(Skips):
     """When the rest of a frame does not come in time, the program ends."""
 
@@ -334,7 +334,7 @@ class DiesOfSilence(Skips):
             self.die(now_s)
 
 
-@fault("3/29", subtle=True)
+@mutant("3/29", subtle=True)
 class ThreeHalfFrames(Brain):
     """While three clients are in the middle of a frame, no new one is served."""
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE, Command
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
@@ -22,7 +22,7 @@ def _is_first_reply(frame: Frame) -> bool:
 # ---------------------------------------------------------------------- first replies
 
 
-@fault("4/1")
+@mutant("4/1")
 class SaysElevenFirst(Brain):
     """The first reply of acceptance has the form of the final result."""
 
@@ -33,7 +33,7 @@ class SaysElevenFirst(Brain):
         super().emit(session, frame)
 
 
-@fault("4/1")
+@mutant("4/1")
 class SaysOk(Brain):
     """A lock is accepted with a word."""
 
@@ -44,7 +44,7 @@ class SaysOk(Brain):
         super().emit(session, frame)
 
 
-@fault("4/1")
+@mutant("4/1")
 class RefusesWithoutReason(Brain):
     """A refusal is a bare 0, without its code."""
 
@@ -55,7 +55,7 @@ class RefusesWithoutReason(Brain):
         super().emit(session, frame)
 
 
-@fault("4/1")
+@mutant("4/1")
 class RefusesWithoutBar(Brain):
     """A refusal has no bar between the flag and the code."""
 
@@ -66,7 +66,7 @@ class RefusesWithoutBar(Brain):
         super().emit(session, frame)
 
 
-@fault("4/1")
+@mutant("4/1")
 class RefusesInFormOfResult(Brain):
     """A refusal has the form of a failed final result."""
 
@@ -77,7 +77,7 @@ class RefusesInFormOfResult(Brain):
         super().emit(session, frame)
 
 
-@fault("4/4", "8/2")
+@mutant("4/4", "8/2")
 class RefusesWithUnlistedCode(Brain):
     """A missing program is refused with 32, which is 20 in hexadecimal taken for a number."""
 
@@ -88,7 +88,7 @@ class RefusesWithUnlistedCode(Brain):
         super().emit(session, frame)
 
 
-@fault("4/4", subtle=True)
+@mutant("4/4", subtle=True)
 class BlamesTheWrongMotor(Brain):
     """A fault of the inner arm's motor refuses commands with the outer arm's code."""
 
@@ -99,7 +99,7 @@ class BlamesTheWrongMotor(Brain):
         super().emit(session, frame)
 
 
-@fault("4/4")
+@mutant("4/4")
 class OverlooksPositionFault(Brain):
     """A robot with the fault 05 still accepts a jog."""
 
@@ -108,7 +108,7 @@ class OverlooksPositionFault(Brain):
         return ACCEPTED if self.plant.fault_code == "05" else super().jog(request)
 
 
-@fault("4/4")
+@mutant("4/4")
 class OverlooksAngleFault(Brain):
     """A robot with the fault 06 still accepts a move."""
 
@@ -119,7 +119,7 @@ class OverlooksAngleFault(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("4/14")
+@mutant("4/14")
 class AnswersRunAtItsEnd(Brain):
     """The first reply to a run comes together with its final result."""
 
@@ -132,7 +132,7 @@ class AnswersRunAtItsEnd(Brain):
         super().emit(session, frame)
 
 
-@fault("4/14")
+@mutant("4/14")
 class AnswersSimulationAtItsEnd(Brain):
     """The first reply to a simulation comes together with its final result."""
 
@@ -145,7 +145,7 @@ class AnswersSimulationAtItsEnd(Brain):
         super().emit(session, frame)
 
 
-@fault("4/14")
+@mutant("4/14")
 class AnswersMoveAtItsEnd(Brain):
     """The first reply to a move comes together with its final result."""
 
@@ -158,7 +158,7 @@ class AnswersMoveAtItsEnd(Brain):
         super().emit(session, frame)
 
 
-@fault("4/14")
+@mutant("4/14")
 class AnswersResetAtItsEnd(Brain):
     """The first reply to a reset comes together with its final result."""
 
@@ -174,7 +174,7 @@ class AnswersResetAtItsEnd(Brain):
 # ---------------------------------------------------------------------- final results
 
 
-@fault("4/2")
+@mutant("4/2")
 class EndsWithOne(Brain):
     """A final result that tells of success has one digit."""
 
@@ -185,7 +185,7 @@ class EndsWithOne(Brain):
         super().emit(session, frame)
 
 
-@fault("4/2")
+@mutant("4/2")
 class EndsWithCode(Brain):
     """A final result that tells of success bears a code too."""
 
@@ -196,7 +196,7 @@ class EndsWithCode(Brain):
         super().emit(session, frame)
 
 
-@fault("4/2")
+@mutant("4/2")
 class LocksWithOne(Brain):
     """Of all commands the lock alone ends with one digit."""
 
@@ -207,7 +207,7 @@ class LocksWithOne(Brain):
         super().emit(session, frame)
 
 
-@fault("4/2", subtle=True)
+@mutant("4/2", subtle=True)
 class LosesResultsInTransfers(Brain):
     """What ends while its client sends a file or fetches one is never told."""
 
@@ -217,7 +217,7 @@ class LosesResultsInTransfers(Brain):
             super().conclude(request, outcome)
 
 
-@fault("4/3")
+@mutant("4/3")
 class FailsWithoutCode(Brain):
     """A failed final result has no code."""
 
@@ -228,7 +228,7 @@ class FailsWithoutCode(Brain):
         super().emit(session, frame)
 
 
-@fault("4/3")
+@mutant("4/3")
 class FailsOfFourBytes(Brain):
     """A failed final result has the form of a refusal."""
 
@@ -239,7 +239,7 @@ class FailsOfFourBytes(Brain):
         super().emit(session, frame)
 
 
-@fault("4/3", "4.15/6")
+@mutant("4/3", "4.15/6")
 class FaultEndsAsDone(Brain):
     """A run during which a motor fails is said to be done."""
 
@@ -250,7 +250,7 @@ class FaultEndsAsDone(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4/5", "8/2")
+@mutant("4/5", "8/2")
 class FailsWithUnlistedCode(Brain):
     """What a stop interrupts fails with a code that table 8-1 does not have."""
 
@@ -261,7 +261,7 @@ class FailsWithUnlistedCode(Brain):
         super().emit(session, frame)
 
 
-@fault("4/5")
+@mutant("4/5")
 class FailsWithMirroredCode(Brain):
     """A failed final result names the motors in the order of another bit mask."""
 
@@ -272,7 +272,7 @@ class FailsWithMirroredCode(Brain):
         super().emit(session, frame)
 
 
-@fault("3/16", "4/1")
+@mutant("3/16", "4/1")
 class EndsBeforeItBegins(Brain):
     """A lock's final result comes ahead of its first reply."""
 
@@ -285,7 +285,7 @@ class EndsBeforeItBegins(Brain):
         self.emit(request.session, Frame(C2A, request.frame.opcode, data, tagged=True))
 
 
-@fault("3/17")
+@mutant("3/17")
 class EndsWhatItRefused(Brain):
     """A refused run is followed by a failed final result."""
 
@@ -297,7 +297,7 @@ class EndsWhatItRefused(Brain):
         return answer
 
 
-@fault("3/17")
+@mutant("3/17")
 class EndsStopThatWasNotNeeded(Brain):
     """A stop of an idle robot is answered 0, and then 11."""
 
@@ -309,7 +309,7 @@ class EndsStopThatWasNotNeeded(Brain):
         return answer
 
 
-@fault("3/18")
+@mutant("3/18")
 class EndsTwice(Brain):
     """The final result of a simulation is sent twice."""
 
@@ -320,7 +320,7 @@ class EndsTwice(Brain):
             super().conclude(request, outcome)
 
 
-@fault("3/18", subtle=True)
+@mutant("3/18", subtle=True)
 class RepeatsTheLastResult(Brain):
     """The reply to the first query behind a run's result is followed by that result again."""
 
@@ -336,7 +336,7 @@ class RepeatsTheLastResult(Brain):
             self._kept = frame
 
 
-@fault("3/18", "4.15/5", subtle=True)
+@mutant("3/18", "4.15/5", subtle=True)
 class ForgetsTheFortiethResult(Brain):
     """The fortieth run has no final result."""
 
@@ -351,7 +351,7 @@ class ForgetsTheFortiethResult(Brain):
             self._ended += 1
 
 
-@fault("3/18", "4.15/5", subtle=True)
+@mutant("3/18", "4.15/5", subtle=True)
 class LosesResultBetweenReplies(Brain):
     """A run that ends less than a tenth of a second behind a query has no final result."""
 
@@ -392,42 +392,42 @@ class _Forgetful(Brain):
         super()._reply(session, command, frame, answer)
 
 
-@fault("4/6")
+@mutant("4/6")
 class MovesDuringRun(_Forgetful):
     """A move is accepted while a program runs."""
 
     forgets, meanwhile = "set_tool_coordinates", "run_program"
 
 
-@fault("4/6")
+@mutant("4/6")
 class RunsDuringSimulation(_Forgetful):
     """A run is accepted while a program is simulated."""
 
     forgets, meanwhile = "run_program", "simulate_program"
 
 
-@fault("4/6")
+@mutant("4/6")
 class LocksDuringMove(_Forgetful):
     """A lock is accepted while the arm moves."""
 
     forgets, meanwhile = "lock_joints", "set_tool_coordinates"
 
 
-@fault("4/6")
+@mutant("4/6")
 class MovesDuringReset(_Forgetful):
     """A move is accepted while the robot resets."""
 
     forgets, meanwhile = "set_tool_coordinates", "reset"
 
 
-@fault("4/6")
+@mutant("4/6")
 class SimulatesDuringJog(_Forgetful):
     """A simulation is accepted during a jog."""
 
     forgets, meanwhile = "simulate_program", "jog"
 
 
-@fault("4/6")
+@mutant("4/6")
 class StartsLater(Brain):
     """A busy robot says nothing to a move, and begins it once it is free."""
 
@@ -438,7 +438,7 @@ class StartsLater(Brain):
         return super()._must_wait(session, command, frame)
 
 
-@fault("4/6", subtle=True)
+@mutant("4/6", subtle=True)
 class MovesAfterRefusal(Brain):
     """A move that a running program has kept from is made behind it, without a word."""
 
@@ -462,7 +462,7 @@ class MovesAfterRefusal(Brain):
         super().emit(session, frame)
 
 
-@fault("4/6", subtle=True)
+@mutant("4/6", subtle=True)
 class OtherClientsMayMove(Brain):
     """Whether the robot is busy is asked for each connection, not for the robot."""
 
@@ -475,7 +475,7 @@ class OtherClientsMayMove(Brain):
         return super().lock_joints(request)
 
 
-@fault("4/15")
+@mutant("4/15")
 class BusyIsAlwaysOne(Brain):
     """Every busy refusal bears 01, whatever executes."""
 
@@ -486,7 +486,7 @@ class BusyIsAlwaysOne(Brain):
         super().emit(session, frame)
 
 
-@fault("4/15")
+@mutant("4/15")
 class BusyIsAlwaysMoving(Brain):
     """A busy refusal during a run bears 04."""
 
@@ -497,7 +497,7 @@ class BusyIsAlwaysMoving(Brain):
         super().emit(session, frame)
 
 
-@fault("4/15", "4.15/4", subtle=True)
+@mutant("4/15", "4.15/4", subtle=True)
 class BusyAfterRefusal(Brain):
     """A robot that has refused a missing program refuses the next run as busy."""
 
@@ -513,7 +513,7 @@ class BusyAfterRefusal(Brain):
         return answer
 
 
-@fault("4/15", "4.15/4", subtle=True)
+@mutant("4/15", "4.15/4", subtle=True)
 class BusyAfterLostClient(Brain):
     """A program whose client was lost leaves the robot busy for runs."""
 
@@ -533,7 +533,7 @@ class BusyAfterLostClient(Brain):
         return super().run_program(request)
 
 
-@fault("4/15", "4.15/5", subtle=True)
+@mutant("4/15", "4.15/5", subtle=True)
 class TiresAfterFortyRuns(Brain):
     """After forty runs every further one is refused as busy."""
 
@@ -550,7 +550,7 @@ class TiresAfterFortyRuns(Brain):
 # ---------------------------------------------------------------------- the status
 
 
-@fault("4/7", subtle=True)
+@mutant("4/7", subtle=True)
 class StatusLags(Brain):
     """The first status behind a final result is still that of the command which has ended."""
 
@@ -570,7 +570,7 @@ class StatusLags(Brain):
         return last if now == "00" else now
 
 
-@fault("4/7", subtle=True)
+@mutant("4/7", subtle=True)
 class SimulationNeverEnds(Brain):
     """Behind a simulation the status stays 02 until something else executes."""
 
@@ -600,42 +600,42 @@ class _IdleDuring(Brain):
         return super().get_status(request)
 
 
-@fault("4/8")
+@mutant("4/8")
 class IdleDuringRun(_IdleDuring):
     """The status is 00 while a program runs."""
 
     during = 0x30
 
 
-@fault("4/8")
+@mutant("4/8")
 class IdleDuringSimulation(_IdleDuring):
     """The status is 00 while a program is simulated."""
 
     during = 0x31
 
 
-@fault("4/8")
+@mutant("4/8")
 class IdleDuringReset(_IdleDuring):
     """The status is 00 while the robot resets."""
 
     during = 0x33
 
 
-@fault("4/8")
+@mutant("4/8")
 class IdleDuringMove(_IdleDuring):
     """The status is 00 while the arm moves to a pose."""
 
     during = 0x39
 
 
-@fault("4/8")
+@mutant("4/8")
 class IdleDuringJog(_IdleDuring):
     """The status is 00 during a jog."""
 
     during = 0x3D
 
 
-@fault("4/8", "4.8/4", subtle=True)
+@mutant("4/8", "4.8/4", subtle=True)
 class FlickersIdle(Brain):
     """Every tenth status during a run is 00."""
 
@@ -648,7 +648,7 @@ class FlickersIdle(Brain):
         return "00" if now == "01" and self._asked % 10 == 0 else now
 
 
-@fault("4/8", "4.8/4", subtle=True)
+@mutant("4/8", "4.8/4", subtle=True)
 class IdleBeforeTheResult(Brain):
     """The status is 00 for the last tenth of a second of a program, ahead of its result."""
 
@@ -660,7 +660,7 @@ class IdleBeforeTheResult(Brain):
         return super().get_status(request)
 
 
-@fault("3/31", subtle=True)
+@mutant("3/31", subtle=True)
 class DeafForTheVersion(Brain):
     """While a program runs the version is not told."""
 

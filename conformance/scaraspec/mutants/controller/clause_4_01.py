@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
@@ -14,7 +14,7 @@ _LOGIN: Final = 0x01
 _LOGINS: Final = 7
 
 
-@fault("4.1/2", subtle=True)
+@mutant("4.1/2", subtle=True)
 class RefusesSecondLogin(Brain):
     """Who has logged in and does so again is answered 0."""
 
@@ -23,7 +23,7 @@ class RefusesSecondLogin(Brain):
         return not request.session.logged_in and super().login(request)
 
 
-@fault("4.1/2", "4.1/6", subtle=True)
+@mutant("4.1/2", "4.1/6", subtle=True)
 class EverySeventhLoginFails(Brain):
     """Every seventh login since power-on is answered 0, right as it is."""
 
@@ -35,7 +35,7 @@ class EverySeventhLoginFails(Brain):
         return super().login(request) and self._count % _LOGINS != 0
 
 
-@fault("4.1/6", "4.1/2", subtle=True)
+@mutant("4.1/6", "4.1/2", subtle=True)
 class LoginBehindVersionFails(Brain):
     """The first login after the version was asked for is refused: a buffer is used for both."""
 
@@ -52,7 +52,7 @@ class LoginBehindVersionFails(Brain):
         return not spoilt and super().login(request)
 
 
-@fault("4.1/2", "4.1/7", subtle=True)
+@mutant("4.1/2", "4.1/7", subtle=True)
 class WrongPasswordBarsTheConnection(Brain):
     """A connection on which a wrong password was tried can log in no more."""
 
@@ -68,7 +68,7 @@ class WrongPasswordBarsTheConnection(Brain):
         return right
 
 
-@fault("4.1/2", "4.1/7", subtle=True)
+@mutant("4.1/2", "4.1/7", subtle=True)
 class WrongPasswordCostsTheNextLogin(Brain):
     """After a wrong password the next right one on another connection is refused once."""
 
@@ -87,7 +87,7 @@ class WrongPasswordCostsTheNextLogin(Brain):
         return right
 
 
-@fault("4.1/3")
+@mutant("4.1/3")
 class AnyPasswordOpens(Brain):
     """Whatever password is sent, it is answered 1."""
 
@@ -97,7 +97,7 @@ class AnyPasswordOpens(Brain):
         return True
 
 
-@fault("4.1/3")
+@mutant("4.1/3")
 class ThePasswordsLengthOpens(Brain):
     """Passwords are compared by their lengths."""
 
@@ -108,7 +108,7 @@ class ThePasswordsLengthOpens(Brain):
         return right
 
 
-@fault("4.1/3")
+@mutant("4.1/3")
 class TheBeginningOfThePasswordOpens(Brain):
     """Passwords are compared as far as the one that was sent goes."""
 
@@ -119,7 +119,7 @@ class TheBeginningOfThePasswordOpens(Brain):
         return right
 
 
-@fault("4.1/3")
+@mutant("4.1/3")
 class MoreThanThePasswordOpens(Brain):
     """Passwords are compared as far as the one that is set goes."""
 
@@ -130,7 +130,7 @@ class MoreThanThePasswordOpens(Brain):
         return right
 
 
-@fault("4.1/3")
+@mutant("4.1/3")
 class PasswordInAnyLetterCase(Brain):
     """Letter case makes no difference in passwords."""
 
@@ -141,7 +141,7 @@ class PasswordInAnyLetterCase(Brain):
         return right
 
 
-@fault("4.1/3")
+@mutant("4.1/3")
 class NoPasswordOpens(Brain):
     """A login without any password is answered 1."""
 
@@ -151,7 +151,7 @@ class NoPasswordOpens(Brain):
         return super()._value(command, frame)
 
 
-@fault("4.1/3")
+@mutant("4.1/3")
 class WrongPasswordMeetsSilence(Brain):
     """A wrong password is not answered."""
 
@@ -160,7 +160,7 @@ class WrongPasswordMeetsSilence(Brain):
         return super().login(request) or SILENCE
 
 
-@fault("4.1/4")
+@mutant("4.1/4")
 class LoginRefusedWithCode(AltersReplies):
     """A refused login bears a code of table 8-1."""
 
@@ -171,7 +171,7 @@ class LoginRefusedWithCode(AltersReplies):
         return b"0|05" if data == b"0" else data
 
 
-@fault("4.1/4", "4.1/2")
+@mutant("4.1/4", "4.1/2")
 class LoginAnsweredOk(AltersReplies):
     """A right password is answered with more than its flag."""
 
@@ -183,7 +183,7 @@ class LoginAnsweredOk(AltersReplies):
         return b"1|ok" if data == b"1" and len(others) > 1 else data
 
 
-@fault("4.1/4")
+@mutant("4.1/4")
 class LoginAnsweredTwice(Brain):
     """A login that is repeated is answered twice."""
 

@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.commands import Command, PasswordChange
 from scaraspec.protocol.frames import Frame
@@ -12,7 +12,7 @@ from scaraspec.virtual_controller.session import Request
 _CUT_BYTES: Final = 8
 
 
-@fault("4.2/4")
+@mutant("4.2/4")
 class NewPasswordIsForgotten(Brain):
     """A new password is answered 1 and not set."""
 
@@ -21,7 +21,7 @@ class NewPasswordIsForgotten(Brain):
         return bool(request.value.old == self.store.settings.password)
 
 
-@fault("4.2/4")
+@mutant("4.2/4")
 class OldPasswordStillOpens(Brain):
     """Passwords that were replaced go on to open logins."""
 
@@ -41,7 +41,7 @@ class OldPasswordStillOpens(Brain):
         return super().login(request) or former
 
 
-@fault("4.2/4", subtle=True)
+@mutant("4.2/4", subtle=True)
 class NewPasswordIsCut(Brain):
     """Of a new password eight bytes are kept, while logins are compared in full."""
 
@@ -52,7 +52,7 @@ class NewPasswordIsCut(Brain):
         return self.save(password=request.value.new[:_CUT_BYTES])
 
 
-@fault("4.2/4", subtle=True)
+@mutant("4.2/4", subtle=True)
 class SecondChangeIsForgotten(Brain):
     """Only the first new password since power-on is set; further ones are just answered 1."""
 
@@ -66,7 +66,7 @@ class SecondChangeIsForgotten(Brain):
         return self._changed
 
 
-@fault("4.2/4")
+@mutant("4.2/4")
 class OldAndNewAreMixedUp(Brain):
     """The old password is set again in place of the new one."""
 
@@ -75,7 +75,7 @@ class OldAndNewAreMixedUp(Brain):
         return super().set_password(request) and self.save(password=request.value.old)
 
 
-@fault("4.2/3")
+@mutant("4.2/3")
 class OldPasswordIsNotChecked(Brain):
     """A new password is set whatever the old one is said to be."""
 
@@ -84,7 +84,7 @@ class OldPasswordIsNotChecked(Brain):
         return self.save(password=request.value.new)
 
 
-@fault("4.2/3")
+@mutant("4.2/3")
 class BeginningOfTheOldPasswordWillDo(Brain):
     """The old password is compared only as far as it is sent."""
 
@@ -94,7 +94,7 @@ class BeginningOfTheOldPasswordWillDo(Brain):
         return right and self.save(password=request.value.new)
 
 
-@fault("4.2/3", subtle=True)
+@mutant("4.2/3", subtle=True)
 class VerifiedOnceAndForAll(Brain):
     """Who has changed the password once needs no old one any more, on that connection."""
 
@@ -114,7 +114,7 @@ class VerifiedOnceAndForAll(Brain):
         return True
 
 
-@fault("4.2/3", subtle=True)
+@mutant("4.2/3", subtle=True)
 class OldPasswordIsThatOfTheLogin(Brain):
     """The old password is compared with what its connection has logged in with."""
 
@@ -135,7 +135,7 @@ class OldPasswordIsThatOfTheLogin(Brain):
         return right and self.save(password=request.value.new)
 
 
-@fault("4.2/2")
+@mutant("4.2/2")
 class ChangeAnsweredWithZero(Brain):
     """The password is changed, and the answer is 0."""
 
@@ -145,7 +145,7 @@ class ChangeAnsweredWithZero(Brain):
         return False
 
 
-@fault("4.2/2")
+@mutant("4.2/2")
 class ChangeAnsweredInWords(AltersReplies):
     """The answer to a new password is a word."""
 
@@ -156,7 +156,7 @@ class ChangeAnsweredInWords(AltersReplies):
         return b"OK" if data == b"1" else data
 
 
-@fault("4.2/5", "4.2/3")
+@mutant("4.2/5", "4.2/3")
 class RefusedPasswordIsSet(Brain):
     """A new password with a wrong old one is answered 0 and set all the same."""
 
@@ -167,7 +167,7 @@ class RefusedPasswordIsSet(Brain):
         return right
 
 
-@fault("4.2/5")
+@mutant("4.2/5")
 class MalformedChangeClearsThePassword(Brain):
     """A pair that is none is answered 0 and leaves an empty password behind."""
 
@@ -178,7 +178,7 @@ class MalformedChangeClearsThePassword(Brain):
         return value
 
 
-@fault("4.2/6")
+@mutant("4.2/6")
 class PairWithoutBarIsTaken(Brain):
     """A request without separator is answered 1, and changes nothing."""
 

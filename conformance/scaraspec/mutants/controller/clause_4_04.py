@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies, Mends
 from scaraspec.protocol.commands import Command, Network
 from scaraspec.protocol.fields import Address, Diagnostics
@@ -15,7 +15,7 @@ _ADDRESS_CHARACTERS = 14
 _HIGHEST = 255
 
 
-@fault("4.4/4")
+@mutant("4.4/4")
 class NetworkIsForgotten(Brain):
     """A new network is answered 1 and not set."""
 
@@ -24,7 +24,7 @@ class NetworkIsForgotten(Brain):
         return request.value is not None
 
 
-@fault("4.4/4")
+@mutant("4.4/4")
 class MaskAndGatewayAreMixedUp(Brain):
     """Mask and gateway are stored in each other's place."""
 
@@ -34,7 +34,7 @@ class MaskAndGatewayAreMixedUp(Brain):
         return self.save(ip=ip, mask=gateway, gateway=mask)
 
 
-@fault("4.4/4")
+@mutant("4.4/4")
 class AddressRemains(Brain):
     """Mask and gateway are set, the address remains."""
 
@@ -43,7 +43,7 @@ class AddressRemains(Brain):
         return self.save(mask=request.value.mask, gateway=request.value.gateway)
 
 
-@fault("4.4/4")
+@mutant("4.4/4")
 class GatewayIsTheFirstHost(Brain):
     """The gateway is taken to be the first address of the net, whatever is sent."""
 
@@ -53,7 +53,7 @@ class GatewayIsTheFirstHost(Brain):
         return self.save(ip=ip, mask=mask, gateway=f"{ip.rpartition('.')[0]}.1")
 
 
-@fault("4.4/4", subtle=True)
+@mutant("4.4/4", subtle=True)
 class LongestAddressIsCut(Brain):
     """An address of fifteen characters loses its last one: there is no room for its NUL."""
 
@@ -63,7 +63,7 @@ class LongestAddressIsCut(Brain):
         return self.save(**Network(*cut)._asdict())
 
 
-@fault("4.4/4", subtle=True)
+@mutant("4.4/4", subtle=True)
 class SecondNetworkIsForgotten(Brain):
     """Only the first new network since power-on is set."""
 
@@ -75,7 +75,7 @@ class SecondNetworkIsForgotten(Brain):
         return before or super().set_network(request)
 
 
-@fault("4.4/4", subtle=True)
+@mutant("4.4/4", subtle=True)
 class FirstNetworkEndsTheConnection(Brain):
     """The first new network since power-on ends the connection, and is not set."""
 
@@ -91,7 +91,7 @@ class FirstNetworkEndsTheConnection(Brain):
             super().handle(session, frame, now_s)
 
 
-@fault("4.4/5")
+@mutant("4.4/5")
 class PartsAboveTheHighestAreBounded(Mends):
     """Parts of an address that are above 255 are taken for 255."""
 
@@ -108,7 +108,7 @@ def _bounded(part: bytes) -> bytes:
     return b"%d" % min(int(part), _HIGHEST) if part.isdigit() else part
 
 
-@fault("4.4/5")
+@mutant("4.4/5")
 class PartsAreTakenModulo256(Mends):
     """Of the parts of an address only the lowest eight bits are looked at."""
 
@@ -121,7 +121,7 @@ class PartsAreTakenModulo256(Mends):
         return b"|".join(b".".join(parts) for parts in short)
 
 
-@fault("4.4/5")
+@mutant("4.4/5")
 class MissingPartsAreZero(Mends):
     """An address of three parts is filled up with a zero."""
 
@@ -133,7 +133,7 @@ class MissingPartsAreZero(Mends):
         return b"|".join(fields)
 
 
-@fault("4.4/5")
+@mutant("4.4/5")
 class MissingGatewayIsTaken(Mends):
     """A request without gateway is taken, and the gateway is the address."""
 
@@ -144,7 +144,7 @@ class MissingGatewayIsTaken(Mends):
         return data + b"|" + data.partition(b"|")[0] if data.count(b"|") == 1 else data
 
 
-@fault("4.4/5")
+@mutant("4.4/5")
 class FurtherFieldsAreOverlooked(Mends):
     """What stands behind the gateway is not looked at."""
 
@@ -155,7 +155,7 @@ class FurtherFieldsAreOverlooked(Mends):
         return b"|".join(data.split(b"|")[:3])
 
 
-@fault("4.4/2")
+@mutant("4.4/2")
 class NetworkAnsweredInWords(AltersReplies):
     """A new network is answered with a word."""
 
@@ -166,7 +166,7 @@ class NetworkAnsweredInWords(AltersReplies):
         return b"success" if data == b"1" else b"fail"
 
 
-@fault("4.4/2", "4.4/3")
+@mutant("4.4/2", "4.4/3")
 class NetworkIsNotAnswered(Brain):
     """A new network is set without any answer, while the connection remains."""
 
@@ -176,7 +176,7 @@ class NetworkIsNotAnswered(Brain):
         return SILENCE
 
 
-@fault("4.4/2")
+@mutant("4.4/2")
 class RefusedNetworkIsSetInPart(Brain):
     """The gateway of a network that is refused for its other fields is set all the same."""
 
@@ -188,7 +188,7 @@ class RefusedNetworkIsSetInPart(Brain):
         return value
 
 
-@fault("4.4/2", subtle=True)
+@mutant("4.4/2", subtle=True)
 class AddressIsSetFirst(Brain):
     """The address of a network is set before the rest is looked at, which may be refused."""
 
@@ -199,7 +199,7 @@ class AddressIsSetFirst(Brain):
         return super()._value(command, frame)
 
 
-@fault("4.4/2")
+@mutant("4.4/2")
 class NewNetworkAnsweredWithZero(Brain):
     """A new network is set and answered 0."""
 

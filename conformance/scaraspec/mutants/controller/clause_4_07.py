@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Request
@@ -11,7 +11,7 @@ _GET_VERSION: Final = 0x08
 _LATE: Final = 256
 
 
-@fault("4.7/2", "4.7/3")
+@mutant("4.7/2", "4.7/3")
 class NoVersion(AltersReplies):
     """The reply to 0x08 has no data."""
 
@@ -22,7 +22,7 @@ class NoVersion(AltersReplies):
         return data[:0]
 
 
-@fault("4.7/4")
+@mutant("4.7/4")
 class VersionCountsRequests(Brain):
     """The last number of the version counts how often it was asked for."""
 
@@ -34,7 +34,7 @@ class VersionCountsRequests(Brain):
         return super().get_version(request)[:-1] + f"{self._count}"
 
 
-@fault("4.7/4", subtle=True)
+@mutant("4.7/4", subtle=True)
 class VersionChangesLate(Brain):
     """From the 256th request on the version is another one."""
 
@@ -46,7 +46,7 @@ class VersionChangesLate(Brain):
         return super().get_version(request) if self._count < _LATE else "1.0.255"
 
 
-@fault("4.7/4", subtle=True)
+@mutant("4.7/4", subtle=True)
 class VersionOfTheConnection(Brain):
     """Every other connection is told another version."""
 

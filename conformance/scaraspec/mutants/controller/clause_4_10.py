@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from typing import Final
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.virtual_controller.behaviour.programs import list_parts
@@ -30,7 +30,7 @@ class _AltersNames(Brain, ABC):
         return super().list_programs(request)
 
 
-@fault("4.10/2")
+@mutant("4.10/2")
 class ListWithoutFlag(AltersReplies):
     """The list begins with its first name, or has no data."""
 
@@ -41,7 +41,7 @@ class ListWithoutFlag(AltersReplies):
         return data[2:] if len(data) > 1 else b"none"
 
 
-@fault("4.10/2")
+@mutant("4.10/2")
 class ListFlagIsTheCount(AltersReplies):
     """The list begins with the number of its names."""
 
@@ -52,7 +52,7 @@ class ListFlagIsTheCount(AltersReplies):
         return b"%d" % data.count(b"|") + data[1:] if data.count(b"|") > 1 else data
 
 
-@fault("4.10/2", "4.10/5")
+@mutant("4.10/2", "4.10/5")
 class FirstPartsAreLastOnes(AltersReplies):
     """Every part begins with 0, whether another follows or not."""
 
@@ -63,7 +63,7 @@ class FirstPartsAreLastOnes(AltersReplies):
         return b"0" + data[1:]
 
 
-@fault("4.10/4", "4.10/2")
+@mutant("4.10/4", "4.10/2")
 class LastPartAnnouncesAnother(AltersReplies):
     """A list that has names begins with 1 in its last part, too."""
 
@@ -74,7 +74,7 @@ class LastPartAnnouncesAnother(AltersReplies):
         return b"1" + data[1:] if len(data) > 1 else data
 
 
-@fault("4.10/4", subtle=True)
+@mutant("4.10/4", subtle=True)
 class LastOfSeveralPartsAnnouncesAnother(AltersReplies):
     """In a list of several parts the last one begins with 1, too."""
 
@@ -87,7 +87,7 @@ class LastOfSeveralPartsAnnouncesAnother(AltersReplies):
         return b"1" + data[1:] if before else data
 
 
-@fault("4.10/3")
+@mutant("4.10/3")
 class ListBetweenCommas(AltersReplies):
     """Names are separated by commas."""
 
@@ -98,7 +98,7 @@ class ListBetweenCommas(AltersReplies):
         return data[:2] + data[2:].replace(b"|", b",")
 
 
-@fault("4.10/3")
+@mutant("4.10/3")
 class ListBetweenBlanks(AltersReplies):
     """Flag and names are separated by blanks."""
 
@@ -109,7 +109,7 @@ class ListBetweenBlanks(AltersReplies):
         return data.replace(b"|", b" ")
 
 
-@fault("4.10/3", "4.10/11")
+@mutant("4.10/3", "4.10/11")
 class ListBetweenLineEnds(AltersReplies):
     """Names are separated by line ends, as in a file."""
 
@@ -120,7 +120,7 @@ class ListBetweenLineEnds(AltersReplies):
         return data[:2] + data[2:].replace(b"|", b"\n")
 
 
-@fault("4.10/6")
+@mutant("4.10/6")
 class NamesAreTorn(Brain):
     """A list that is too long is cut where its message is full, in the middle of a name."""
 
@@ -137,7 +137,7 @@ class NamesAreTorn(Brain):
         return super().list_programs(request)
 
 
-@fault("4.10/7")
+@mutant("4.10/7")
 class EmptyNameBetween(AltersReplies):
     """Between two names stand two bars."""
 
@@ -148,7 +148,7 @@ class EmptyNameBetween(AltersReplies):
         return data[:2] + data[2:].replace(b"|", b"||", 1)
 
 
-@fault("4.10/7", subtle=True)
+@mutant("4.10/7", subtle=True)
 class SeamIsListedTwice(_AltersNames):
     """The last name of a part is the first one of the next part again."""
 
@@ -158,7 +158,7 @@ class SeamIsListedTwice(_AltersNames):
         return [*names[: len(first.names)], *names[len(first.names) - 1 :]] if first.more else names
 
 
-@fault("4.10/7", subtle=True)
+@mutant("4.10/7", subtle=True)
 class NamesInOneListTwice(_AltersNames):
     """Of more than five programs the fifth is listed twice."""
 
@@ -167,7 +167,7 @@ class NamesInOneListTwice(_AltersNames):
         return [*names, names[4]] if len(names) > 5 else names
 
 
-@fault("4.10/8")
+@mutant("4.10/8")
 class EmptyStoreHasEmptyName(AltersReplies):
     """An empty store is listed as one empty name."""
 
@@ -178,7 +178,7 @@ class EmptyStoreHasEmptyName(AltersReplies):
         return b"0||" if data == b"0" else data
 
 
-@fault("4.10/8")
+@mutant("4.10/8")
 class EmptyStoreIsDash(AltersReplies):
     """An empty store is listed as a dash."""
 
@@ -189,7 +189,7 @@ class EmptyStoreIsDash(AltersReplies):
         return b"-" if data == b"0" else data
 
 
-@fault("4.10/9")
+@mutant("4.10/9")
 class ListLengthOfTheNames(AltersLengths):
     """The length byte counts the list behind its flag, as in the document's row."""
 
@@ -200,7 +200,7 @@ class ListLengthOfTheNames(AltersLengths):
         return max(size_bytes - 2, 1)
 
 
-@fault("4.10/9", subtle=True)
+@mutant("4.10/9", subtle=True)
 class ListLengthInSevenBits(AltersLengths):
     """Of the length of a long list the highest bit is missing."""
 
@@ -211,7 +211,7 @@ class ListLengthInSevenBits(AltersLengths):
         return size_bytes % 128
 
 
-@fault("4.10/11", "4.10/5")
+@mutant("4.10/11", "4.10/5")
 class OnlyTheFirstPart(AltersReplies):
     """Of a list the first message is sent, and nothing behind it."""
 
@@ -229,7 +229,7 @@ class OnlyTheFirstPart(AltersReplies):
         return first
 
 
-@fault("4.10/11", subtle=True)
+@mutant("4.10/11", subtle=True)
 class NamesOfThirtyAreLeftOut(_AltersNames):
     """Names of thirty bytes are not listed."""
 
@@ -238,7 +238,7 @@ class NamesOfThirtyAreLeftOut(_AltersNames):
         return [name for name in names if len(name) < 30]
 
 
-@fault("4.10/11")
+@mutant("4.10/11")
 class NamesAreListedInLowerCase(_AltersNames):
     """Names are listed in lower case."""
 
@@ -247,7 +247,7 @@ class NamesAreListedInLowerCase(_AltersNames):
         return [name.lower() for name in names]
 
 
-@fault("4.10/11", subtle=True)
+@mutant("4.10/11", subtle=True)
 class NamesBeyondTwentyAreLeftOut(_AltersNames):
     """No more than twenty names are listed."""
 
@@ -256,7 +256,7 @@ class NamesBeyondTwentyAreLeftOut(_AltersNames):
         return names[:_MOST]
 
 
-@fault("4.10/11", subtle=True)
+@mutant("4.10/11", subtle=True)
 class NameAtTheSeamIsLost(_AltersNames):
     """The name that did not fit into a part is not in the next one either."""
 
@@ -267,7 +267,7 @@ class NameAtTheSeamIsLost(_AltersNames):
         return names[:lost] + names[lost + 1 :] if first.more else names
 
 
-@fault("4.10/11", subtle=True)
+@mutant("4.10/11", subtle=True)
 class OthersUploadsAreListedLater(_AltersNames):
     """A connection is not told of what others uploaded before it."""
 
@@ -286,7 +286,7 @@ class OthersUploadsAreListedLater(_AltersNames):
         return super().upload_name(request)
 
 
-@fault("4.10/11", subtle=True)
+@mutant("4.10/11", subtle=True)
 class ListIsNotRefreshed(_AltersNames):
     """A list is shown three times before a newer one is."""
 
@@ -303,7 +303,7 @@ class ListIsNotRefreshed(_AltersNames):
         return shown
 
 
-@fault("4.10/11", "4.11/3")
+@mutant("4.10/11", "4.11/3")
 class DeletedProgramsStayListed(_AltersNames):
     """The list goes on to name what was deleted."""
 

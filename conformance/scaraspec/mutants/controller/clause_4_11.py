@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from fnmatch import fnmatchcase
 from typing import Final
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies, Mends
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.brain import Brain
@@ -13,7 +13,7 @@ from scaraspec.virtual_controller.session import Request
 _DELETE: Final = 0x0C
 
 
-@fault("4.11/2")
+@mutant("4.11/2")
 class DeletionAnsweredWithTheName(AltersReplies):
     """A deletion is answered with more than its flag."""
 
@@ -24,7 +24,7 @@ class DeletionAnsweredWithTheName(AltersReplies):
         return data + b"|deleted" if data == b"1" else data
 
 
-@fault("4.11/2")
+@mutant("4.11/2")
 class DeletionAnsweredWithZero(Brain):
     """A program is deleted, and the answer is 0."""
 
@@ -34,7 +34,7 @@ class DeletionAnsweredWithZero(Brain):
         return False
 
 
-@fault("4.11/3")
+@mutant("4.11/3")
 class DeletesNothing(Brain):
     """A deletion is answered 1, and the program stays."""
 
@@ -59,7 +59,7 @@ class _Hides(Brain):
         return True
 
 
-@fault("4.11/3")
+@mutant("4.11/3")
 class DeletedProgramsAreDownloadable(_Hides):
     """What was deleted can still be downloaded."""
 
@@ -75,7 +75,7 @@ class DeletedProgramsAreDownloadable(_Hides):
         return answer
 
 
-@fault("4.11/3")
+@mutant("4.11/3")
 class DeletedProgramsRun(_Hides):
     """What was deleted can still be run."""
 
@@ -91,7 +91,7 @@ class DeletedProgramsRun(_Hides):
         return answer
 
 
-@fault("4.11/3")
+@mutant("4.11/3")
 class DeletesItsNeighbour(Brain):
     """With a program the one that is listed before it is deleted, too."""
 
@@ -104,7 +104,7 @@ class DeletesItsNeighbour(Brain):
         return super().delete_program(request)
 
 
-@fault("4.11/3", subtle=True)
+@mutant("4.11/3", subtle=True)
 class DeletesNothingThatRuns(Brain):
     """The deletion of a program that runs is answered 1, and it stays."""
 
@@ -113,7 +113,7 @@ class DeletesNothingThatRuns(Brain):
         return self.is_in_use(request.value) or super().delete_program(request)
 
 
-@fault("4.11/2", subtle=True)
+@mutant("4.11/2", subtle=True)
 class DeletesWhatRunsUnsaid(Brain):
     """The deletion of a program that runs is answered 0, and it is deleted."""
 
@@ -125,7 +125,7 @@ class DeletesWhatRunsUnsaid(Brain):
         ) and not runs
 
 
-@fault("4.11/3", subtle=True)
+@mutant("4.11/3", subtle=True)
 class DeletesEachNameOnce(Brain):
     """A name that was deleted before is deleted no more, though the answer is 1."""
 
@@ -141,7 +141,7 @@ class DeletesEachNameOnce(Brain):
         return super().delete_program(request)
 
 
-@fault("4.11/4")
+@mutant("4.11/4")
 class MissingIsDeleted(Brain):
     """The deletion of a program that is not stored is answered 1: it is not there, as wanted."""
 
@@ -166,7 +166,7 @@ class _FindsMore(Mends, ABC):
         """Whether a name stands for another one."""
 
 
-@fault("4.11/4")
+@mutant("4.11/4")
 class DeletesByBeginning(_FindsMore):
     """The beginning of a name stands for it."""
 
@@ -175,7 +175,7 @@ class DeletesByBeginning(_FindsMore):
         return bool(asked) and name.startswith(asked)
 
 
-@fault("4.11/4")
+@mutant("4.11/4")
 class DeletesByLongerName(_FindsMore):
     """What stands behind a name is not looked at."""
 
@@ -184,7 +184,7 @@ class DeletesByLongerName(_FindsMore):
         return asked.startswith(name)
 
 
-@fault("4.11/4")
+@mutant("4.11/4")
 class DeletesWhateverTheExtension(_FindsMore):
     """A name stands for the one with an extension."""
 
@@ -193,7 +193,7 @@ class DeletesWhateverTheExtension(_FindsMore):
         return bool(asked) and asked == name.rpartition(b".")[0]
 
 
-@fault("4.11/4")
+@mutant("4.11/4")
 class DeletesByPattern(_FindsMore):
     """Asterisks and question marks in a name stand for whatever there is."""
 
@@ -202,7 +202,7 @@ class DeletesByPattern(_FindsMore):
         return bool(asked) and fnmatchcase(name.decode("latin-1"), asked.decode("latin-1"))
 
 
-@fault("4.11/4")
+@mutant("4.11/4")
 class DeletesUpToTheBar(Mends):
     """What stands behind a bar in a name is not looked at."""
 
@@ -216,7 +216,7 @@ class DeletesUpToTheBar(Mends):
         return data
 
 
-@fault("4.11/6", "4.11/4")
+@mutant("4.11/6", "4.11/4")
 class DeletesByTheLastPart(Mends):
     """Of a path the last part is the name."""
 
@@ -227,7 +227,7 @@ class DeletesByTheLastPart(Mends):
         return data.rpartition(b"/")[2] or data
 
 
-@fault("4.11/6", "4.11/4")
+@mutant("4.11/6", "4.11/4")
 class DeletesByBackslashes(Mends):
     """Of a path of Windows the last part is the name."""
 
@@ -238,7 +238,7 @@ class DeletesByBackslashes(Mends):
         return data.rpartition(b"\\")[2] or data
 
 
-@fault("4.11/6")
+@mutant("4.11/6")
 class PathsReachTheSettings(Mends):
     """A name that leads out of the store is answered 0, and takes settings of the robot away."""
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any, Final
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.frames import Frame
@@ -14,7 +14,7 @@ from scaraspec.virtual_controller.session import Request
 _SET_DEFAULT: Final = 0x0E
 
 
-@fault("4.13/2")
+@mutant("4.13/2")
 class DefaultAnsweredInWords(AltersReplies):
     """A new default program is answered with a word."""
 
@@ -25,7 +25,7 @@ class DefaultAnsweredInWords(AltersReplies):
         return b"OK" if data == b"1" else data
 
 
-@fault("4.13/2")
+@mutant("4.13/2")
 class NewDefaultAnsweredWithZero(Brain):
     """A new default program is set, and the answer is the 0 of the document's row."""
 
@@ -35,7 +35,7 @@ class NewDefaultAnsweredWithZero(Brain):
         return False
 
 
-@fault("4.13/3")
+@mutant("4.13/3")
 class DefaultIsForgotten(Brain):
     """A new default program is answered 1 and not set."""
 
@@ -44,7 +44,7 @@ class DefaultIsForgotten(Brain):
         return self.is_program(request.value)
 
 
-@fault("4.13/3", subtle=True)
+@mutant("4.13/3", subtle=True)
 class FirstDefaultRemains(Brain):
     """Once there is a default program, another one is answered 1 and not set."""
 
@@ -55,7 +55,7 @@ class FirstDefaultRemains(Brain):
         return super().set_default_program(request)
 
 
-@fault("4.13/3", subtle=True)
+@mutant("4.13/3", subtle=True)
 class ResetForgetsTheDefault(Brain):
     """A reset leaves no default program."""
 
@@ -67,7 +67,7 @@ class ResetForgetsTheDefault(Brain):
         return answer
 
 
-@fault("4.13/3", subtle=True)
+@mutant("4.13/3", subtle=True)
 class LongDefaultIsForgotten(Brain):
     """A default program with a name of thirty bytes is answered 1 and not set."""
 
@@ -78,7 +78,7 @@ class LongDefaultIsForgotten(Brain):
         return self.is_program(request.value)
 
 
-@fault("4.13/3", subtle=True)
+@mutant("4.13/3", subtle=True)
 class DefaultOfTheConnection(Brain):
     """A default program is one for the connection that has set it."""
 
@@ -97,7 +97,7 @@ class DefaultOfTheConnection(Brain):
         return super().get_default_program(request) if own else b""
 
 
-@fault("4.13/5", subtle=True)
+@mutant("4.13/5", subtle=True)
 class RefusalClearsTheDefault(Brain):
     """A program that is not stored is refused, and then there is no default program any more."""
 
@@ -106,7 +106,7 @@ class RefusalClearsTheDefault(Brain):
         return super().set_default_program(request) or not self.save(default_program=b"")
 
 
-@fault("4.13/5", subtle=True)
+@mutant("4.13/5", subtle=True)
 class MalformedNameClearsTheDefault(Brain):
     """A name that is none is refused, and then there is no default program any more."""
 
@@ -117,7 +117,7 @@ class MalformedNameClearsTheDefault(Brain):
         return value
 
 
-@fault("4.13/6")
+@mutant("4.13/6")
 class DefaultIsStarted(Brain):
     """A new default program is started at once."""
 
@@ -128,7 +128,7 @@ class DefaultIsStarted(Brain):
         return answer
 
 
-@fault("4.13/6")
+@mutant("4.13/6")
 class DefaultIsTriedOut(Brain):
     """A new default program is simulated at once, to see whether it can run."""
 

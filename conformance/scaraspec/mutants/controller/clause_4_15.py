@@ -1,6 +1,6 @@
 """Faults of clause 4.15: running a program."""
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.programs import Program
@@ -10,7 +10,7 @@ from scaraspec.virtual_controller.robot import RUNNING
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@fault("4.15/2", "4.15/7")
+@mutant("4.15/2", "4.15/7")
 class RunsBeforeItLooks(Brain):
     """A missing program is accepted and then said to be done."""
 
@@ -23,7 +23,7 @@ class RunsBeforeItLooks(Brain):
         return ACCEPTED
 
 
-@fault("4.15/2")
+@mutant("4.15/2")
 class RunsDespiteFault(Brain):
     """A program is run although a motor has failed."""
 
@@ -35,7 +35,7 @@ class RunsDespiteFault(Brain):
         return super().run_program(request)
 
 
-@fault("4.15/2", subtle=True)
+@mutant("4.15/2", subtle=True)
 class RunsWhatItHasRefused(Brain):
     """A run of a missing program is refused, and the robot is busy with it all the same."""
 
@@ -53,7 +53,7 @@ class RunsWhatItHasRefused(Brain):
         return RUNNING if request.now_s < self._until_s else super().get_status(request)
 
 
-@fault("4.15/3")
+@mutant("4.15/3")
 class RefusesRunInOneByte(Brain):
     """The refusal of a run has no code."""
 
@@ -64,7 +64,7 @@ class RefusesRunInOneByte(Brain):
         super().emit(session, frame)
 
 
-@fault("4.15/3")
+@mutant("4.15/3")
 class RefusesRunWithNumber(Brain):
     """The code in the refusal of a run is one byte, not two characters."""
 
@@ -75,7 +75,7 @@ class RefusesRunWithNumber(Brain):
         super().emit(session, frame)
 
 
-@fault("4.15/4")
+@mutant("4.15/4")
 class RunsNothing(Brain):
     """Every run is refused as if its program were missing."""
 
@@ -88,7 +88,7 @@ class RunsNothing(Brain):
         return answer
 
 
-@fault("4.15/4")
+@mutant("4.15/4")
 class AcceptsRunWithItsName(Brain):
     """The first reply to a run repeats the program's name behind the 1."""
 
@@ -99,7 +99,7 @@ class AcceptsRunWithItsName(Brain):
         super().emit(session, frame)
 
 
-@fault("4.15/4", subtle=True)
+@mutant("4.15/4", subtle=True)
 class RunsShortNamesAlone(Brain):
     """A program whose name has more than sixteen bytes cannot be run."""
 
@@ -107,7 +107,7 @@ class RunsShortNamesAlone(Brain):
         return None if name is not None and len(name) > 16 else super()._program(name)
 
 
-@fault("4.15/4", subtle=True)
+@mutant("4.15/4", subtle=True)
 class RunsProgramOnce(Brain):
     """A program that has been run before is refused."""
 
@@ -120,7 +120,7 @@ class RunsProgramOnce(Brain):
         return super()._program(name)
 
 
-@fault("4.15/5")
+@mutant("4.15/5")
 class RunHasNoResult(Brain):
     """A run that comes to its end sends no final result."""
 
@@ -130,7 +130,7 @@ class RunHasNoResult(Brain):
             super().conclude(request, outcome)
 
 
-@fault("4.15/5")
+@mutant("4.15/5")
 class RunEndsUntagged(Brain):
     """The final result of a run bears no tag."""
 
@@ -141,7 +141,7 @@ class RunEndsUntagged(Brain):
         super().emit(session, frame)
 
 
-@fault("4.15/5")
+@mutant("4.15/5")
 class RunEndsUnderItsNeighbour(Brain):
     """The final result of a run bears the opcode of the simulation."""
 
@@ -152,7 +152,7 @@ class RunEndsUnderItsNeighbour(Brain):
         super().emit(session, frame)
 
 
-@fault("4.15/5", "4/15")
+@mutant("4.15/5", "4/15")
 class RunEndsAtOnce(Brain):
     """The final result of a run is sent as soon as it was accepted; the program goes on."""
 
@@ -174,7 +174,7 @@ class RunEndsAtOnce(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.15/5")
+@mutant("4.15/5")
 class GoodRunFails(Brain):
     """A run that comes to its end is told as a failure."""
 
@@ -185,7 +185,7 @@ class GoodRunFails(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.15/7")
+@mutant("4.15/7")
 class RunsTheNearestName(Brain):
     """A name that begins like a stored program runs that program."""
 
@@ -194,7 +194,7 @@ class RunsTheNearestName(Brain):
         return super()._program(next(near, name))
 
 
-@fault("4.15/7")
+@mutant("4.15/7")
 class RunsTheBeginningOfName(Brain):
     """A name that goes on behind that of a stored program runs that program."""
 
@@ -203,7 +203,7 @@ class RunsTheBeginningOfName(Brain):
         return super()._program(next(near, name))
 
 
-@fault("4.15/7")
+@mutant("4.15/7")
 class AddsTheExtension(Brain):
     """A name without its extension runs the program that has it."""
 
@@ -213,7 +213,7 @@ class AddsTheExtension(Brain):
         return super()._program(name)
 
 
-@fault("4.15/7")
+@mutant("4.15/7")
 class RunsDeletedPrograms(Brain):
     """A program that was run stays in memory, and is run again when it has been deleted."""
 
@@ -229,7 +229,7 @@ class RunsDeletedPrograms(Brain):
         return program
 
 
-@fault("4.15/7")
+@mutant("4.15/7")
 class RunsWhatWasOnlyNamed(Brain):
     """A program of which nothing but the name was sent runs, and is done."""
 
@@ -242,7 +242,7 @@ class RunsWhatWasOnlyNamed(Brain):
         return super().run_program(request)
 
 
-@fault("4.15/7")
+@mutant("4.15/7")
 class MissingProgramIsPositionFault(Brain):
     """A missing program is refused with 05."""
 
@@ -253,7 +253,7 @@ class MissingProgramIsPositionFault(Brain):
         super().emit(session, frame)
 
 
-@fault("4.15/8", "4/6")
+@mutant("4.15/8", "4/6")
 class SecondRunReplacesTheFirst(Brain):
     """A second run during a run takes its place."""
 
@@ -265,7 +265,7 @@ class SecondRunReplacesTheFirst(Brain):
         return super().run_program(request)
 
 
-@fault("4.15/8")
+@mutant("4.15/8")
 class SameRunIsAcceptedAgain(Brain):
     """The program that runs may be started again, which changes nothing."""
 
@@ -277,7 +277,7 @@ class SameRunIsAcceptedAgain(Brain):
         return super().run_program(request)
 
 
-@fault("4.15/8")
+@mutant("4.15/8")
 class SecondClientRuns(Brain):
     """A second client may begin a run during the first one's."""
 

@@ -1,6 +1,6 @@
 """Faults of clause 4.16: simulating a program."""
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
@@ -9,7 +9,7 @@ from scaraspec.virtual_controller.robot import RUNNING, Task
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@fault("4.16/2", "4/1")
+@mutant("4.16/2", "4/1")
 class AcceptsSimulationInWords(Brain):
     """A simulation is accepted with "1|sim"."""
 
@@ -20,7 +20,7 @@ class AcceptsSimulationInWords(Brain):
         super().emit(session, frame)
 
 
-@fault("4.16/2", "4/1")
+@mutant("4.16/2", "4/1")
 class RefusesSimulationInOneByte(Brain):
     """The refusal of a simulation has no code."""
 
@@ -31,7 +31,7 @@ class RefusesSimulationInOneByte(Brain):
         super().emit(session, frame)
 
 
-@fault("4.16/2", subtle=True)
+@mutant("4.16/2", subtle=True)
 class SimulatesOnce(Brain):
     """Behind a run no program can be simulated any more."""
 
@@ -49,7 +49,7 @@ class SimulatesOnce(Brain):
         return super().simulate_program(request)
 
 
-@fault("8/5")
+@mutant("8/5")
 class SimulatesWhatIsNotThere(Brain):
     """The simulation of a missing program is accepted and done."""
 
@@ -62,7 +62,7 @@ class SimulatesWhatIsNotThere(Brain):
         return ACCEPTED
 
 
-@fault("8/5")
+@mutant("8/5")
 class SimulationMissesWithOne(Brain):
     """The simulation of a missing program is refused with 01."""
 
@@ -73,7 +73,7 @@ class SimulationMissesWithOne(Brain):
         super().emit(session, frame)
 
 
-@fault("4.16/3")
+@mutant("4.16/3")
 class SimulationHasNoResult(Brain):
     """A simulation that comes to its end sends no final result."""
 
@@ -83,7 +83,7 @@ class SimulationHasNoResult(Brain):
             super().conclude(request, outcome)
 
 
-@fault("4.16/3")
+@mutant("4.16/3")
 class SimulationEndsAsRun(Brain):
     """The final result of a simulation bears the opcode of the run."""
 
@@ -94,7 +94,7 @@ class SimulationEndsAsRun(Brain):
         super().emit(session, frame)
 
 
-@fault("4.16/3", subtle=True)
+@mutant("4.16/3", subtle=True)
 class SecondSimulationFails(Brain):
     """From the second on every simulation ends with a failure."""
 
@@ -109,7 +109,7 @@ class SecondSimulationFails(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.16/5", "4.8/5")
+@mutant("4.16/5", "4.8/5")
 class SimulationIsRun(Brain):
     """A simulation runs the program in earnest."""
 
@@ -118,7 +118,7 @@ class SimulationIsRun(Brain):
         return self._start(request, RUNNING)
 
 
-@fault("4.8/4", "4.16/3", subtle=True)
+@mutant("4.8/4", "4.16/3", subtle=True)
 class StaysInTheSimulator(Brain):
     """A run behind a simulation is reported as a simulation."""
 

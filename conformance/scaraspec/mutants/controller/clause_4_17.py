@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, JogDirection, Outcome
 from scaraspec.protocol.transfer import Receiver, Sender
@@ -16,7 +16,7 @@ from scaraspec.virtual_controller.session import Request, Session
 _REFUSED = Acceptance(accepted=False)
 
 
-@fault("4.17/2")
+@mutant("4.17/2")
 class IdleStopIsNotAnswered(Brain):
     """A stop where nothing is to be stopped is not answered."""
 
@@ -26,7 +26,7 @@ class IdleStopIsNotAnswered(Brain):
         return answer if answer.accepted else SILENCE
 
 
-@fault("4.17/2")
+@mutant("4.17/2")
 class IdleStopIsAnsweredTwo(Brain):
     """A stop where nothing is to be stopped is answered 2."""
 
@@ -37,7 +37,7 @@ class IdleStopIsAnsweredTwo(Brain):
         super().emit(session, frame)
 
 
-@fault("4.17/2", "3/31", subtle=True)
+@mutant("4.17/2", "3/31", subtle=True)
 class SecondIdleStopIsLost(Brain):
     """Of stops where nothing is to be stopped every second one is not answered."""
 
@@ -63,42 +63,42 @@ class _NotDuring(Brain):
         return super().emergency_stop(request)
 
 
-@fault("4.17/6", "4.17/3")
+@mutant("4.17/6", "4.17/3")
 class RunIsNotStopped(_NotDuring):
     """The stop is refused while a program runs."""
 
     during = "run_program"
 
 
-@fault("4.17/6", "4.17/3")
+@mutant("4.17/6", "4.17/3")
 class SimulationIsNotStopped(_NotDuring):
     """The stop is refused while a program is simulated."""
 
     during = "simulate_program"
 
 
-@fault("4.17/6", "4.17/3")
+@mutant("4.17/6", "4.17/3")
 class ResetIsNotStopped(_NotDuring):
     """The stop is refused while the robot resets."""
 
     during = "reset"
 
 
-@fault("4.17/6", "4.17/3")
+@mutant("4.17/6", "4.17/3")
 class MoveIsNotStopped(_NotDuring):
     """The stop is refused while the arm moves to a pose."""
 
     during = "set_tool_coordinates"
 
 
-@fault("4.17/6", "4.17/3")
+@mutant("4.17/6", "4.17/3")
 class JogIsNotStopped(_NotDuring):
     """The stop is refused during a jog."""
 
     during = "jog"
 
 
-@fault("4.17/6", "4.17/3", subtle=True)
+@mutant("4.17/6", "4.17/3", subtle=True)
 class StopComesTooEarly(Brain):
     """A stop within a millisecond of the start of a program finds nothing to stop."""
 
@@ -110,7 +110,7 @@ class StopComesTooEarly(Brain):
         return super().emergency_stop(request)
 
 
-@fault("4.17/6", subtle=True)
+@mutant("4.17/6", subtle=True)
 class OnlyTheStarterStops(Brain):
     """A stop is refused on every connection but that which began what executes."""
 
@@ -122,7 +122,7 @@ class OnlyTheStarterStops(Brain):
         return super().emergency_stop(request)
 
 
-@fault("4.17/6", "4.17/3", subtle=True)
+@mutant("4.17/6", "4.17/3", subtle=True)
 class StopIsRefusedInUploads(Brain):
     """A stop is refused on a connection on which a file is being sent."""
 
@@ -134,7 +134,7 @@ class StopIsRefusedInUploads(Brain):
         return super().emergency_stop(request)
 
 
-@fault("4.17/4", subtle=True)
+@mutant("4.17/4", subtle=True)
 class StopInDownloadsStopsNothing(Brain):
     """A stop on a connection on which a file is being fetched is done, and the program goes on."""
 
@@ -148,7 +148,7 @@ class StopInDownloadsStopsNothing(Brain):
         return answer
 
 
-@fault("4.17/6", "4.17/3", subtle=True)
+@mutant("4.17/6", "4.17/3", subtle=True)
 class StopsTenTimes(Brain):
     """After ten stops every further one is refused."""
 
@@ -163,7 +163,7 @@ class StopsTenTimes(Brain):
         return answer
 
 
-@fault("4.17/3")
+@mutant("4.17/3")
 class StopIsAnsweredWithCode(Brain):
     """The first reply to a stop is "1|00"."""
 
@@ -174,7 +174,7 @@ class StopIsAnsweredWithCode(Brain):
         super().emit(session, frame)
 
 
-@fault("4.17/4")
+@mutant("4.17/4")
 class StopHasNoResult(Brain):
     """A stop that has succeeded sends no final result."""
 
@@ -184,7 +184,7 @@ class StopHasNoResult(Brain):
             super().conclude(request, outcome)
 
 
-@fault("4.17/4")
+@mutant("4.17/4")
 class StopEndsUnderTheStopped(Brain):
     """The final result of a stop bears the opcode of what it has stopped."""
 
@@ -203,7 +203,7 @@ class StopEndsUnderTheStopped(Brain):
         super().emit(session, frame)
 
 
-@fault("4.17/4")
+@mutant("4.17/4")
 class StopFails(Brain):
     """A stop that has succeeded is told as a failure."""
 
@@ -214,7 +214,7 @@ class StopFails(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.17/4", subtle=True)
+@mutant("4.17/4", subtle=True)
 class SecondStopHasNoResult(Brain):
     """A second stop close behind the first is accepted, and has no final result."""
 
@@ -231,7 +231,7 @@ class SecondStopHasNoResult(Brain):
         return answer
 
 
-@fault("4.17/4", "4.8/3")
+@mutant("4.17/4", "4.8/3")
 class StoppedProgramGoesOn(Brain):
     """A stopped simulation is said to be stopped, and goes on."""
 
@@ -244,7 +244,7 @@ class StoppedProgramGoesOn(Brain):
         return answer
 
 
-@fault("4.17/7")
+@mutant("4.17/7")
 class ArmCoastsOn(Brain):
     """Behind a stop a move goes on for a second at a tenth of its speed."""
 
@@ -258,7 +258,7 @@ class ArmCoastsOn(Brain):
         return answer
 
 
-@fault("4.17/7")
+@mutant("4.17/7")
 class JogGoesOn(Brain):
     """Behind a stop a jog goes on."""
 
@@ -272,7 +272,7 @@ class JogGoesOn(Brain):
         return answer
 
 
-@fault("4.17/7", subtle=True)
+@mutant("4.17/7", subtle=True)
 class StoppedArmCreeps(Brain):
     """Behind a stop the inner arm goes on, by no more than half a degree in a second."""
 
@@ -299,28 +299,28 @@ class _EndsAsDone(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.17/8")
+@mutant("4.17/8")
 class StoppedRunIsDone(_EndsAsDone):
     """A run that was stopped is said to be done."""
 
     stopped = "run_program"
 
 
-@fault("4.17/8")
+@mutant("4.17/8")
 class StoppedSimulationIsDone(_EndsAsDone):
     """A simulation that was stopped is said to be done."""
 
     stopped = "simulate_program"
 
 
-@fault("4.17/8")
+@mutant("4.17/8")
 class StoppedMoveIsDone(_EndsAsDone):
     """A move that was stopped is said to be done."""
 
     stopped = "set_tool_coordinates"
 
 
-@fault("4.17/8")
+@mutant("4.17/8")
 class StoppedResetIsDone(_EndsAsDone):
     """A reset that was stopped is said to be done."""
 

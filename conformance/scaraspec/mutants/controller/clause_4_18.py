@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.behaviour import SILENCE
@@ -12,7 +12,7 @@ from scaraspec.virtual_controller.robot import DONE, Movement
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@fault("4.18/2", "4/6")
+@mutant("4.18/2", "4/6")
 class ResetEndsRun(Brain):
     """A reset during a run ends the program and is accepted."""
 
@@ -25,7 +25,7 @@ class ResetEndsRun(Brain):
         return super().reset(request)
 
 
-@fault("4.18/2")
+@mutant("4.18/2")
 class ResetIsRefusedWithIdle(Brain):
     """A reset during a run is refused with 00."""
 
@@ -36,7 +36,7 @@ class ResetIsRefusedWithIdle(Brain):
         super().emit(session, frame)
 
 
-@fault("4.18/2")
+@mutant("4.18/2")
 class ResetIsNotAnsweredDuringRun(Brain):
     """A reset during a run is not answered."""
 
@@ -46,7 +46,7 @@ class ResetIsNotAnsweredDuringRun(Brain):
         return SILENCE if answer.code == "01" else answer
 
 
-@fault("4.18/2", subtle=True)
+@mutant("4.18/2", subtle=True)
 class RefusedResetEndsTheRun(Brain):
     """A reset during a run is refused, and the program ends all the same."""
 
@@ -58,7 +58,7 @@ class RefusedResetEndsTheRun(Brain):
         return answer
 
 
-@fault("4.18/2", "4/15")
+@mutant("4.18/2", "4/15")
 class ResetTakesSimulationForRun(Brain):
     """A reset during a simulation is refused with 01."""
 
@@ -69,7 +69,7 @@ class ResetTakesSimulationForRun(Brain):
         super().emit(session, frame)
 
 
-@fault("4.18/3")
+@mutant("4.18/3")
 class ResetNeedsFault(Brain):
     """A robot without a fault refuses the reset: there is nothing to reset."""
 
@@ -80,7 +80,7 @@ class ResetNeedsFault(Brain):
         return super().reset(request)
 
 
-@fault("4.18/3", subtle=True)
+@mutant("4.18/3", subtle=True)
 class ResetIsRefusedBehindStop(Brain):
     """The first reset behind an emergency stop is refused."""
 
@@ -98,7 +98,7 @@ class ResetIsRefusedBehindStop(Brain):
         return Acceptance(accepted=False, code="06") if stopped else super().reset(request)
 
 
-@fault("4.18/3", "4/1")
+@mutant("4.18/3", "4/1")
 class ResetIsAcceptedWithItsState(Brain):
     """The first reply to a reset is "1|03"."""
 
@@ -125,7 +125,7 @@ class _UnderWay(Movement):
         return DONE if now_s >= self.ends_s else None
 
 
-@fault("4.18/4", subtle=True)
+@mutant("4.18/4", subtle=True)
 class ResetEndsUnderWay(Brain):
     """A reset is said to have ended when the arm has gone half of the way."""
 
@@ -138,7 +138,7 @@ class ResetEndsUnderWay(Brain):
         return answer
 
 
-@fault("4.18/4")
+@mutant("4.18/4")
 class ResetHasNoResult(Brain):
     """A reset that has succeeded sends no final result."""
 
@@ -148,7 +148,7 @@ class ResetHasNoResult(Brain):
             super().conclude(request, outcome)
 
 
-@fault("4.18/4")
+@mutant("4.18/4")
 class ResetEndsInFourBytes(Brain):
     """The final result of a reset that has succeeded is "0|11", of the length that L417 prints."""
 
@@ -159,7 +159,7 @@ class ResetEndsInFourBytes(Brain):
         super().emit(session, frame)
 
 
-@fault("4.18/4")
+@mutant("4.18/4")
 class ResetIgnoresLastingFaults(Brain):
     """A reset is said to have succeeded although the fault lasts."""
 
@@ -172,7 +172,7 @@ class ResetIgnoresLastingFaults(Brain):
         return ACCEPTED
 
 
-@fault("4.18/4", "4/7", subtle=True)
+@mutant("4.18/4", "4/7", subtle=True)
 class ResetStaysInItsState(Brain):
     """Behind a reset that had a way to go the status stays 03 until something else is asked."""
 

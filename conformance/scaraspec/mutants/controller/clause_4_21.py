@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from typing import Any, Final
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies, Mends
 from scaraspec.protocol.commands import Command, Pose
 from scaraspec.protocol.fields import Diagnostics, Number
@@ -30,7 +30,7 @@ class _SetsOtherwise(Brain, ABC):
         )
 
 
-@fault("4.21/2")
+@mutant("4.21/2")
 class PositionAnsweredInWords(AltersReplies):
     """A new initial position is answered with a word."""
 
@@ -41,7 +41,7 @@ class PositionAnsweredInWords(AltersReplies):
         return b"OK" if data == b"1" else data
 
 
-@fault("4.21/2")
+@mutant("4.21/2")
 class PositionAnsweredWithZero(Brain):
     """A new initial position is set, and the answer is 0."""
 
@@ -51,7 +51,7 @@ class PositionAnsweredWithZero(Brain):
         return False
 
 
-@fault("4.21/2")
+@mutant("4.21/2")
 class EveryPositionIsRefused(Brain):
     """An initial position is answered 0 wherever it is, and not set."""
 
@@ -60,7 +60,7 @@ class EveryPositionIsRefused(Brain):
         return False
 
 
-@fault("4.21/3")
+@mutant("4.21/3")
 class PositionIsForgotten(Brain):
     """A new initial position is answered 1 and not set."""
 
@@ -69,7 +69,7 @@ class PositionIsForgotten(Brain):
         return request.value is not None
 
 
-@fault("4.21/3")
+@mutant("4.21/3")
 class RotationOfThePositionIsForgotten(_SetsOtherwise):
     """Of an initial position thetaX is not kept."""
 
@@ -78,7 +78,7 @@ class RotationOfThePositionIsForgotten(_SetsOtherwise):
         return pose._replace(theta_x=0.0)
 
 
-@fault("4.21/3")
+@mutant("4.21/3")
 class PositionInWholeNumbers(_SetsOtherwise):
     """An initial position is rounded to whole numbers."""
 
@@ -87,7 +87,7 @@ class PositionInWholeNumbers(_SetsOtherwise):
         return Pose(*(float(round(value)) for value in pose))
 
 
-@fault("4.21/3")
+@mutant("4.21/3")
 class PositionIsMixedUp(_SetsOtherwise):
     """y and z of an initial position are stored in each other's place."""
 
@@ -96,7 +96,7 @@ class PositionIsMixedUp(_SetsOtherwise):
         return pose._replace(y=pose.z, z=pose.y)
 
 
-@fault("4.21/3")
+@mutant("4.21/3")
 class AnglesOfThePositionAreMixedUp(_SetsOtherwise):
     """thetaX and thetaZ of an initial position are stored in each other's place."""
 
@@ -105,7 +105,7 @@ class AnglesOfThePositionAreMixedUp(_SetsOtherwise):
         return pose._replace(theta_x=pose.theta_z, theta_z=pose.theta_x)
 
 
-@fault("4.21/3")
+@mutant("4.21/3")
 class PositionMovesTheGripperCenter(Brain):
     """A new initial position is taken for a gripper centre, too."""
 
@@ -116,7 +116,7 @@ class PositionMovesTheGripperCenter(Brain):
         )
 
 
-@fault("4.21/3", subtle=True)
+@mutant("4.21/3", subtle=True)
 class PositionOfTheConnection(Brain):
     """Only the connection that has set an initial position is told it; others the former one."""
 
@@ -138,7 +138,7 @@ class PositionOfTheConnection(Brain):
         return super().get_initial_tool_position(request) if own else self._before
 
 
-@fault("4.21/4")
+@mutant("4.21/4")
 class FourNumbersAreEnough(Mends):
     """Angles that are missing are taken for 0."""
 
@@ -149,7 +149,7 @@ class FourNumbersAreEnough(Mends):
         return data + b"|0" * max(_FIELDS - 1 - data.count(b"|"), 0) if b"|" in data else data
 
 
-@fault("4.21/4")
+@mutant("4.21/4")
 class SeventhNumberIsOverlooked(Mends):
     """What stands behind the sixth number is not looked at."""
 
@@ -160,7 +160,7 @@ class SeventhNumberIsOverlooked(Mends):
         return b"|".join(data.split(b"|")[:_FIELDS])
 
 
-@fault("4.21/4")
+@mutant("4.21/4")
 class LastAnglesAreNotRead(Mends):
     """thetaY and thetaZ mean nothing, and may be anything."""
 
@@ -172,7 +172,7 @@ class LastAnglesAreNotRead(Mends):
         return b"|".join([*fields[:4], b"0", b"0"]) if len(fields) == _FIELDS else data
 
 
-@fault("4.21/4")
+@mutant("4.21/4")
 class CommasInPositionsArePoints(Mends):
     """A decimal comma in a position is taken for a point."""
 
@@ -183,7 +183,7 @@ class CommasInPositionsArePoints(Mends):
         return data.replace(b",", b".") if data.count(b"|") == _FIELDS - 1 else data
 
 
-@fault("4.21/4")
+@mutant("4.21/4")
 class NumbersEndWhereTheyEnd(Mends):
     """Of each field of a position the number at its beginning is read, as by C's strtod."""
 
@@ -202,7 +202,7 @@ def _beginning(field: bytes) -> bytes:
     )
 
 
-@fault("4.21/3", subtle=True)
+@mutant("4.21/3", subtle=True)
 class PositionIsForgottenDuringRuns(Brain):
     """While a program runs a new position is answered 1 and not set."""
 
@@ -211,7 +211,7 @@ class PositionIsForgottenDuringRuns(Brain):
         return self.robot.task is not None or super().set_initial_tool_position(request)
 
 
-@fault("4.21/3")
+@mutant("4.21/3")
 class RefusedPositionIsSetInPart(Brain):
     """Of an initial position that is refused for its last field the others are set."""
 
@@ -225,7 +225,7 @@ class RefusedPositionIsSetInPart(Brain):
         return value
 
 
-@fault("4.21/3", subtle=True)
+@mutant("4.21/3", subtle=True)
 class SecondResetTurnsHome(Brain):
     """The second reset, and each further one, turns the initial position by half a degree."""
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.commands import BY_NAME, MoveTarget
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
@@ -33,7 +33,7 @@ class _Retargeted(Brain):
         return target
 
 
-@fault("4.24/8", subtle=True)
+@mutant("4.24/8", subtle=True)
 class FullSpeedOvershoots(_Retargeted):
     """A move at full speed goes a millimetre and a half too far along X."""
 
@@ -42,7 +42,7 @@ class FullSpeedOvershoots(_Retargeted):
         return target._replace(x=target.x + 1.5) if target.speed >= 100 else target
 
 
-@fault("4.24/3")
+@mutant("4.24/3")
 class ImpossibleMoveIsRefusedLikeAResult(Brain):
     """An impossible move is refused with "00|05"."""
 
@@ -53,7 +53,7 @@ class ImpossibleMoveIsRefusedLikeAResult(Brain):
         super().emit(session, frame)
 
 
-@fault("4.24/3")
+@mutant("4.24/3")
 class ImpossibleMoveIsRefusedInWords(Brain):
     """An impossible move is refused with "0|unreachable"."""
 
@@ -64,7 +64,7 @@ class ImpossibleMoveIsRefusedInWords(Brain):
         super().emit(session, frame)
 
 
-@fault("4.24/3")
+@mutant("4.24/3")
 class ReadsCommaAsPoint(Brain):
     """A comma in a number is taken for its point."""
 
@@ -75,7 +75,7 @@ class ReadsCommaAsPoint(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("4.24/3")
+@mutant("4.24/3")
 class MissingTextIsALittle(Brain):
     """What is no number counts as one more than where the arm stands."""
 
@@ -86,7 +86,7 @@ class MissingTextIsALittle(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("4.24/4", "3/7")
+@mutant("4.24/4", "3/7")
 class RefusalHasThePrintedLength(Brain):
     """The length of the refusal of a move is 1, as its row prints it, with four bytes behind it."""
 
@@ -97,7 +97,7 @@ class RefusalHasThePrintedLength(Brain):
         super().transmit(session, data)
 
 
-@fault("4.24/4", "3/7")
+@mutant("4.24/4", "3/7")
 class RefusalCountsItsEnd(Brain):
     """The length of the refusal of a move counts the end byte too."""
 
@@ -108,7 +108,7 @@ class RefusalCountsItsEnd(Brain):
         super().transmit(session, data)
 
 
-@fault("4.24/5")
+@mutant("4.24/5")
 class EverySpeedBelowTenIsRefused(Brain):
     """A move at less than ten percent is refused."""
 
@@ -119,7 +119,7 @@ class EverySpeedBelowTenIsRefused(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("4.24/5", subtle=True)
+@mutant("4.24/5", subtle=True)
 class FullSpeedIsRefused(Brain):
     """A move at a hundred percent is refused."""
 
@@ -130,7 +130,7 @@ class FullSpeedIsRefused(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("4.24/5")
+@mutant("4.24/5")
 class AcceptsMoveWithItsState(Brain):
     """The first reply to a move is "1|04"."""
 
@@ -141,7 +141,7 @@ class AcceptsMoveWithItsState(Brain):
         super().emit(session, frame)
 
 
-@fault("4.24/5")
+@mutant("4.24/5")
 class RefusesToStandStill(Brain):
     """A move to where the arm stands is refused."""
 
@@ -153,7 +153,7 @@ class RefusesToStandStill(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("4.24/6")
+@mutant("4.24/6")
 class MoveHasNoResult(Brain):
     """A move that has been made sends no final result."""
 
@@ -163,7 +163,7 @@ class MoveHasNoResult(Brain):
             super().conclude(request, outcome)
 
 
-@fault("4.24/6")
+@mutant("4.24/6")
 class MoveEndsAsFailure(Brain):
     """A move that has been made is told as a failure."""
 
@@ -174,7 +174,7 @@ class MoveEndsAsFailure(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.24/6")
+@mutant("4.24/6")
 class MoveEndsWithItsPose(Brain):
     """The final result of a move is the pose."""
 
@@ -185,7 +185,7 @@ class MoveEndsWithItsPose(Brain):
         super().emit(session, frame)
 
 
-@fault("4.24/8")
+@mutant("4.24/8")
 class SwapsXAndY(_Retargeted):
     """A step along x is made along y."""
 
@@ -195,7 +195,7 @@ class SwapsXAndY(_Retargeted):
         return target._replace(x=here.x + target.y - here.y, y=here.y + target.x - here.x)
 
 
-@fault("4.24/8")
+@mutant("4.24/8")
 class TurnsTheOtherWay(_Retargeted):
     """ThetaX is taken with the other sign."""
 
@@ -204,7 +204,7 @@ class TurnsTheOtherWay(_Retargeted):
         return target._replace(theta_x=-target.theta_x)
 
 
-@fault("4.24/8")
+@mutant("4.24/8")
 class ForgetsZ(_Retargeted):
     """The height of a target is not taken."""
 
@@ -213,7 +213,7 @@ class ForgetsZ(_Retargeted):
         return target._replace(z=self.get_tool_coordinates(request).z)
 
 
-@fault("4.24/8")
+@mutant("4.24/8")
 class TakesTenthsOfInches(_Retargeted):
     """Along y the arm goes 2.54 times as far as it was told."""
 
@@ -223,7 +223,7 @@ class TakesTenthsOfInches(_Retargeted):
         return target._replace(y=here.y + (target.y - here.y) * 2.54)
 
 
-@fault("4.24/8")
+@mutant("4.24/8")
 class GoesByWholeFives(_Retargeted):
     """Targets are rounded to five millimetres in y."""
 
@@ -232,7 +232,7 @@ class GoesByWholeFives(_Retargeted):
         return target._replace(y=round(target.y / 5) * 5)
 
 
-@fault("4.24/8")
+@mutant("4.24/8")
 class EndsHalfWay(Brain):
     """A move is said to be done when half of the time has passed, and stops there."""
 
@@ -248,7 +248,7 @@ class EndsHalfWay(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("4.24/8", subtle=True)
+@mutant("4.24/8", subtle=True)
 class DriftsWithEveryMove(_Retargeted):
     """Every move misses its target by half a millimetre more than the one before."""
 
@@ -260,7 +260,7 @@ class DriftsWithEveryMove(_Retargeted):
         return target._replace(x=target.x - 0.5 * min(self._moves, 20))
 
 
-@fault("4.24/9", "4.24/3")
+@mutant("4.24/9", "4.24/3")
 class GoesAnywhere(Brain):
     """A target beyond all reach is accepted, and said to be reached."""
 
@@ -272,7 +272,7 @@ class GoesAnywhere(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("4.24/9")
+@mutant("4.24/9")
 class GoesAnywhereDownwards(Brain):
     """The lower end of Z is not checked: a target far below is said to be reached."""
 
@@ -284,7 +284,7 @@ class GoesAnywhereDownwards(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("4.24/9")
+@mutant("4.24/9")
 class BlamesMotorForTheReach(Brain):
     """A target beyond all reach is refused with a motor's code."""
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, JogDirection, Outcome
@@ -13,7 +13,7 @@ from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@fault("4.25/2", "4/1")
+@mutant("4.25/2", "4/1")
 class ReleaseIsAnsweredReleased(Brain):
     """The first reply to a release is "1|4", the number of joints."""
 
@@ -24,7 +24,7 @@ class ReleaseIsAnsweredReleased(Brain):
         super().emit(session, frame)
 
 
-@fault("4.25/2")
+@mutant("4.25/2")
 class ReleaseIsRefused(Brain):
     """An idle robot refuses to release its joints."""
 
@@ -34,7 +34,7 @@ class ReleaseIsRefused(Brain):
         return Acceptance(accepted=False, code=code or "05")
 
 
-@fault("4.25/2", "4/1")
+@mutant("4.25/2", "4/1")
 class SecondReleaseIsAnsweredTwo(Brain):
     """A release of released joints is answered 2."""
 
@@ -52,7 +52,7 @@ class SecondReleaseIsAnsweredTwo(Brain):
         super().emit(session, frame)
 
 
-@fault("4.25/3")
+@mutant("4.25/3")
 class ReleaseHasNoResult(Brain):
     """A release sends no final result, not even when the joints are locked again."""
 
@@ -62,7 +62,7 @@ class ReleaseHasNoResult(Brain):
             super().conclude(request, outcome)
 
 
-@fault("4.25/3")
+@mutant("4.25/3")
 class ReleaseEndsAsLock(Brain):
     """The final result of a release bears the opcode of the lock."""
 
@@ -73,7 +73,7 @@ class ReleaseEndsAsLock(Brain):
         super().emit(session, frame)
 
 
-@fault("4.25/3", subtle=True)
+@mutant("4.25/3", subtle=True)
 class SecondReleaseFails(Brain):
     """From the second on every release ends with a failure."""
 
@@ -102,42 +102,42 @@ class _ReleasesDuring(Brain):
         return super().release_joints(request)
 
 
-@fault("4.25/5", "4/6")
+@mutant("4.25/5", "4/6")
 class ReleasesDuringRun(_ReleasesDuring):
     """The joints are released while a program runs."""
 
     during = "run_program"
 
 
-@fault("4.25/5", "4/6")
+@mutant("4.25/5", "4/6")
 class ReleasesDuringSimulation(_ReleasesDuring):
     """The joints are released while a program is simulated."""
 
     during = "simulate_program"
 
 
-@fault("4.25/5", "4/6")
+@mutant("4.25/5", "4/6")
 class ReleasesDuringReset(_ReleasesDuring):
     """The joints are released while the robot resets."""
 
     during = "reset"
 
 
-@fault("4.25/5", "4/6")
+@mutant("4.25/5", "4/6")
 class ReleasesDuringMove(_ReleasesDuring):
     """The joints are released while the arm moves to a pose."""
 
     during = "set_tool_coordinates"
 
 
-@fault("4.25/5", "4/6")
+@mutant("4.25/5", "4/6")
 class ReleasesDuringJog(_ReleasesDuring):
     """The joints are released during a jog."""
 
     during = "jog"
 
 
-@fault("4.26/2", "4/1")
+@mutant("4.26/2", "4/1")
 class LockIsAnsweredTwice(Brain):
     """The first reply to a lock is "11"."""
 
@@ -148,7 +148,7 @@ class LockIsAnsweredTwice(Brain):
         super().emit(session, frame)
 
 
-@fault("4.26/2")
+@mutant("4.26/2")
 class LockOfReleasedIsRefused(Brain):
     """Released joints cannot be locked."""
 
@@ -160,7 +160,7 @@ class LockOfReleasedIsRefused(Brain):
         return super().lock_joints(request)
 
 
-@fault("4.26/3")
+@mutant("4.26/3")
 class LockHasNoResult(Brain):
     """A lock sends no final result."""
 
@@ -170,7 +170,7 @@ class LockHasNoResult(Brain):
             super().conclude(request, outcome)
 
 
-@fault("4.26/3")
+@mutant("4.26/3")
 class LockFails(Brain):
     """A lock of released joints ends with a failure."""
 
@@ -188,7 +188,7 @@ class LockFails(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.26/3", "4.24/5")
+@mutant("4.26/3", "4.24/5")
 class LockLeavesThemLoose(Brain):
     """A lock is said to be done, and the joints stay released."""
 
@@ -200,7 +200,7 @@ class LockLeavesThemLoose(Brain):
         return answer
 
 
-@fault("4.26/5")
+@mutant("4.26/5")
 class ArmSagsBehindLock(Brain):
     """Behind a lock the arm goes on moving for a while."""
 

@@ -1,13 +1,13 @@
 """Faults of clause 4.27: the angles of the joints."""
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.commands import JointValues
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@fault("4.27/2")
+@mutant("4.27/2")
 class ThreeJoints(Brain):
     """The rotation is missing."""
 
@@ -18,7 +18,7 @@ class ThreeJoints(Brain):
         super().emit(session, frame)
 
 
-@fault("4.27/2")
+@mutant("4.27/2")
 class FiveJoints(Brain):
     """A fifth number is sent for the gripper."""
 
@@ -29,7 +29,7 @@ class FiveJoints(Brain):
         super().emit(session, frame)
 
 
-@fault("4.27/2", subtle=True)
+@mutant("4.27/2", subtle=True)
 class AnglesWithCommas(Brain):
     """While the arm moves the angles have decimal commas."""
 
@@ -40,7 +40,7 @@ class AnglesWithCommas(Brain):
         super().emit(session, frame)
 
 
-@fault("4.27/2")
+@mutant("4.27/2")
 class AnglesWithUnits(Brain):
     """The angles bear a sign for degrees."""
 
@@ -51,7 +51,7 @@ class AnglesWithUnits(Brain):
         super().emit(session, frame)
 
 
-@fault("4.27/3", "3/7")
+@mutant("4.27/3", "3/7")
 class AnglesHaveThePrintedLength(Brain):
     """The length of the angles is 17, as the row prints it, whatever is sent."""
 
@@ -62,7 +62,7 @@ class AnglesHaveThePrintedLength(Brain):
         super().transmit(session, data)
 
 
-@fault("4.27/3", "3/7", subtle=True)
+@mutant("4.27/3", "3/7", subtle=True)
 class AnglesOfMovingArmMiscount(Brain):
     """While the arm moves the length of the angles does not count their signs."""
 
@@ -73,7 +73,7 @@ class AnglesOfMovingArmMiscount(Brain):
         super().transmit(session, data)
 
 
-@fault("4.27/4")
+@mutant("4.27/4")
 class AnglesTremble(Brain):
     """The angles of an arm that stands still differ by half a degree every other time."""
 
@@ -86,7 +86,7 @@ class AnglesTremble(Brain):
         return joints._replace(outer_arm=joints.outer_arm + 0.5 * (self._asked % 2))
 
 
-@fault("4.27/4")
+@mutant("4.27/4")
 class AnglesCreep(Brain):
     """The angles of an arm that stands still grow by a degree a second."""
 
@@ -96,7 +96,7 @@ class AnglesCreep(Brain):
         return joints._replace(rotation=joints.rotation + request.now_s % 300)
 
 
-@fault("4.27/6", "7/5")
+@mutant("4.27/6", "7/5")
 class AnglesStandStill(Brain):
     """The angles are those of the first time they were asked for, however the arm moves."""
 
@@ -108,7 +108,7 @@ class AnglesStandStill(Brain):
         return self._first
 
 
-@fault("4.27/6", "7/5")
+@mutant("4.27/6", "7/5")
 class WristStandsStill(Brain):
     """The wrist's value does not follow the height of the tool."""
 
@@ -117,7 +117,7 @@ class WristStandsStill(Brain):
         return super().get_joint_angles(request)._replace(wrist=250.0)
 
 
-@fault("4.27/6", "7/5")
+@mutant("4.27/6", "7/5")
 class RotationStandsStill(Brain):
     """The rotation does not follow thetaX."""
 

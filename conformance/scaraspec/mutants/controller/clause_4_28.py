@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, JogDirection, Outcome
 from scaraspec.virtual_controller import motion
@@ -25,7 +25,7 @@ class _Otherwise(Brain):
         return super().jog(request)
 
 
-@fault("4.28/3")
+@mutant("4.28/3")
 class JogSwapsAxes(_Otherwise):
     """1 and 2 jog along X, 3 and 4 along Y."""
 
@@ -37,7 +37,7 @@ class JogSwapsAxes(_Otherwise):
     }
 
 
-@fault("4.28/3")
+@mutant("4.28/3")
 class JogSwapsSigns(_Otherwise):
     """1 and 2 jog the other way."""
 
@@ -47,21 +47,21 @@ class JogSwapsSigns(_Otherwise):
     }
 
 
-@fault("4.28/3")
+@mutant("4.28/3")
 class JogFourIsThree(_Otherwise):
     """4 jogs like 3."""
 
     instead = {JogDirection.MINUS_X: JogDirection.PLUS_X}  # noqa: RUF012 - read alone
 
 
-@fault("4.28/3")
+@mutant("4.28/3")
 class JogTwoIsOne(_Otherwise):
     """2 jogs like 1."""
 
     instead = {JogDirection.MINUS_Y: JogDirection.PLUS_Y}  # noqa: RUF012 - read alone
 
 
-@fault("4.28/3", "4.28/4", subtle=True)
+@mutant("4.28/3", "4.28/4", subtle=True)
 class JogByBinaryTwoIsOne(_Otherwise):
     """2 as a binary byte jogs like 1, which no client does that sends digits."""
 
@@ -72,7 +72,7 @@ class JogByBinaryTwoIsOne(_Otherwise):
         return super().jog(request) if request.frame.data < b"0" else Brain.jog(self, request)
 
 
-@fault("4.28/4", "4/1")
+@mutant("4.28/4", "4/1")
 class JogIsAnsweredWithItsDirection(Brain):
     """The first reply to a jog repeats the direction behind the 1."""
 
@@ -83,7 +83,7 @@ class JogIsAnsweredWithItsDirection(Brain):
         super().emit(session, frame)
 
 
-@fault("4.28/4")
+@mutant("4.28/4")
 class JogIsRefused(Brain):
     """An idle robot refuses every jog."""
 
@@ -92,7 +92,7 @@ class JogIsRefused(Brain):
         return Acceptance(accepted=False, code=self.robot.refusal() or "05")
 
 
-@fault("4.28/4")
+@mutant("4.28/4")
 class FourthJogIsRefused(Brain):
     """4 is taken for a value beyond the last."""
 
@@ -109,7 +109,7 @@ class FourthJogIsRefused(Brain):
         super()._reply(session, command, frame, answer)
 
 
-@fault("4.28/5")
+@mutant("4.28/5")
 class JogHasNoResult(Brain):
     """A jog that ends at the limit sends no final result."""
 
@@ -125,7 +125,7 @@ class JogHasNoResult(Brain):
         return pose.x > 399
 
 
-@fault("4.28/5")
+@mutant("4.28/5")
 class StoppedJogIsTold(Brain):
     """The final result of a jog that was stopped is "1"."""
 
@@ -136,7 +136,7 @@ class StoppedJogIsTold(Brain):
         super().emit(session, frame)
 
 
-@fault("4.28/5")
+@mutant("4.28/5")
 class JogFailsWithMotor(Brain):
     """A jog that ends at the limit fails with a motor's code."""
 
@@ -148,7 +148,7 @@ class JogFailsWithMotor(Brain):
         super().conclude(request, outcome)
 
 
-@fault("4.28/5", "4.17/6", subtle=True)
+@mutant("4.28/5", "4.17/6", subtle=True)
 class JogOfLostClientGoesOn(Brain):
     """A jog whose client is gone goes on, and no other client can stop it."""
 
@@ -171,7 +171,7 @@ class JogOfLostClientGoesOn(Brain):
         return super().emergency_stop(request)
 
 
-@fault("4.28/7")
+@mutant("4.28/7")
 class JogTakesTheLowBits(Brain):
     """Of the direction the lowest three bits alone are looked at."""
 
@@ -183,7 +183,7 @@ class JogTakesTheLowBits(Brain):
         return super().jog(request)
 
 
-@fault("4.28/7")
+@mutant("4.28/7")
 class JogTakesFiveForFour(Brain):
     """A direction above 4 is taken for 4."""
 
@@ -194,7 +194,7 @@ class JogTakesFiveForFour(Brain):
         return super().jog(request)
 
 
-@fault("4.28/7")
+@mutant("4.28/7")
 class JogTakesTheFirstOfTwo(Brain):
     """Of two bytes the first is taken for the direction."""
 
@@ -206,7 +206,7 @@ class JogTakesTheFirstOfTwo(Brain):
         return super().jog(request)
 
 
-@fault("4.28/7")
+@mutant("4.28/7")
 class JogTakesZero(Brain):
     """A direction 0 is accepted, and moves nothing."""
 
@@ -218,7 +218,7 @@ class JogTakesZero(Brain):
         return super().jog(request)
 
 
-@fault("4.28/7")
+@mutant("4.28/7")
 class JogMovesWhatItRefuses(Brain):
     """A direction that is none is refused, and the arm moves along the last axis all the same."""
 

@@ -1,6 +1,6 @@
 """Faults of clauses 4.31, 4.33 and 4.34: what inputs and outputs are told to be."""
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.behaviour import SILENCE
@@ -27,7 +27,7 @@ class _DeclaresThree(AltersLengths):
 # ---------------------------------------------------------------------- 4.31
 
 
-@fault("4.31/2")
+@mutant("4.31/2")
 class InputsWithoutFlag(AltersReplies):
     """The digital inputs are sent without the flag before them."""
 
@@ -38,7 +38,7 @@ class InputsWithoutFlag(AltersReplies):
         return data.removeprefix(b"1|")
 
 
-@fault("4.31/2")
+@mutant("4.31/2")
 class InputsAsOneByte(AltersReplies):
     """The digital inputs are sent as the bits of one byte."""
 
@@ -49,7 +49,7 @@ class InputsAsOneByte(AltersReplies):
         return b"1|" + bytes([_number(data)])
 
 
-@fault("4.31/2")
+@mutant("4.31/2")
 class InputsWithoutPortSix(AltersReplies):
     """The digital inputs have no digit for port 6, as the list of L651 leaves it out."""
 
@@ -60,7 +60,7 @@ class InputsWithoutPortSix(AltersReplies):
         return data[:4] + data[5:]
 
 
-@fault("4.31/2")
+@mutant("4.31/2")
 class InputsBetweenBars(AltersReplies):
     """The digits of the digital inputs are separated by bars."""
 
@@ -71,14 +71,14 @@ class InputsBetweenBars(AltersReplies):
         return b"1|" + b"|".join(bytes([digit]) for digit in data[2:])
 
 
-@fault("4.31/4", "4.31/2")
+@mutant("4.31/4", "4.31/2")
 class InputsOfLengthThree(_DeclaresThree):
     """The digital inputs are sent with the printed length of 3."""
 
     opcode = _INPUTS
 
 
-@fault("4.31/4", "4.31/2", subtle=True)
+@mutant("4.31/4", "4.31/2", subtle=True)
 class InputsAsHexWhileRunning(AltersReplies):
     """While a program runs the digital inputs are sent as two hexadecimal digits."""
 
@@ -89,7 +89,7 @@ class InputsAsHexWhileRunning(AltersReplies):
         return b"1|%02X" % _number(data) if self.robot.task else data
 
 
-@fault("4.31/3", "4.31/2")
+@mutant("4.31/3", "4.31/2")
 class InputsFromPortOne(AltersReplies):
     """The digital inputs begin with port 1 and end with port 8."""
 
@@ -100,7 +100,7 @@ class InputsFromPortOne(AltersReplies):
         return data[:2] + data[:1:-1]
 
 
-@fault("4.31/3", "4.31/2")
+@mutant("4.31/3", "4.31/2")
 class InputsShowTheirNeighbour(Brain):
     """Input 8 shows the state of input 7."""
 
@@ -110,7 +110,7 @@ class InputsShowTheirNeighbour(Brain):
         return digits[1] + digits[1:]
 
 
-@fault("4.31/3", "4.31/2")
+@mutant("4.31/3", "4.31/2")
 class InputsFreeze(Brain):
     """The digital inputs are read once and then stay as they were."""
 
@@ -125,7 +125,7 @@ class InputsFreeze(Brain):
 # ---------------------------------------------------------------------- 4.33
 
 
-@fault("4.33/2")
+@mutant("4.33/2")
 class AnalogWithoutFlag(AltersReplies):
     """An analog value is sent without the flag before it."""
 
@@ -136,7 +136,7 @@ class AnalogWithoutFlag(AltersReplies):
         return data.removeprefix(b"1|")
 
 
-@fault("4.33/2")
+@mutant("4.33/2")
 class AnalogWithUnit(AltersReplies):
     """An analog value has a unit behind it."""
 
@@ -147,7 +147,7 @@ class AnalogWithUnit(AltersReplies):
         return data + b"V" if data.startswith(b"1|") else data
 
 
-@fault("4.33/2")
+@mutant("4.33/2")
 class AnalogErrorsAreReasoned(AltersReplies):
     """A port that is no analog input is answered with a code behind the 0."""
 
@@ -158,7 +158,7 @@ class AnalogErrorsAreReasoned(AltersReplies):
         return b"0|05" if data == b"0" else data
 
 
-@fault("4.33/2")
+@mutant("4.33/2")
 class AnalogComma(AltersReplies):
     """An analog value has a comma for its decimal point."""
 
@@ -169,7 +169,7 @@ class AnalogComma(AltersReplies):
         return data.replace(b".", b",")
 
 
-@fault("4.33/2")
+@mutant("4.33/2")
 class AnalogZeroIsError(AltersReplies):
     """An analog value of 0 is answered as an error."""
 
@@ -180,7 +180,7 @@ class AnalogZeroIsError(AltersReplies):
         return b"0" if data in (b"1|0", b"1|0.0") else data
 
 
-@fault("4.33/2")
+@mutant("4.33/2")
 class AnalogOfTheFirstInput(Brain):
     """Every analog input is answered with the value of the first."""
 
@@ -190,7 +190,7 @@ class AnalogOfTheFirstInput(Brain):
         return None if value is None else self.plant.analog_inputs[1]
 
 
-@fault("4.33/2")
+@mutant("4.33/2")
 class AnalogFreezes(Brain):
     """An analog input is read once and then stays as it was."""
 
@@ -200,7 +200,7 @@ class AnalogFreezes(Brain):
         return kept.setdefault(request.value, super().get_analog_input(request))
 
 
-@fault("4.33/3")
+@mutant("4.33/3")
 class AnalogPortsFromZero(Brain):
     """Port 00 is answered with an analog value."""
 
@@ -211,7 +211,7 @@ class AnalogPortsFromZero(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("4.33/3")
+@mutant("4.33/3")
 class AnalogPortsByTheirLastDigit(Brain):
     """Of a port number only the last digit counts."""
 
@@ -222,7 +222,7 @@ class AnalogPortsByTheirLastDigit(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("4.33/3")
+@mutant("4.33/3")
 class AnalogErrorsAreZero(AltersReplies):
     """A port that does not exist is answered with the value 0."""
 
@@ -236,7 +236,7 @@ class AnalogErrorsAreZero(AltersReplies):
 # ---------------------------------------------------------------------- 4.34
 
 
-@fault("4.34/2")
+@mutant("4.34/2")
 class OutputsWithoutFlag(AltersReplies):
     """The digital outputs are sent without the flag before them."""
 
@@ -247,7 +247,7 @@ class OutputsWithoutFlag(AltersReplies):
         return data.removeprefix(b"1|")
 
 
-@fault("4.34/2")
+@mutant("4.34/2")
 class EightOutputs(AltersReplies):
     """Only eight digital outputs are shown."""
 
@@ -258,7 +258,7 @@ class EightOutputs(AltersReplies):
         return data[:2] + data[-8:]
 
 
-@fault("4.34/2")
+@mutant("4.34/2")
 class OutputsAsHex(AltersReplies):
     """The digital outputs are sent as four hexadecimal digits."""
 
@@ -269,7 +269,7 @@ class OutputsAsHex(AltersReplies):
         return b"1|%04X" % _number(data)
 
 
-@fault("4.34/2")
+@mutant("4.34/2")
 class OutputsInGroups(AltersReplies):
     """A bar stands between the digits of outputs 9 and 8."""
 
@@ -280,14 +280,14 @@ class OutputsInGroups(AltersReplies):
         return data[:10] + b"|" + data[10:]
 
 
-@fault("4.34/4", "4.34/2")
+@mutant("4.34/4", "4.34/2")
 class OutputsOfLengthThree(_DeclaresThree):
     """The digital outputs are sent with the printed length of 3."""
 
     opcode = _OUTPUTS
 
 
-@fault("4.34/4", "4.34/2", subtle=True)
+@mutant("4.34/4", "4.34/2", subtle=True)
 class OutputsLoseLeadingZeros(AltersReplies):
     """While a program runs the digital outputs are sent without their leading zeros."""
 
@@ -298,7 +298,7 @@ class OutputsLoseLeadingZeros(AltersReplies):
         return b"1|" + (data[2:].lstrip(b"0") or b"0") if self.robot.task else data
 
 
-@fault("4.34/3", "4.32/6")
+@mutant("4.34/3", "4.32/6")
 class OutputsFromPortOne(AltersReplies):
     """The digital outputs begin with port 1 and end with port 16."""
 
@@ -309,7 +309,7 @@ class OutputsFromPortOne(AltersReplies):
         return data[:2] + data[:1:-1]
 
 
-@fault("4.34/2", "3/31", subtle=True)
+@mutant("4.34/2", "3/31", subtle=True)
 class OutputsUnansweredWhileRunning(Brain):
     """While a program runs nobody answers what the digital outputs are."""
 

@@ -1,6 +1,6 @@
 """Faults of clause 4.35: the shutdown."""
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
@@ -9,7 +9,7 @@ from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Request, Session
 
 
-@fault("4.35/2")
+@mutant("4.35/2")
 class StaysOn(Brain):
     """The shutdown is accepted, and does not happen."""
 
@@ -20,7 +20,7 @@ class StaysOn(Brain):
         return answer
 
 
-@fault("4.35/2", subtle=True)
+@mutant("4.35/2", subtle=True)
 class GoesBehindTheRun(Brain):
     """A shutdown that is refused because a program runs happens when it has ended."""
 
@@ -40,7 +40,7 @@ class GoesBehindTheRun(Brain):
                 self._end(session, now_s)
 
 
-@fault("4.35/2")
+@mutant("4.35/2")
 class GoesWithoutReply(Brain):
     """The robot is gone before it has answered."""
 
@@ -50,7 +50,7 @@ class GoesWithoutReply(Brain):
             super().emit(session, frame)
 
 
-@fault("4.35/2")
+@mutant("4.35/2")
 class ShutdownIsRefused(Brain):
     """An idle robot refuses to shut down."""
 
@@ -59,7 +59,7 @@ class ShutdownIsRefused(Brain):
         return Acceptance(accepted=False, code=self.robot.refusal() or "05")
 
 
-@fault("4.35/2")
+@mutant("4.35/2")
 class ShutdownIsAnsweredWithTime(Brain):
     """The reply to the shutdown tells in how many seconds it will be."""
 
@@ -70,7 +70,7 @@ class ShutdownIsAnsweredWithTime(Brain):
         super().emit(session, frame)
 
 
-@fault("4.35/5")
+@mutant("4.35/5")
 class ShutdownHasResult(Brain):
     """The reply to the shutdown is followed by a tagged result."""
 
@@ -81,7 +81,7 @@ class ShutdownHasResult(Brain):
             super().emit(session, Frame(C2A, 0x60, b"11", tagged=True))
 
 
-@fault("4/15", "4.35/4")
+@mutant("4/15", "4.35/4")
 class ShutdownIsAcceptedDuringRun(Brain):
     """The shutdown is accepted while a program runs."""
 
@@ -92,7 +92,7 @@ class ShutdownIsAcceptedDuringRun(Brain):
         return super().shutdown(request)
 
 
-@fault("4/15", "4.35/4")
+@mutant("4/15", "4.35/4")
 class ShutdownIsRefusedAsMoving(Brain):
     """The shutdown is refused with 04 while a program runs."""
 
@@ -103,7 +103,7 @@ class ShutdownIsRefusedAsMoving(Brain):
         super().emit(session, frame)
 
 
-@fault("4.35/2")
+@mutant("4.35/2")
 class RefusedShutdownEndsTheRun(Brain):
     """The shutdown is refused while a program runs, and the program ends all the same."""
 

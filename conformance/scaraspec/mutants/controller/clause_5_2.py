@@ -4,7 +4,7 @@ import posixpath
 from functools import cached_property
 from typing import ClassVar
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.transferring import (
     JudgesChunks,
     SendsAfterTheEnd,
@@ -14,7 +14,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver, State
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
 from scaraspec.virtual_controller.brain import Brain
-from scaraspec.virtual_controller.session import Request, Session, Transfer
+from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
 
 UPLOAD_NAME, UPLOAD_CHUNK, DOWNLOAD_NAME, DELETE = 0x50, 0x52, 0x54, 0x0C
 _NAMING = (UPLOAD_NAME, DOWNLOAD_NAME, DELETE)
@@ -22,7 +22,7 @@ _NAMING = (UPLOAD_NAME, DOWNLOAD_NAME, DELETE)
 # The name
 
 
-@fault("5.2/2")
+@mutant("5.2/2")
 class RefusesCapitals(Brain):
     """A name with a capital letter in it is refused."""
 
@@ -32,7 +32,7 @@ class RefusesCapitals(Brain):
         return name == name.lower() and super().upload_name(request)
 
 
-@fault("5.2/2", subtle=True)
+@mutant("5.2/2", subtle=True)
 class RefusesThirtyBytes(Brain):
     """A name of 30 bytes is one too long: the limit is off by one."""
 
@@ -41,7 +41,7 @@ class RefusesThirtyBytes(Brain):
         return len(request.value) < 30 and super().upload_name(request)
 
 
-@fault("5.2/2")
+@mutant("5.2/2")
 class CutsNamesToThirtyBytes(Brain):
     """A name is taken as its first 30 bytes, and answered as if it were whole."""
 
@@ -52,7 +52,7 @@ class CutsNamesToThirtyBytes(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.2/2")
+@mutant("5.2/2")
 class AcceptsNoName(Brain):
     """An upload without a name is accepted, under a name of the controller's own."""
 
@@ -63,7 +63,7 @@ class AcceptsNoName(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.2/2", "5.4/1", subtle=True)
+@mutant("5.2/2", "5.4/1", subtle=True)
 class RunsOutOfFileNumbers(Brain):
     """After 30 uploads no name is accepted any more, though files were deleted meanwhile."""
 
@@ -76,7 +76,7 @@ class RunsOutOfFileNumbers(Brain):
         return accepted
 
 
-@fault("5.2/2", subtle=True)
+@mutant("5.2/2", subtle=True)
 class AnswersNamesTwice(Brain):
     """After the tenth name is accepted, each one is answered a second time."""
 
@@ -91,7 +91,7 @@ class AnswersNamesTwice(Brain):
         return accepted
 
 
-@fault("5.2/3")
+@mutant("5.2/3")
 class EmptiesBeforeItRefuses(Brain):
     """A name that is taken is answered 0, but its file has been opened for writing and is lost."""
 
@@ -102,7 +102,7 @@ class EmptiesBeforeItRefuses(Brain):
         return super().upload_name(request)
 
 
-@fault("5.2/3", "5.1/10", "5.4/2", subtle=True)
+@mutant("5.2/3", "5.1/10", "5.4/2", subtle=True)
 class RefusesATakenNameOnce(Brain):
     """A name that is taken is refused the first time; the second time it is accepted."""
 
@@ -122,7 +122,7 @@ class RefusesATakenNameOnce(Brain):
         return super().upload_name(request)
 
 
-@fault("5.2/3", subtle=True)
+@mutant("5.2/3", subtle=True)
 class KnowsOnlyItsOwnFiles(SendsAfterTheEnd):
     """Only a name that this connection has uploaded counts as taken."""
 
@@ -149,7 +149,7 @@ def _resolved(name: bytes) -> bytes:
     return posixpath.basename(posixpath.normpath(name))
 
 
-@fault("5.2/15")
+@mutant("5.2/15")
 class ResolvesPaths(Brain):
     """A path in a new name is followed."""
 
@@ -160,7 +160,7 @@ class ResolvesPaths(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.2/15")
+@mutant("5.2/15")
 class FollowsPathsToFiles(Brain):
     """A path that leads to a stored file fetches it."""
 
@@ -171,7 +171,7 @@ class FollowsPathsToFiles(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.2/15")
+@mutant("5.2/15")
 class BackslashesArePaths(Brain):
     """A backslash in a name is followed as a path, a slash is not."""
 
@@ -182,7 +182,7 @@ class BackslashesArePaths(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.2/15", subtle=True)
+@mutant("5.2/15", subtle=True)
 class BackslashesOfNewNamesArePaths(Brain):
     """A backslash in a new name is followed as a path, a slash is not."""
 
@@ -193,7 +193,7 @@ class BackslashesOfNewNamesArePaths(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.2/15")
+@mutant("5.2/15")
 class ServesTheWholeDisk(Brain):
     """A path that leaves the store fetches files of the operating system."""
 
@@ -210,7 +210,7 @@ class ServesTheWholeDisk(Brain):
 # The answers to chunks
 
 
-@fault("5.2/6")
+@mutant("5.2/6")
 class AnswersTheLastChunkTwice(SendsAfterTheEnd):
     """The last chunk is answered as a chunk, and once more as the end of the file."""
 
@@ -219,7 +219,7 @@ class AnswersTheLastChunkTwice(SendsAfterTheEnd):
         self.later(session, Frame(C2A, UPLOAD_CHUNK, b"1"))
 
 
-@fault("5.2/6")
+@mutant("5.2/6")
 class AnswersChunksWithTheirLength(Brain):
     """A chunk that was taken is answered with the number of bytes written."""
 
@@ -230,7 +230,7 @@ class AnswersChunksWithTheirLength(Brain):
         super().emit(session, frame)
 
 
-@fault("5.2/6")
+@mutant("5.2/6")
 class SilentAboutBadChunks(Brain):
     """A chunk that cannot be taken gets no answer."""
 
@@ -258,7 +258,7 @@ class _Clipping(Receiver):
         return chunk.length > BUFFER_BYTES
 
 
-@fault("5.2/10")
+@mutant("5.2/10")
 class ClipsLongChunks(JudgesChunks):
     """Of a chunk with a length over 200 the first 200 bytes are taken."""
 
@@ -270,7 +270,7 @@ class _ClippingFrames(_Clipping):
         return BUFFER_BYTES < chunk.length == len(chunk.buffer)
 
 
-@fault("5.2/10", subtle=True)
+@mutant("5.2/10", subtle=True)
 class TakesLongFrames(JudgesChunks):
     """A chunk is taken with as many bytes as a frame can hold, if it really brings them."""
 
@@ -282,7 +282,7 @@ class _ClippingEnds(_Clipping):
         return chunk.length <= BUFFER_BYTES and 0 < chunk.file_size - chunk.position < chunk.length
 
 
-@fault("5.2/10", subtle=True)
+@mutant("5.2/10", subtle=True)
 class ClipsAtTheEndOfTheFile(JudgesChunks):
     """Of a chunk that reaches beyond fileSize the part that fits is taken."""
 
@@ -297,7 +297,7 @@ class _ThirtyTwoBits(Receiver):
         return "" if in_bounds and overflows else super()._problem(chunk)
 
 
-@fault("5.2/10", subtle=True)
+@mutant("5.2/10", subtle=True)
 class AddsInThirtyTwoBits(JudgesChunks):
     """Position and length are added in 32 bits: a sum that overflows passes the check."""
 
@@ -307,7 +307,7 @@ class AddsInThirtyTwoBits(JudgesChunks):
 # Chunks that belong to nothing
 
 
-@fault("5.2/11", subtle=True)
+@mutant("5.2/11", subtle=True)
 class AnswersStrayChunksWithOne(Brain):
     """After a first upload, a chunk that belongs to no transfer is answered 1 and dropped."""
 
@@ -320,7 +320,7 @@ class AnswersStrayChunksWithOne(Brain):
         return super().upload_chunk(request) or (self.uploaded and stray)
 
 
-@fault("5.2/11")
+@mutant("5.2/11")
 class AppendsBehindTheEnd(SendsAfterTheEnd):
     """A chunk behind the last one is appended to the file."""
 
@@ -343,7 +343,7 @@ class AppendsBehindTheEnd(SendsAfterTheEnd):
         return super().upload_chunk(request)
 
 
-@fault("5.2/11")
+@mutant("5.2/11")
 class RefusedNamesTakeChunks(Brain):
     """A chunk behind a refused name is answered 1, though nothing is written."""
 
@@ -361,7 +361,7 @@ class RefusedNamesTakeChunks(Brain):
         return super().upload_chunk(request) or refused
 
 
-@fault("5.2/11")
+@mutant("5.2/11")
 class TakesChunksWhileItSends(Brain):
     """A chunk that comes during a download is answered 1."""
 
@@ -372,7 +372,7 @@ class TakesChunksWhileItSends(Brain):
         return super().upload_chunk(request) or sends
 
 
-@fault("5.2/11", subtle=True)
+@mutant("5.2/11", subtle=True)
 class OneUploadForAllConnections(Brain):
     """A chunk goes into whatever upload is under way, on whichever connection it comes."""
 
@@ -388,11 +388,11 @@ class OneUploadForAllConnections(Brain):
         return super().upload_chunk(request)
 
 
-@fault("5.2/11", subtle=True)
+@mutant("5.2/11", subtle=True)
 class UploadsOutliveTheirConnection(Brain):
     """An upload whose connection is lost goes on on the next one."""
 
-    orphan: Transfer | None = None
+    orphan: OpenTransfer | None = None
 
     def abandon(self, session: Session) -> None:
         """Keep it."""
@@ -408,7 +408,7 @@ class UploadsOutliveTheirConnection(Brain):
         return super().upload_chunk(request)
 
 
-@fault("5.2/13")
+@mutant("5.2/13")
 class TellsTheResultOfUploads(SendsAfterTheEnd):
     """Behind the last answer of an upload comes a final result, as of a two-stage command."""
 
@@ -417,7 +417,7 @@ class TellsTheResultOfUploads(SendsAfterTheEnd):
         self.later(session, Frame(C2A, UPLOAD_CHUNK, b"11", tagged=True))
 
 
-@fault("5.2/13")
+@mutant("5.2/13")
 class ConfirmsDownloads(SendsAfterTheEnd):
     """Behind the last answer of a download comes a 0x54 with 1: the file has been sent."""
 

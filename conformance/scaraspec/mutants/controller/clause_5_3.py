@@ -5,14 +5,14 @@ from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.transferring import CHUNK, AltersChunks
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver, Sender, chunks_of
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
 from scaraspec.virtual_controller.brain import Brain
-from scaraspec.virtual_controller.session import Action, Request, Session, Transfer
+from scaraspec.virtual_controller.session import Action, OpenTransfer, Request, Session
 
 DOWNLOAD_NAME = 0x54
 
@@ -20,7 +20,7 @@ DOWNLOAD_NAME = 0x54
 # Whether a file can be sent
 
 
-@fault("5.3/2")
+@mutant("5.3/2")
 class AnswersDownloadsWithTheSize(Brain):
     """A file that can be sent is answered with its size."""
 
@@ -32,7 +32,7 @@ class AnswersDownloadsWithTheSize(Brain):
         super().emit(session, frame)
 
 
-@fault("5.3/2", "5.2/12", subtle=True)
+@mutant("5.3/2", "5.2/12", subtle=True)
 class SendsAFileOnce(Brain):
     """A connection can fetch a file once; the second time it is answered 0."""
 
@@ -52,7 +52,7 @@ class SendsAFileOnce(Brain):
         return accepted
 
 
-@fault("5.3/4", "5.1/8", subtle=True)
+@mutant("5.3/4", "5.1/8", subtle=True)
 class OneReadingPositionForAll(Brain):
     """Two connections that fetch one file share the place where it is read."""
 
@@ -75,7 +75,7 @@ class OneReadingPositionForAll(Brain):
         return super().download_chunk(request)
 
 
-@fault("5.3/3", "5.3/2")
+@mutant("5.3/3", "5.3/2")
 class PromisesEveryFile(Brain):
     """A file that is not there is answered 1, and nothing follows."""
 
@@ -84,7 +84,7 @@ class PromisesEveryFile(Brain):
         return super().download_name(request) or request.session.transfer is None
 
 
-@fault("5.3/3")
+@mutant("5.3/3")
 class FindsFilesByTheirBeginning(Brain):
     """The beginning of a file's name is enough to fetch it."""
 
@@ -94,7 +94,7 @@ class FindsFilesByTheirBeginning(Brain):
         return super().download_name(replace(request, value=next(fitting, request.value)))
 
 
-@fault("5.3/3")
+@mutant("5.3/3")
 class FindsFilesByPattern(Brain):
     """A name with an asterisk fetches the first file that fits."""
 
@@ -106,7 +106,7 @@ class FindsFilesByPattern(Brain):
         return super().download_name(replace(request, value=next(fitting, request.value)))
 
 
-@fault("5.3/3")
+@mutant("5.3/3")
 class NoNameIsTheFirstFile(Brain):
     """A request without a name fetches the first file of the list."""
 
@@ -117,7 +117,7 @@ class NoNameIsTheFirstFile(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.3/3")
+@mutant("5.3/3")
 class KeepsFetchedFiles(Brain):
     """A file that was fetched can be fetched again after it was deleted."""
 
@@ -139,7 +139,7 @@ class KeepsFetchedFiles(Brain):
         return super().download_name(request)
 
 
-@fault("5.3/3", subtle=True)
+@mutant("5.3/3", subtle=True)
 class ServesUnfinishedFilesAsWhole(Brain):
     """A file that is still being uploaded is served in its full size, zeros where nothing came."""
 
@@ -150,7 +150,7 @@ class ServesUnfinishedFilesAsWhole(Brain):
             if transfer and transfer.name == request.value and isinstance(transfer.end, Receiver):
                 content = transfer.end.content.ljust(transfer.end.size_bytes or 0, b"\0")
                 sender = Sender(content, request.now_s, self.dialect)
-                request.session.transfer = Transfer(request.value, sender)
+                request.session.transfer = OpenTransfer(request.value, sender)
                 self._send_next(request.session)
                 return True
         return super().download_name(request)
@@ -159,7 +159,7 @@ class ServesUnfinishedFilesAsWhole(Brain):
 # The content
 
 
-@fault("5.3/4", "5.2/12", subtle=True)
+@mutant("5.3/4", "5.2/12", subtle=True)
 class SendsTheFileAskedForLast(Brain):
     """Every download goes on with the file that any connection asked for last."""
 
@@ -176,7 +176,7 @@ class SendsTheFileAskedForLast(Brain):
         super()._send_chunk(session, chunk._replace(buffer=other))
 
 
-@fault("5.3/4")
+@mutant("5.3/4")
 class ChunkBeforeTheAnswer(Brain):
     """The first chunk of a download is sent ahead of the answer to its name."""
 
@@ -187,7 +187,7 @@ class ChunkBeforeTheAnswer(Brain):
             self.emit(session, Frame(C2A, CHUNK, FILE_DATA.encode(chunk, self.dialect)))
 
 
-@fault("5.3/4")
+@mutant("5.3/4")
 class PromisesAndSendsNothing(Brain):
     """Behind the 1 to a name no content comes."""
 
@@ -195,7 +195,7 @@ class PromisesAndSendsNothing(Brain):
         """Send none."""
 
 
-@fault("5.3/4")
+@mutant("5.3/4")
 class ContentUnderTheOpcodeOfUploads(Brain):
     """The content of a download comes in 0x52 frames."""
 
@@ -206,7 +206,7 @@ class ContentUnderTheOpcodeOfUploads(Brain):
         super().emit(session, frame)
 
 
-@fault("5.3/4", "5.1/3")
+@mutant("5.3/4", "5.1/3")
 class SendsOnlyFullChunks(AltersChunks):
     """The rest of a file behind its last full chunk is not sent."""
 
@@ -221,7 +221,7 @@ class SendsOnlyFullChunks(AltersChunks):
 # One at a time
 
 
-@fault("5.3/6")
+@mutant("5.3/6")
 class SendsEverythingAtOnce(Brain):
     """The chunks of a download are sent without waiting for answers."""
 
@@ -235,7 +235,7 @@ class SendsEverythingAtOnce(Brain):
                 transfer.end.acknowledge(accepted=True, now_s=0.0)
 
 
-@fault("5.3/6")
+@mutant("5.3/6")
 class SecondChunkComesUnasked(Brain):
     """The second chunk of a download is sent right behind the first."""
 
@@ -247,7 +247,7 @@ class SecondChunkComesUnasked(Brain):
             super()._send_next(session)
 
 
-@fault("5.3/6")
+@mutant("5.3/6")
 class AnyRequestBringsTheNextChunk(Brain):
     """Any request of the client brings the next chunk, not just the answer to the last."""
 
@@ -260,7 +260,7 @@ class AnyRequestBringsTheNextChunk(Brain):
             super().handle(session, Frame(frame.direction, CHUNK, b"1"), now_s)
 
 
-@fault("5.3/6")
+@mutant("5.3/6")
 class RepeatsUnansweredChunks(Brain):
     """A chunk that is not answered for three seconds is sent again."""
 
@@ -323,19 +323,19 @@ class _OtherTimeOut(Brain):
         return accepted
 
 
-@fault("5.3/7", subtle=True)
+@mutant("5.3/7", subtle=True)
 class WaitsForAnswersTooLong(_OtherTimeOut):
     """A download that is not answered goes on after 90 s."""
 
 
-@fault("5.3/7", subtle=True)
+@mutant("5.3/7", subtle=True)
 class GivesUpAnswersTooEarly(_OtherTimeOut):
     """A download that is not answered for 20 s is given up."""
 
     timeout_s = 20
 
 
-@fault("5.3/7", subtle=True)
+@mutant("5.3/7", subtle=True)
 class DownloadsLastThirtySeconds(Brain):
     """A download is given up 30 s after it began, however often it was answered."""
 
@@ -356,12 +356,12 @@ class DownloadsLastThirtySeconds(Brain):
         return super().download_chunk(request)
 
 
-@fault("5.3/7", subtle=True)
+@mutant("5.3/7", subtle=True)
 class LateAnswersReviveDownloads(Brain):
     """A download that was given up goes on when its answer comes after all."""
 
     @cached_property
-    def given_up(self) -> dict[Session, Transfer]:
+    def given_up(self) -> dict[Session, OpenTransfer]:
         """What it remembers."""
         return {}
 
@@ -383,7 +383,7 @@ class LateAnswersReviveDownloads(Brain):
 # A chunk that was refused
 
 
-@fault("5.3/9")
+@mutant("5.3/9")
 class IgnoresRefusals(Brain):
     """A download goes on whatever its chunks are answered."""
 
@@ -392,7 +392,7 @@ class IgnoresRefusals(Brain):
         return super().download_chunk(replace(request, value=True))
 
 
-@fault("5.3/9", subtle=True)
+@mutant("5.3/9", subtle=True)
 class RefusalsStartOver(Brain):
     """After a later chunk was refused, a download begins again with the first."""
 
@@ -409,7 +409,7 @@ class RefusalsStartOver(Brain):
         return answer
 
 
-@fault("5.3/9", subtle=True)
+@mutant("5.3/9", subtle=True)
 class ForgetsRefusals(Brain):
     """After a chunk was refused nothing comes, until a later 1 brings the next."""
 
@@ -418,7 +418,7 @@ class ForgetsRefusals(Brain):
         return SILENCE if request.value is False else super().download_chunk(request)
 
 
-@fault("5.3/9", subtle=True)
+@mutant("5.3/9", subtle=True)
 class RefusedLastChunkSpoilsTheFile(Brain):
     """A file whose last chunk was refused is taken for damaged, and cut there."""
 
@@ -433,7 +433,7 @@ class RefusedLastChunkSpoilsTheFile(Brain):
         return answer
 
 
-@fault("5.3/10")
+@mutant("5.3/10")
 class EmptyChunkBehindARefusal(Brain):
     """Behind the 0 to a name comes a chunk of length 0."""
 
@@ -445,7 +445,7 @@ class EmptyChunkBehindARefusal(Brain):
         return accepted
 
 
-@fault("5.3/10", subtle=True)
+@mutant("5.3/10", subtle=True)
 class StrayAnswersBringTheLastFile(Brain):
     """An answer to no chunk brings the first chunk of the file that was fetched last."""
 

@@ -4,7 +4,7 @@ import struct
 from functools import cached_property
 from typing import ClassVar
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.transferring import JudgesChunks, SendsAfterTheEnd
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import NameListPart
@@ -18,7 +18,7 @@ from scaraspec.protocol.transfer import (
 )
 from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.brain import Brain
-from scaraspec.virtual_controller.session import Request, Session, Transfer
+from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
 
 _UPLOADS = (0x50, 0x52)
 _TRANSFERS = (0x50, 0x52, 0x54, 0x56)
@@ -27,7 +27,7 @@ _LOGIN = 0x01
 # The name
 
 
-@fault("5.4/1", subtle=True)
+@mutant("5.4/1", subtle=True)
 class DeletedNamesStayTaken(Brain):
     """A name that was once deleted is never accepted again."""
 
@@ -48,7 +48,7 @@ class DeletedNamesStayTaken(Brain):
         return request.value not in self.deleted and super().upload_name(request)
 
 
-@fault("5.4/1", subtle=True)
+@mutant("5.4/1", subtle=True)
 class NamesAskedForInVainAreTaken(Brain):
     """A name that was asked for in vain is entered in the directory, and then refused."""
 
@@ -68,7 +68,7 @@ class NamesAskedForInVainAreTaken(Brain):
         return request.value not in self.asked and super().upload_name(request)
 
 
-@fault("5.4/1", subtle=True)
+@mutant("5.4/1", subtle=True)
 class OnlyTheOldestConnectionCreates(Brain):
     """A file is created for the oldest connection only; the others are answered 0."""
 
@@ -78,7 +78,7 @@ class OnlyTheOldestConnectionCreates(Brain):
         return request.session.connection == oldest and super().upload_name(request)
 
 
-@fault("5.4/1", subtle=True)
+@mutant("5.4/1", subtle=True)
 class BrokenUploadsBlockTheirName(Brain):
     """The name of a broken upload stays taken for good, though there is no file."""
 
@@ -98,7 +98,7 @@ class BrokenUploadsBlockTheirName(Brain):
         return request.value not in self.blocked and super().upload_name(request)
 
 
-@fault("5.4/2", "5.2/3", "5.1/10", subtle=True)
+@mutant("5.4/2", "5.2/3", "5.1/10", subtle=True)
 class FetchedNamesAreFree(SendsAfterTheEnd):
     """A file that was fetched whole may be overwritten."""
 
@@ -118,7 +118,7 @@ class FetchedNamesAreFree(SendsAfterTheEnd):
         return super().upload_name(request)
 
 
-@fault("5.4/2", "5.2/3", "5.1/10", subtle=True)
+@mutant("5.4/2", "5.2/3", "5.1/10", subtle=True)
 class KnowsTheLastTenNames(SendsAfterTheEnd):
     """Whether a name is taken is looked up among the last ten only."""
 
@@ -141,7 +141,7 @@ class KnowsTheLastTenNames(SendsAfterTheEnd):
 # The buffer and the end
 
 
-@fault("5.4/3", "5.1/5")
+@mutant("5.4/3", "5.1/5")
 class FillsTheFrame(Brain):
     """The chunks of a download hold as much as a frame can: 243 bytes."""
 
@@ -174,7 +174,7 @@ class _WaitsForMore(Receiver):
         return True
 
 
-@fault("5.4/4", "5.1/7", "5.2/12")
+@mutant("5.4/4", "5.1/7", "5.2/12")
 class WaitsForAnEndMark(JudgesChunks):
     """A file is complete only when something follows on its last chunk."""
 
@@ -186,7 +186,7 @@ class _WaitsBehindFullChunks(_WaitsForMore):
         return bool(self.size_bytes and self.size_bytes % BUFFER_BYTES == 0)
 
 
-@fault("5.4/4", "5.1/7", "5.2/16", subtle=True)
+@mutant("5.4/4", "5.1/7", "5.2/16", subtle=True)
 class FullLastChunkIsNotTheEnd(JudgesChunks):
     """A file of a multiple of 200 bytes is complete only when a shorter chunk follows."""
 
@@ -202,7 +202,7 @@ class _EndsOnShortChunks(Receiver):
         return taken
 
 
-@fault("5.4/4")
+@mutant("5.4/4")
 class ShortChunkIsTheEnd(JudgesChunks):
     """A chunk of less than 200 bytes ends the file, wherever it stands."""
 
@@ -222,7 +222,7 @@ class _Patient(Receiver):
         self._timeout_s = self.timeout_s
 
 
-@fault("5.4/5")
+@mutant("5.4/5")
 class WaitsForChunksTooLong(JudgesChunks):
     """An upload goes on after a silence of 90 s."""
 
@@ -233,7 +233,7 @@ class _Impatient(_Patient):
     timeout_s: ClassVar[float] = 20.0
 
 
-@fault("5.4/5")
+@mutant("5.4/5")
 class GivesUpChunksTooEarly(JudgesChunks):
     """An upload is given up after a silence of 20 s."""
 
@@ -248,7 +248,7 @@ class _FromTheBeginning(Receiver):
         return taken
 
 
-@fault("5.4/5", subtle=True)
+@mutant("5.4/5", subtle=True)
 class UploadsLastThirtySeconds(JudgesChunks):
     """An upload is given up 30 s after its name came, however many chunks have come since."""
 
@@ -261,7 +261,7 @@ class _FromTheFirstChunk(Receiver):
         return super().deadline_s if self.received_bytes else None
 
 
-@fault("5.4/5", subtle=True)
+@mutant("5.4/5", subtle=True)
 class WaitsForTheFirstChunkForEver(JudgesChunks):
     """An upload of which only the name came is never given up."""
 
@@ -285,7 +285,7 @@ class _Breaks(Brain):
             self.broken(session, transfer.name, transfer.end)
 
 
-@fault("5.4/6", subtle=True)
+@mutant("5.4/6", subtle=True)
 class DeafAfterATimeOut(_Breaks):
     """After an upload was given up for silence, no request is answered any more."""
 
@@ -301,7 +301,7 @@ class DeafAfterATimeOut(_Breaks):
             super().handle(session, frame, now_s)
 
 
-@fault("5.4/6", subtle=True)
+@mutant("5.4/6", subtle=True)
 class NoTransferAfterARefusedChunk(_Breaks):
     """After a chunk was refused the transfer unit stays busy: no name is accepted any more."""
 
@@ -316,7 +316,7 @@ class NoTransferAfterARefusedChunk(_Breaks):
         return not self.stuck and super().upload_name(request)
 
 
-@fault("5.4/6")
+@mutant("5.4/6")
 class HangsOnAChunkOfLengthZero(Brain):
     """After a chunk of length 0 in the middle of a file, no request is answered any more."""
 
@@ -330,7 +330,7 @@ class HangsOnAChunkOfLengthZero(Brain):
             super().handle(session, frame, now_s)
 
 
-@fault("5.4/6", subtle=True)
+@mutant("5.4/6", subtle=True)
 class EmptyFilesBlockTransfers(Brain):
     """After a file of no bytes was offered, files arrive without their first byte."""
 
@@ -345,7 +345,7 @@ class EmptyFilesBlockTransfers(Brain):
         return super()._write(name, content[1:] if self.spoilt else content)
 
 
-@fault("5.4/7")
+@mutant("5.4/7")
 class FillsUpBrokenFiles(_Breaks):
     """A broken upload leaves a file of its full size, zeros where nothing came."""
 
@@ -355,7 +355,7 @@ class FillsUpBrokenFiles(_Breaks):
             self._write(name, receiver.content.ljust(receiver.size_bytes, b"\0"))
 
 
-@fault("5.4/7")
+@mutant("5.4/7")
 class KeepsWhatItRefused(Brain):
     """The bytes of a chunk that was refused stay in the file that the upload leaves."""
 
@@ -368,7 +368,7 @@ class KeepsWhatItRefused(Brain):
         return taken
 
 
-@fault("5.4/7", subtle=True)
+@mutant("5.4/7", subtle=True)
 class ResumesBrokenUploads(_Breaks):
     """A new upload under the name of one that was closed begins with what was left of it."""
 
@@ -392,7 +392,7 @@ def _uploads(session: Session) -> bool:
     return session.transfer is not None and isinstance(session.transfer.end, Receiver)
 
 
-@fault("5.4/8")
+@mutant("5.4/8")
 class DeafDuringUploads(Brain):
     """During an upload other commands on its connection are not answered."""
 
@@ -402,7 +402,7 @@ class DeafDuringUploads(Brain):
             super().handle(session, frame, now_s)
 
 
-@fault("5.4/8")
+@mutant("5.4/8")
 class CommandsBreakUploads(Brain):
     """Any other command ends an upload."""
 
@@ -413,7 +413,7 @@ class CommandsBreakUploads(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.4/8", subtle=True)
+@mutant("5.4/8", subtle=True)
 class CommandsSkipAChunk(Brain):
     """A list of programs that is asked for during a download makes it skip a chunk."""
 
@@ -426,7 +426,7 @@ class CommandsSkipAChunk(Brain):
         super().handle(session, frame, now_s)
 
 
-@fault("5.4/8", subtle=True)
+@mutant("5.4/8", subtle=True)
 class ListsNothingDuringUploads(Brain):
     """Who asks for the programs within his own upload is told of none."""
 
@@ -439,7 +439,7 @@ class ListsNothingDuringUploads(Brain):
         )
 
 
-@fault("5.4/8", subtle=True)
+@mutant("5.4/8", subtle=True)
 class ListsNothingDuringDownloads(Brain):
     """Who asks for the programs while he fetches one is told of none."""
 
@@ -451,7 +451,7 @@ class ListsNothingDuringDownloads(Brain):
         return super().list_programs(request)
 
 
-@fault("5.4/8")
+@mutant("5.4/8")
 class DeafToOthersDuringUploads(Brain):
     """During an upload the other connections are not served."""
 
@@ -462,7 +462,7 @@ class DeafToOthersDuringUploads(Brain):
             super().handle(session, frame, now_s)
 
 
-@fault("5.4/8")
+@mutant("5.4/8")
 class RefusedNamesBreakUploads(Brain):
     """A second name within an upload is refused, and ends the upload as well."""
 
@@ -475,7 +475,7 @@ class RefusedNamesBreakUploads(Brain):
         return accepted
 
 
-@fault("5.4/8")
+@mutant("5.4/8")
 class RefusedDownloadsBreakUploads(Brain):
     """A download within an upload is refused, and the rest of the upload is lost."""
 
@@ -488,7 +488,7 @@ class RefusedDownloadsBreakUploads(Brain):
         return accepted
 
 
-@fault("5.4/8")
+@mutant("5.4/8")
 class SecondNameTakesTheContent(Brain):
     """A second name within an upload is refused, but the content goes to it."""
 
@@ -497,11 +497,11 @@ class SecondNameTakesTheContent(Brain):
         transfer = request.session.transfer
         accepted = super().upload_name(request)
         if transfer is not None and _uploads(request.session):
-            request.session.transfer = Transfer(request.value, transfer.end)
+            request.session.transfer = OpenTransfer(request.value, transfer.end)
         return accepted
 
 
-@fault("5.4/8", "5.1/8", subtle=True)
+@mutant("5.4/8", "5.1/8", subtle=True)
 class ResumesRefusedDownloads(Brain):
     """After a chunk of a download was refused, the next download of the file skips that chunk."""
 
@@ -531,7 +531,7 @@ class ResumesRefusedDownloads(Brain):
         return super().download_chunk(request)
 
 
-@fault("5.4/8", subtle=True)
+@mutant("5.4/8", subtle=True)
 class RefusedChunkSpoilsTheNextUpload(Brain):
     """After a chunk of a download was refused, the next upload loses its last byte."""
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import ClassVar, Final
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.programs import (
     NodeType,
     Program,
@@ -32,7 +32,7 @@ class _Mends(Brain):
         return super().understood(self.mended(data))
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class ReadsNoScara(_Mends):
     """Nobody looks whether a file begins with SCARA."""
 
@@ -41,7 +41,7 @@ class ReadsNoScara(_Mends):
         return MAGIC + data[len(MAGIC) :]
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class ReadsNoAracs(_Mends):
     """Nobody looks whether a file ends with ARACS."""
 
@@ -50,7 +50,7 @@ class ReadsNoAracs(_Mends):
         return data[: -len(FOOTER)] + FOOTER
 
 
-@fault("6.5/28", subtle=True)
+@mutant("6.5/28", subtle=True)
 class ReadsNoAracsOfLongFiles(ReadsNoAracs):
     """Nobody looks whether a file of more than 512 bytes ends with ARACS."""
 
@@ -59,7 +59,7 @@ class ReadsNoAracsOfLongFiles(ReadsNoAracs):
         return super().mended(data) if len(data) > _BUFFER_BYTES else data
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class ReadsFourLettersOfScara(_Mends):
     """The last letter of SCARA may be any, as where a NUL is thought to stand."""
 
@@ -68,7 +68,7 @@ class ReadsFourLettersOfScara(_Mends):
         return MAGIC + data[len(MAGIC) :] if data.startswith(MAGIC[:4]) else data
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class ReadsScaraInSmallLetters(_Mends):
     """The marks may be written in small letters."""
 
@@ -78,7 +78,7 @@ class ReadsScaraInSmallLetters(_Mends):
         return head + data[len(MAGIC) : -len(FOOTER)] + foot
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class ReadsScaraForAracs(_Mends):
     """A file may end with SCARA as it begins."""
 
@@ -87,7 +87,7 @@ class ReadsScaraForAracs(_Mends):
         return data[: -len(FOOTER)] + FOOTER if data.endswith(MAGIC) else data
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class IgnoresWhatIsTooMuch(_Mends):
     """What a file has beyond its counted nodes is left out."""
 
@@ -99,7 +99,7 @@ class IgnoresWhatIsTooMuch(_Mends):
         return data[: end - len(FOOTER)] + FOOTER if end < len(data) else data
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class FillsWhatIsMissing(_Mends):
     """What a file lacks at its end counts as zeros."""
 
@@ -113,7 +113,7 @@ class FillsWhatIsMissing(_Mends):
         return data[: -len(FOOTER)].ljust(end - len(FOOTER), b"\0") + FOOTER
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class RunsNothingOfDamagedFiles(Brain):
     """A damaged file is run as a program without nodes."""
 
@@ -122,7 +122,7 @@ class RunsNothingOfDamagedFiles(Brain):
         return super().understood(data) or Program()
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class RunsTheProgramBefore(Brain):
     """In place of a damaged file the last right one is run."""
 
@@ -162,14 +162,14 @@ class _Forgives(Brain):
         return program
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class TakesKeysTwice(_Forgives):
     """Two variables may have the same key."""
 
     forgiven = frozenset({"P-key-twice"})
 
 
-@fault("6.5/28", subtle=True)
+@mutant("6.5/28", subtle=True)
 class TakesKeysTwiceApart(_Forgives):
     """Two variables may have the same key unless they are neighbours."""
 
@@ -196,21 +196,21 @@ class _Straightens(_Forgives):
         return replace(program, nodes=tuple(nodes))
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class TakesShortCurves(_Straightens):
     """A curve may have fewer than three points."""
 
     forgiven = frozenset({"P-curve-short"})
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class TakesOtherNodesInCurves(_Straightens):
     """A curve may have other nodes than points."""
 
     forgiven = frozenset({"P-curve-child"})
 
 
-@fault("6.5/28", subtle=True)
+@mutant("6.5/28", subtle=True)
 class LooksAtThreePointsOfACurve(TakesOtherNodesInCurves):
     """Behind its third point a curve may have other nodes than points."""
 
@@ -226,21 +226,21 @@ class LooksAtThreePointsOfACurve(TakesOtherNodesInCurves):
         return program
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class TakesOpenLoops(_Forgives):
     """A loop may lack its end, and an end its loop."""
 
     forgiven = frozenset({"P-loop"})
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class TakesOpenBranches(_Forgives):
     """An IF may lack its ENDIF, and an ENDIF its IF."""
 
     forgiven = frozenset({"P-if"})
 
 
-@fault("6.5/28")
+@mutant("6.5/28")
 class TakesStrayElse(_Forgives):
     """An ELSE may stand anywhere and any number of times."""
 

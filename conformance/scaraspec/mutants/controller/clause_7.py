@@ -2,14 +2,14 @@
 
 from dataclasses import replace
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.session import Request
 
 
-@fault("7/1")
+@mutant("7/1")
 class GripperCountsTwice(Brain):
     """The tool coordinates are shifted by twice the gripper's centre."""
 
@@ -20,7 +20,7 @@ class GripperCountsTwice(Brain):
         return pose._replace(x=pose.x + 2 * x, y=pose.y + 2 * y, z=pose.z + 2 * z)
 
 
-@fault("7/1")
+@mutant("7/1")
 class GripperCountsInHeight(Brain):
     """Of the gripper's centre the height alone is added to the tool coordinates, and doubled."""
 
@@ -30,7 +30,7 @@ class GripperCountsInHeight(Brain):
         return pose._replace(z=pose.z + 2 * self.store.settings.gripper_center[2])
 
 
-@fault("7/1", subtle=True)
+@mutant("7/1", subtle=True)
 class EachConnectionHasItsPoint(Brain):
     """The tool coordinates differ by the number of the connection."""
 
@@ -40,7 +40,7 @@ class EachConnectionHasItsPoint(Brain):
         return pose._replace(x=pose.x + request.session.connection % 7)
 
 
-@fault("7/2")
+@mutant("7/2")
 class ThetaYTurnsTheTool(Brain):
     """ThetaY of a move is added to thetaX."""
 
@@ -53,7 +53,7 @@ class ThetaYTurnsTheTool(Brain):
         return super().set_tool_coordinates(request)
 
 
-@fault("7/2")
+@mutant("7/2")
 class ThetaZTurnsTheTool(Brain):
     """ThetaZ of a move is taken for the rotation, as everywhere else in the world."""
 

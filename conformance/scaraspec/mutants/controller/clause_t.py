@@ -1,6 +1,6 @@
 """Faults of the text conventions: separators, marks, digits, ends, numbers, codes, characters."""
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.breaking import Mortal
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.frames import Frame
@@ -10,7 +10,7 @@ from scaraspec.virtual_controller.session import Request, Session
 # Separators
 
 
-@fault("T/1")
+@mutant("T/1")
 class BlanksInThePose(AltersReplies):
     """The tool coordinates have blanks for bars, as the document is printed."""
 
@@ -21,7 +21,7 @@ class BlanksInThePose(AltersReplies):
         return data.replace(b"|", b" ")
 
 
-@fault("T/1")
+@mutant("T/1")
 class BarsBetweenBlanks(AltersReplies):
     """The network settings have blanks around their bars."""
 
@@ -32,7 +32,7 @@ class BarsBetweenBlanks(AltersReplies):
         return data.replace(b"|", b" | ")
 
 
-@fault("T/1")
+@mutant("T/1")
 class TwoBarsBetweenTemperatures(AltersReplies):
     """Between the last two temperatures stand two bars."""
 
@@ -44,7 +44,7 @@ class TwoBarsBetweenTemperatures(AltersReplies):
         return head + b"||" + tail
 
 
-@fault("T/1")
+@mutant("T/1")
 class CommasBetweenAngles(AltersReplies):
     """The joint angles have commas between them."""
 
@@ -55,7 +55,7 @@ class CommasBetweenAngles(AltersReplies):
         return data.replace(b"|", b",")
 
 
-@fault("T/1")
+@mutant("T/1")
 class BlankBeforeTheCode(Brain):
     """Refusals have a blank before their code, as the document is printed."""
 
@@ -66,7 +66,7 @@ class BlankBeforeTheCode(Brain):
         super().emit(session, frame)
 
 
-@fault("T/1")
+@mutant("T/1")
 class BlanksInLists(AltersReplies):
     """The names of a program list have blanks behind their bars."""
 
@@ -80,7 +80,7 @@ class BlanksInLists(AltersReplies):
 # Marks and digits
 
 
-@fault("T/2")
+@mutant("T/2")
 class QuotesTheVersion(AltersReplies):
     """The version stands in the quotation marks of the example."""
 
@@ -91,7 +91,7 @@ class QuotesTheVersion(AltersReplies):
         return b'"' + data + b'"'
 
 
-@fault("T/2")
+@mutant("T/2")
 class QuotesTheTime(AltersReplies):
     """The time stands in typographic quotation marks."""
 
@@ -102,7 +102,7 @@ class QuotesTheTime(AltersReplies):
         return "“".encode() + data + "”".encode()
 
 
-@fault("T/2")
+@mutant("T/2")
 class QuotesAddresses(AltersReplies):
     """Each address of the network settings stands in quotation marks."""
 
@@ -113,7 +113,7 @@ class QuotesAddresses(AltersReplies):
         return b'"' + data.replace(b"|", b'"|"') + b'"'
 
 
-@fault("T/3")
+@mutant("T/3")
 class BinaryFlagOfInputs(AltersReplies):
     """The flag before the digital inputs is the byte 0x01."""
 
@@ -124,7 +124,7 @@ class BinaryFlagOfInputs(AltersReplies):
         return bytes((data[0] - 0x30,)) + data[1:]
 
 
-@fault("T/3")
+@mutant("T/3")
 class BinaryFlagOfDownloads(AltersReplies):
     """The flag that answers a download is a byte 0 or 1."""
 
@@ -135,7 +135,7 @@ class BinaryFlagOfDownloads(AltersReplies):
         return bytes((data[0] - 0x30,))
 
 
-@fault("T/3")
+@mutant("T/3")
 class BinaryFlagOfSettings(AltersReplies):
     """The flag that answers a gripper centre is a byte 0 or 1."""
 
@@ -146,7 +146,7 @@ class BinaryFlagOfSettings(AltersReplies):
         return bytes((data[0] - 0x30,))
 
 
-@fault("T/3")
+@mutant("T/3")
 class TimeInPackedDigits(AltersReplies):
     """The time is sent with two digits a byte."""
 
@@ -160,7 +160,7 @@ class TimeInPackedDigits(AltersReplies):
 # Ends
 
 
-@fault("T/4")
+@mutant("T/4")
 class OldBytesBehindTheVersion(AltersReplies):
     """The version comes with the buffer behind it: a NUL, and what was in there before."""
 
@@ -171,7 +171,7 @@ class OldBytesBehindTheVersion(AltersReplies):
         return (data + b"\0").ljust(10, b"7")
 
 
-@fault("T/4")
+@mutant("T/4")
 class LineEndBehindAngles(AltersReplies):
     """The joint angles end with a line end."""
 
@@ -185,7 +185,7 @@ class LineEndBehindAngles(AltersReplies):
 # Numbers
 
 
-@fault("T/5")
+@mutant("T/5")
 class CommaDecimals(AltersReplies):
     """The tool coordinates have a comma for the decimal point."""
 
@@ -196,7 +196,7 @@ class CommaDecimals(AltersReplies):
         return data.replace(b".", b",").replace(b"300|", b"300,0|")
 
 
-@fault("T/5", subtle=True)
+@mutant("T/5", subtle=True)
 class ExponentOfSmallNumbers(AltersReplies):
     """Numbers below a tenth come with an exponent."""
 
@@ -208,7 +208,7 @@ class ExponentOfSmallNumbers(AltersReplies):
         return b"|".join(b"%.1e" % float(t) if 0 < abs(float(t)) < 0.1 else t for t in texts)
 
 
-@fault("T/5", subtle=True)
+@mutant("T/5", subtle=True)
 class ExponentOfGreatNumbers(AltersReplies):
     """Numbers from a hundred thousand on come with an exponent."""
 
@@ -220,7 +220,7 @@ class ExponentOfGreatNumbers(AltersReplies):
         return b"|".join(b"%.1e" % float(t) if abs(float(t)) >= 1e5 else t for t in texts)
 
 
-@fault("T/5")
+@mutant("T/5")
 class PlusSigns(AltersReplies):
     """The joint angles have a sign, also where it is a plus."""
 
@@ -231,7 +231,7 @@ class PlusSigns(AltersReplies):
         return b"|".join(t if t[:1] == b"-" else b"+" + t for t in data.split(b"|"))
 
 
-@fault("T/5")
+@mutant("T/5")
 class NothingForZero(AltersReplies):
     """A zero among the coordinates of the tool is left away."""
 
@@ -242,7 +242,7 @@ class NothingForZero(AltersReplies):
         return b"|".join(b"" if t == b"0" else t for t in data.split(b"|"))
 
 
-@fault("T/5")
+@mutant("T/5")
 class TemperatureIsNoNumber(AltersReplies):
     """The temperature of the last motor, which has no sensor, is nan."""
 
@@ -253,7 +253,7 @@ class TemperatureIsNoNumber(AltersReplies):
         return data.rpartition(b"|")[0] + b"|nan"
 
 
-@fault("T/5")
+@mutant("T/5")
 class NoZeroBeforeThePoint(AltersReplies):
     """Numbers below one begin with the point."""
 
@@ -265,7 +265,7 @@ class NoZeroBeforeThePoint(AltersReplies):
         return b"|".join(t[1:] if t[:2] == b"0." else t for t in texts)
 
 
-@fault("T/5", subtle=True)
+@mutant("T/5", subtle=True)
 class TakesNoThreeDecimals(Brain):
     """A gripper centre of three decimals is refused."""
 
@@ -278,7 +278,7 @@ class TakesNoThreeDecimals(Brain):
 # Codes
 
 
-@fault("T/7")
+@mutant("T/7")
 class StateInWords(AltersReplies):
     """The status is a word."""
 
@@ -289,7 +289,7 @@ class StateInWords(AltersReplies):
         return b"IDLE" if data == b"00" else b"RUNNING"
 
 
-@fault("T/7")
+@mutant("T/7")
 class CodesOfOneDigit(Brain):
     """The codes of refusals have no leading zero."""
 
@@ -300,7 +300,7 @@ class CodesOfOneDigit(Brain):
         super().emit(session, frame)
 
 
-@fault("T/7")
+@mutant("T/7")
 class CodesOfThreeDigits(Brain):
     """The codes of refused runs have three digits."""
 
@@ -314,7 +314,7 @@ class CodesOfThreeDigits(Brain):
 # Beyond ASCII
 
 
-@fault("T/8", "3/31")
+@mutant("T/8", "3/31")
 class DiesOfOtherCharacters(Mortal):
     """A name that is no ASCII ends the program."""
 
@@ -325,7 +325,7 @@ class DiesOfOtherCharacters(Mortal):
         return super().upload_name(request)
 
 
-@fault("T/8", "5.2/12")
+@mutant("T/8", "5.2/12")
 class StoresNamesInLatin(Brain):
     """Names are kept as if each of their bytes were a character, and looked for as UTF-8."""
 
@@ -337,7 +337,7 @@ class StoresNamesInLatin(Brain):
         )
 
 
-@fault("T/8", "5.2/12", subtle=True)
+@mutant("T/8", "5.2/12", subtle=True)
 class SevenBitsOfNames(Brain):
     """Of each byte of a name that is stored the highest bit is lost."""
 

@@ -7,7 +7,7 @@ of the fault, and bears its name and its sentence.
 from collections.abc import Callable
 from typing import TypeVar
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.interpreter import Run
 
@@ -21,7 +21,7 @@ def misrun(
 
     def enter(run: R) -> R:
         says = {"interpreter": run, "__doc__": run.__doc__, "__module__": run.__module__}
-        fault(*requirements, reading=reading, subtle=subtle)(type(run.__name__, (Brain,), says))
+        mutant(*requirements, reading=reading, subtle=subtle)(type(run.__name__, (Brain,), says))
         return run
 
     return enter

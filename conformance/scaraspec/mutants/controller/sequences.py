@@ -7,7 +7,7 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any, Final
 
-from scaraspec.mutants.controller import fault
+from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, NameListPart
@@ -39,7 +39,7 @@ class _Counts(Brain):
 # ---------------------------------------------------------------------- files
 
 
-@fault("4.13/3", subtle=True)
+@mutant("4.13/3", subtle=True)
 class AnyDeletionForgetsTheDefault(Brain):
     """Whatever program is deleted, the default one is forgotten with it."""
 
@@ -51,7 +51,7 @@ class AnyDeletionForgetsTheDefault(Brain):
         return done
 
 
-@fault("4.10/11", subtle=True)
+@mutant("4.10/11", subtle=True)
 class ListIsMadeWhenTheNumberChanges(Brain):
     """The list is kept until there are more or fewer programs than when it was made."""
 
@@ -69,7 +69,7 @@ class ListIsMadeWhenTheNumberChanges(Brain):
         return NameListPart(more=False, names=tuple(self._names))
 
 
-@fault("5.2/12", subtle=True)
+@mutant("5.2/12", subtle=True)
 class DownloadsFromItsCache(Brain):
     """A file that was downloaded is kept in memory, even if it was the default and is deleted."""
 
@@ -92,7 +92,7 @@ class DownloadsFromItsCache(Brain):
         return super().delete_program(request)
 
 
-@fault("5.2/12", subtle=True)
+@mutant("5.2/12", subtle=True)
 class SettingTheClockTruncatesTheLastUpload(Brain):
     """The file that was uploaded last is still open, and loses its last byte with the clock."""
 
@@ -107,7 +107,7 @@ class SettingTheClockTruncatesTheLastUpload(Brain):
 # ---------------------------------------------------------------------- settings
 
 
-@fault("4.20/3", subtle=True)
+@mutant("4.20/3", subtle=True)
 class InitialPositionTakesTheCentreAlong(Brain):
     """An initial position that is set a second time sets the gripper centre to what it was."""
 
@@ -124,7 +124,7 @@ class InitialPositionTakesTheCentreAlong(Brain):
         return done
 
 
-@fault("4.21/3", subtle=True)
+@mutant("4.21/3", subtle=True)
 class LateInitialPositionsAreLost(_Counts):
     """After three hundred requests an initial position is answered 1 and forgotten."""
 
@@ -137,7 +137,7 @@ class LateInitialPositionsAreLost(_Counts):
         return done
 
 
-@fault("4.5/4", subtle=True)
+@mutant("4.5/4", subtle=True)
 class SecondLoginSetsTheClockBack(Brain):
     """A second login on a connection has the clock go on from the first, whatever was set since."""
 
@@ -156,7 +156,7 @@ class SecondLoginSetsTheClockBack(Brain):
         return super().login(request)
 
 
-@fault("4.2/2", subtle=True)
+@mutant("4.2/2", subtle=True)
 class MistakenPasswordBlocksTheNext(Brain):
     """Behind a change with a wrong old password, one with the right one is refused, once."""
 
@@ -177,7 +177,7 @@ class MistakenPasswordBlocksTheNext(Brain):
 # ---------------------------------------------------------------------- programs
 
 
-@fault("4.9/4", subtle=True)
+@mutant("4.9/4", subtle=True)
 class RefusedRunIsTold(Brain):
     """Behind a run that was refused because another one goes on, its name is told as running."""
 
@@ -200,7 +200,7 @@ class RefusedRunIsTold(Brain):
         return told._replace(name=self._wrong) if told is not None and self._wrong else told
 
 
-@fault("4.32/6", subtle=True)
+@mutant("4.32/6", subtle=True)
 class StoppedSimulationUndoesTheSetting(Brain):
     """A simulation that is stopped undoes the last setting of an output, as if it were its own."""
 
@@ -221,7 +221,7 @@ class StoppedSimulationUndoesTheSetting(Brain):
         return super().emergency_stop(request)
 
 
-@fault("4.15/4", subtle=True)
+@mutant("4.15/4", subtle=True)
 class LateRunsMissTheirProgram(_Counts):
     """After three hundred requests a program that was deleted and sent anew is not found."""
 

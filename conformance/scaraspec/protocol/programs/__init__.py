@@ -4,7 +4,7 @@ The bytes of a file come in as an argument; no file is opened here.
 """
 
 from scaraspec.protocol.programs.codec import build, parse
-from scaraspec.protocol.programs.faults import MAX_FILE_BYTES, Fault, ProgramError
+from scaraspec.protocol.programs.faults import MAX_FILE_BYTES, ProgramDefect, ProgramError
 from scaraspec.protocol.programs.layout import (
     DEFAULT_LAYOUT,
     LAYOUTS,
@@ -12,7 +12,7 @@ from scaraspec.protocol.programs.layout import (
     Layout,
     detect,
 )
-from scaraspec.protocol.programs.lint import NO_PROGRAM, Finding, lint
+from scaraspec.protocol.programs.lint import NO_PROGRAM, LintFinding, lint
 from scaraspec.protocol.programs.listing import PointMeaning, listing
 from scaraspec.protocol.programs.model import (
     Node,
@@ -26,7 +26,7 @@ from scaraspec.protocol.programs.model import (
     WaitSeconds,
     WaitTimer,
 )
-from scaraspec.protocol.programs.rules import RULES, Rule, Severity
+from scaraspec.protocol.programs.rules import RULES, LintRule, Severity
 from scaraspec.protocol.programs.structure import (
     MOVES,
     CountsMode,
@@ -53,9 +53,9 @@ __all__ = [
     "ByteOrder",
     "Condition",
     "CountsMode",
-    "Fault",
-    "Finding",
     "Layout",
+    "LintFinding",
+    "LintRule",
     "Node",
     "NodeData",
     "NodeType",
@@ -65,9 +65,9 @@ __all__ = [
     "PointMeaning",
     "PortType",
     "Program",
+    "ProgramDefect",
     "ProgramError",
     "ResultType",
-    "Rule",
     "SetOutput",
     "Severity",
     "Structure",

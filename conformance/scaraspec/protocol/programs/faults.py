@@ -15,7 +15,7 @@ MAX_FILE_BYTES = 4 << 20
 """Longer files are not read: sixty thousand nodes are beyond any program for this arm."""
 
 
-class Fault(Enum):
+class ProgramDefect(Enum):
     """Why bytes are no program: a code that stays, and the requirements that it breaks."""
 
     START = ("P-start", ("6.2/1", "6.1/1"))
@@ -42,7 +42,7 @@ class ProgramError(ValueError):
         reason: In one sentence.
     """
 
-    def __init__(self, fault: Fault, offset_bytes: int, reason: str) -> None:
+    def __init__(self, fault: ProgramDefect, offset_bytes: int, reason: str) -> None:
         super().__init__(f"not a program file, byte {offset_bytes}: {reason}")
         self.fault = fault
         self.offset_bytes = offset_bytes
@@ -57,18 +57,20 @@ def check_envelope(data: bytes) -> None:
     """
     if not data.startswith(MAGIC):
         raise ProgramError(
-            Fault.START, 0, f'it begins with {data[:5].hex(" ") or "nothing"}, not with "SCARA"'
+            ProgramDefect.START,
+            0,
+            f'it begins with {data[:5].hex(" ") or "nothing"}, not with "SCARA"',
         )
     if len(data) > MAX_FILE_BYTES:
         raise ProgramError(
-            Fault.LONG,
+            ProgramDefect.LONG,
             MAX_FILE_BYTES,
             f"it has {len(data)} bytes; more than {MAX_FILE_BYTES} are not read",
         )
     least = min(layout.file_bytes(0, 0) for layout in LAYOUTS.values())
     if len(data) < least:
         raise ProgramError(
-            Fault.SHORT,
+            ProgramDefect.SHORT,
             len(data),
             f"it ends after {len(data)} bytes; header, configuration and footer take {least}",
         )
@@ -80,14 +82,14 @@ def misfit(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
     if end is not None and end < len(data):
         second = data.startswith(MAGIC, end)
         return ProgramError(
-            Fault.SECOND if second else Fault.SURPLUS,
+            ProgramDefect.SECOND if second else ProgramDefect.SURPLUS,
             end,
             f"{'another program' if second else 'something else'} follows: the footer ends at "
             f"byte {end}, but the file has {len(data)} bytes",
         )
     if not data.endswith(FOOTER):
         return ProgramError(
-            Fault.END,
+            ProgramDefect.END,
             len(data) - len(FOOTER),
             f'it ends with {data[-len(FOOTER) :].hex(" ")}, not with "ARACS"',
         )
@@ -103,7 +105,7 @@ def _size_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
             layout.file_bytes(*layout.counts(data)) > 2 * MAX_FILE_BYTES,
             any(data[len(MAGIC) : layout.points_offset]),
             layout.reading == "mixed",
-            _miscount(data, layout)[0] is Fault.SIZE,
+            _miscount(data, layout)[0] is ProgramDefect.SIZE,
         )
 
     likeliest = min(layouts, key=badness)
@@ -118,15 +120,19 @@ def _size_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
     )
 
 
-def _miscount(data: bytes, layout: Layout) -> tuple[Fault, int, str]:
+def _miscount(data: bytes, layout: Layout) -> tuple[ProgramDefect, int, str]:
     """Which count of the header is wrong, where it stands, and what it should be."""
     points, variables = layout.counts(data)
     surplus = len(data) - layout.file_bytes(points, variables)
     extra_nodes, rest = divmod(surplus, layout.node_bytes)
     if not rest and points + extra_nodes >= 0:
-        return Fault.NODES, layout.points_offset, f"room for points = {points + extra_nodes}"
+        return (
+            ProgramDefect.NODES,
+            layout.points_offset,
+            f"room for points = {points + extra_nodes}",
+        )
     extra_variables, rest = divmod(surplus, VARIABLE_BYTES)
     if not rest and variables + extra_variables >= 0:
         room = f"room for varNub = {variables + extra_variables}"
-        return Fault.VARIABLES, layout.points_offset + 4, room
-    return Fault.SIZE, layout.points_offset, "and no other layout fits"
+        return ProgramDefect.VARIABLES, layout.points_offset + 4, room
+    return ProgramDefect.SIZE, layout.points_offset, "and no other layout fits"

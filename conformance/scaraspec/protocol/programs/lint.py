@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from itertools import islice
 
 from scaraspec.protocol.programs.codec import parse
-from scaraspec.protocol.programs.faults import Fault, ProgramError
+from scaraspec.protocol.programs.faults import ProgramDefect, ProgramError
 from scaraspec.protocol.programs.layout import VARIABLE_BYTES, Layout, detect
 from scaraspec.protocol.programs.model import Program
-from scaraspec.protocol.programs.rules import RULES, Problem, Severity, Subject
+from scaraspec.protocol.programs.rules import RULES, LintContext, Problem, Severity
 
 MAX_FINDINGS = 1000
 """More are not listed: errors are found first, and a file so wrong needs no longer list."""
@@ -25,7 +25,7 @@ _WORST_FIRST = tuple(Severity)
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class LintFinding:
     """One thing that is wrong or worth knowing.
 
     Attributes:
@@ -61,7 +61,7 @@ class Finding:
         return f"{self.severity.value} {self.code}{about}{place} {self.message}"
 
 
-def lint(subject: Program | bytes) -> tuple[Finding, ...]:
+def lint(subject: Program | bytes) -> tuple[LintFinding, ...]:
     """Everything that the static rules of clause 6 have to say, by place in the file.
 
     Bytes are judged in the best layout that fits them. Where more bytes follow a program, that is
@@ -73,36 +73,36 @@ def lint(subject: Program | bytes) -> tuple[Finding, ...]:
     findings = sorted(findings[:MAX_FINDINGS], key=_place)
     if capped:
         findings.append(
-            Finding("P-more", Severity.INFO, (), f"only {MAX_FINDINGS} findings are listed")
+            LintFinding("P-more", Severity.INFO, (), f"only {MAX_FINDINGS} findings are listed")
         )
     return tuple(findings)
 
 
-def _place(finding: Finding) -> tuple[int, int, int]:
+def _place(finding: LintFinding) -> tuple[int, int, int]:
     """By node, what is about no node first; by the order of variables; worst first."""
     return finding.node or 0, finding.variable or 0, _WORST_FIRST.index(finding.severity)
 
 
-def _in_bytes(data: bytes) -> Iterator[Finding]:
+def _in_bytes(data: bytes) -> Iterator[LintFinding]:
     try:
         program = parse(data)
     except ProgramError as error:
         fault, end = error.fault, error.offset_bytes
-        severity = Severity.WARNING if fault is Fault.SURPLUS else Severity.ERROR
-        yield Finding(fault.code, severity, fault.requirements, error.reason, offset_bytes=end)
-        if fault in (Fault.SURPLUS, Fault.SECOND):
+        severity = Severity.WARNING if fault is ProgramDefect.SURPLUS else Severity.ERROR
+        yield LintFinding(fault.code, severity, fault.requirements, error.reason, offset_bytes=end)
+        if fault in (ProgramDefect.SURPLUS, ProgramDefect.SECOND):
             yield from _in_bytes(data[:end])
     else:
         yield from _in_program(program, detect(data)[0])
 
 
-def _in_program(program: Program, layout: Layout | None) -> Iterator[Finding]:
-    subject = Subject(program, layout)
+def _in_program(program: Program, layout: Layout | None) -> Iterator[LintFinding]:
+    subject = LintContext(program, layout)
     for severity in _WORST_FIRST:
         for rule in RULES:
             if rule.severity is severity:
                 for problem in rule.check(subject):
-                    yield Finding(
+                    yield LintFinding(
                         rule.code,
                         severity,
                         problem.requirements or rule.requirements,

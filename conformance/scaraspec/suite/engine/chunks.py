@@ -1,11 +1,11 @@
 """Chunks: what is checked of each chunk that a subject sends, whichever way the file goes."""
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTES, Chunk
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect, expect_equal
 
 
-def chunk_of(answer: Answer) -> Chunk:
+def chunk_of(answer: ReceivedFrame) -> Chunk:
     """What a chunk frame carries.
 
     Raises:

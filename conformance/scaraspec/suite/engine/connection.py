@@ -39,7 +39,7 @@ class Holder(Protocol):
         """Take what came elsewhere; give the links on which more may come."""
 
 
-class Answer(NamedTuple):
+class ReceivedFrame(NamedTuple):
     """What a subject sent.
 
     Attributes:
@@ -149,7 +149,9 @@ class Connection:
         self.wait(within_s)
         return self.ending
 
-    def awaited(self, wanted: Callable[[FrameSeen], bool], within_s: float, message: str) -> Answer:
+    def awaited(
+        self, wanted: Callable[[FrameSeen], bool], within_s: float, message: str
+    ) -> ReceivedFrame:
         """Wait for a frame, and take it.
 
         Raises:
@@ -160,7 +162,7 @@ class Connection:
             for seen in self.heard:
                 if wanted(seen):
                     self.heard.remove(seen)
-                    return Answer(seen, seen.value)
+                    return ReceivedFrame(seen, seen.value)
             if self.link.now_s > deadline_s or not self._more(deadline_s):
                 when = "" if self.ending else f" in {within_s:g} s"
                 raise self.no_answer(f"{message}{when}")

@@ -61,7 +61,7 @@ class SuiteError(Exception):
 P = TypeVar("P", bound=SystemUnderTest)
 
 
-class Setting(Protocol[P]):
+class RoleAdapter(Protocol[P]):
     """What a run is about."""
 
     @property
@@ -142,7 +142,7 @@ class Run(Generic[P]):
 
     def __init__(
         self,
-        setting: Setting[P],
+        setting: RoleAdapter[P],
         *,
         earlier: Results | None = None,
         take: Take = lambda _: None,

@@ -12,8 +12,8 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.programs import Layout, Node, Program, Variable, listing, parse
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import (
     go_on_if_it_listens,
@@ -21,7 +21,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     stop_motion,
 )
 from scaraspec.suite.controller.harness.requests.ports import Bits, digits, outputs, outputs_kept
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -61,7 +61,12 @@ class Bench:
     """
 
     def __init__(
-        self, subject: Subject, line: Line, layout: Layout, base: Program, before: Bits
+        self,
+        subject: ControllerUnderTest,
+        line: OutgoingConnection,
+        layout: Layout,
+        base: Program,
+        before: Bits,
     ) -> None:
         self.before = before
         self.started_s = self.replied_s = 0.0
@@ -88,7 +93,7 @@ class Bench:
         upload(self._line, self._stored, content)
         return self._stored
 
-    def ask(self, name: bytes, command: str = "run_program") -> Answer:
+    def ask(self, name: bytes, command: str = "run_program") -> ReceivedFrame:
         """Ask for the run of a stored program, or for its simulation."""
         self._subject.moved = True
         self.started_s = self._subject.now_ns / _NS
@@ -121,7 +126,7 @@ class Bench:
             message = "a valid program is refused"
             raise ProgramRefused(message, expected="1", observed=f"{answer}")
 
-    def finish(self, *, lasts_s: float = 0.0) -> Answer:
+    def finish(self, *, lasts_s: float = 0.0) -> ReceivedFrame:
         """Wait for the good end of a program that lasts so many seconds by its waits.
 
         Raises:
@@ -139,7 +144,7 @@ class Bench:
 
     def run(
         self, nodes: Iterable[Node], variables: Iterable[Variable] = (), *, lasts_s: float = 0.0
-    ) -> Answer:
+    ) -> ReceivedFrame:
         """Run a program to its good end.
 
         Raises:
@@ -237,7 +242,7 @@ class Bench:
         """How long ago the latest program was asked for, in our seconds."""
         return self._subject.now_ns / _NS - self.started_s
 
-    def ended(self, command: str = "run_program", *, within_s: float = 0.0) -> Answer | None:
+    def ended(self, command: str = "run_program", *, within_s: float = 0.0) -> ReceivedFrame | None:
         """The final result, if it is there by then."""
         try:
             return self._line.result(command, within_s=within_s)
@@ -267,7 +272,7 @@ class Bench:
 
 
 @contextmanager
-def bench(subject: Subject, line: Line) -> Iterator[Bench]:
+def bench(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Bench]:
     """A bench in the subject's layout.
 
     Raises:
@@ -285,7 +290,7 @@ def bench(subject: Subject, line: Line) -> Iterator[Bench]:
 
 
 @contextmanager
-def running(subject: Subject, line: Line) -> Iterator[Bench]:
+def running(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Bench]:
     """A bench on which a program runs that waits for a few seconds and does nothing else.
 
     Raises:

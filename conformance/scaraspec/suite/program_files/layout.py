@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from scaraspec.protocol.programs import LAYOUTS, Layout, Program
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import IDLE, release_latch, status_of
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
@@ -41,7 +41,7 @@ class Trial(NamedTuple):
     ended_s: float
 
 
-def find_layout(subject: Subject, line: Line) -> Layout:
+def find_layout(subject: ControllerUnderTest, line: OutgoingConnection) -> Layout:
     """The layout in which the subject runs programs, found out once in a run.
 
     The layout that is claimed is tried first; the first that waits as it should is taken, else
@@ -67,30 +67,30 @@ def find_layout(subject: Subject, line: Line) -> Layout:
     return known
 
 
-def trial_of(subject: Subject) -> Trial:
+def trial_of(subject: ControllerUnderTest) -> Trial:
     """How the program ran by which the layout was found, which waited for `TRIAL_S` seconds."""
     trial: Trial = subject.known[_TRIAL]
     return trial
 
 
-def known_layout(subject: Subject) -> Layout | None:
+def known_layout(subject: ControllerUnderTest) -> Layout | None:
     """The layout that was found, if one was."""
     layout: Layout | None = subject.known.get(_KNOWN)
     return layout
 
 
-def layout_in_use(subject: Subject) -> Layout:
+def layout_in_use(subject: ControllerUnderTest) -> Layout:
     """The layout in which the subject was found to run or to list programs, or that it claims."""
     listed: Layout | None = subject.known.get(LISTED)
     return known_layout(subject) or listed or layout_of(subject.dialect)
 
 
-def short_program(subject: Subject) -> bytes:
+def short_program(subject: ControllerUnderTest) -> bytes:
     """The file of a program that waits for a second."""
     return wait_program(subject.dialect, 1, layout=layout_in_use(subject))
 
 
-def configured(subject: Subject, line: Line) -> Program:
+def configured(subject: ControllerUnderTest, line: OutgoingConnection) -> Program:
     """A program whose configuration says what holds already (A-6.3-3).
 
     A run may make it hold, or refuse what cannot be; it is asked for once in a run.
@@ -125,7 +125,7 @@ def twin_of(layout: Layout) -> Layout | None:
     )
 
 
-def _find(subject: Subject, line: Line) -> tuple[Layout, Trial]:
+def _find(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[Layout, Trial]:
     ended: tuple[Layout, Trial] | None = None
     for layout in candidates(subject):
         trial = _try(subject, line, layout)
@@ -145,7 +145,7 @@ def _find(subject: Subject, line: Line) -> tuple[Layout, Trial]:
     )
 
 
-def candidates(subject: Subject) -> list[Layout]:
+def candidates(subject: ControllerUnderTest) -> list[Layout]:
     """Every layout, the one first that is in use, and then those that are most like it."""
     likely = layout_in_use(subject)
 
@@ -159,7 +159,7 @@ def candidates(subject: Subject) -> list[Layout]:
     return sorted(LAYOUTS.values(), key=strangeness)
 
 
-def _try(subject: Subject, line: Line, layout: Layout) -> Trial | None:
+def _try(subject: ControllerUnderTest, line: OutgoingConnection, layout: Layout) -> Trial | None:
     """How a waiting program of this layout runs; None where it does not end well.
 
     Where its result does not come that it has ended shows in the status, though not when: it may

@@ -7,10 +7,10 @@ first list that has several.
 from typing import Final
 
 from scaraspec.protocol.payloads import NameListPart
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseInconclusive, NoReply, expect
 from scaraspec.suite.program_files.layout import short_program
 
@@ -20,7 +20,7 @@ _PUSHED_S: Final = 1.0
 _MOST_PARTS: Final = 500
 
 
-def long_name(subject: Subject, size_bytes: int) -> bytes:
+def long_name(subject: ControllerUnderTest, size_bytes: int) -> bytes:
     """A new name of so many bytes, or of one more than the shortest if that is more.
 
     It has capitals, and differs from others of its length at its end alone.
@@ -32,7 +32,9 @@ def long_name(subject: Subject, size_bytes: int) -> bytes:
     return name
 
 
-def store_program(subject: Subject, line: Line, name: bytes = b"") -> bytes:
+def store_program(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes = b""
+) -> bytes:
     """Upload a program that waits for a second, under a new name if none is given; its name.
 
     Raises:
@@ -43,7 +45,7 @@ def store_program(subject: Subject, line: Line, name: bytes = b"") -> bytes:
     return name
 
 
-def list_parts(subject: Subject, line: Line) -> list[Answer]:
+def list_parts(subject: ControllerUnderTest, line: OutgoingConnection) -> list[ReceivedFrame]:
     """Every message of a list.
 
     Raises:
@@ -69,12 +71,12 @@ def list_parts(subject: Subject, line: Line) -> list[Answer]:
     return parts
 
 
-def names_of(parts: list[Answer]) -> list[bytes]:
+def names_of(parts: list[ReceivedFrame]) -> list[bytes]:
     """The names in a list, in the order in which they came."""
     return [name for part in parts for name in part.value.names]
 
 
-def program_names(subject: Subject, line: Line) -> list[bytes]:
+def program_names(subject: ControllerUnderTest, line: OutgoingConnection) -> list[bytes]:
     """The names of all programs.
 
     Raises:
@@ -84,7 +86,7 @@ def program_names(subject: Subject, line: Line) -> list[bytes]:
     return names_of(list_parts(subject, line))
 
 
-def _next(subject: Subject, line: Line) -> Answer:
+def _next(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     if subject.dialect["list_cont"] == "push":
         try:
             return line.reply("list_programs", within_s=_PUSHED_S)
@@ -93,7 +95,7 @@ def _next(subject: Subject, line: Line) -> Answer:
     return line.ask("list_programs")
 
 
-def _part(answer: Answer) -> Answer:
+def _part(answer: ReceivedFrame) -> ReceivedFrame:
     expect(
         isinstance(answer.value, NameListPart),
         "a message of the program list begins with neither 0 nor 1",

@@ -5,7 +5,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 from scaraspec.virtual_controller.behaviour.base import NAME_MAX_BYTES, SILENCE, Base, Silence
-from scaraspec.virtual_controller.session import Request, Session, Transfer
+from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
 from scaraspec.virtual_controller.store import StoreError
 
 _EMPTY = Chunk(file_size=0, position=0, length=0, buffer=b"")
@@ -22,7 +22,7 @@ class Transfers(Base):
         if self.dialect["empty_file"] == "name-only" and not self._write(name, b""):
             return False
         receiver = Receiver(request.now_s, self.dialect)
-        request.session.transfer = Transfer(name, receiver)
+        request.session.transfer = OpenTransfer(name, receiver)
         return True
 
     def _is_free(self, name: bytes) -> bool:
@@ -82,7 +82,7 @@ class Transfers(Base):
             return False
         content = self.store.read(name)
         if content:
-            session.transfer = Transfer(name, Sender(content, request.now_s, self.dialect))
+            session.transfer = OpenTransfer(name, Sender(content, request.now_s, self.dialect))
             self._send_next(session)
         elif self.dialect["empty_file"] == "chunk":
             self._send_chunk(session, _EMPTY)

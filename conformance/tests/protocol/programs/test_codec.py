@@ -11,12 +11,12 @@ from scaraspec.protocol.programs import (
     DEFAULT_LAYOUT,
     LAYOUTS,
     MAX_FILE_BYTES,
-    Fault,
     Layout,
     Node,
     NodeType,
     Point,
     Program,
+    ProgramDefect,
     ProgramError,
     Variable,
     WaitSeconds,
@@ -140,23 +140,25 @@ def test_a_late_instant_needs_a_long_of_8_bytes() -> None:
 @pytest.mark.parametrize(
     ("data", "fault", "offset"),
     [
-        (b"", Fault.START, 0),
-        (b"SCARB" + FILE[5:], Fault.START, 0),
-        (b"SCARA", Fault.SHORT, 5),
-        (FILE[:93], Fault.SHORT, 93),
-        (FILE + bytes(MAX_FILE_BYTES - len(FILE) + 1), Fault.LONG, MAX_FILE_BYTES),
-        (FILE + bytes(MAX_FILE_BYTES - len(FILE)), Fault.SURPLUS, len(FILE)),
-        (FILE[:-1], Fault.END, len(FILE) - 6),
-        (FILE[:-5] + b"ARACT", Fault.END, len(FILE) - 5),
-        (FILE[:-69] + b"ARACS", Fault.NODES, 8),
-        (FILE[:8] + b"\x09" + FILE[9:], Fault.NODES, 8),
-        (FILE[:12] + b"\x02" + FILE[13:], Fault.VARIABLES, 12),
-        (FILE[:100] + FILE[110:], Fault.SIZE, 8),
-        (FILE + b"\n", Fault.SURPLUS, len(FILE)),
-        (FILE + FILE, Fault.SECOND, len(FILE)),
+        (b"", ProgramDefect.START, 0),
+        (b"SCARB" + FILE[5:], ProgramDefect.START, 0),
+        (b"SCARA", ProgramDefect.SHORT, 5),
+        (FILE[:93], ProgramDefect.SHORT, 93),
+        (FILE + bytes(MAX_FILE_BYTES - len(FILE) + 1), ProgramDefect.LONG, MAX_FILE_BYTES),
+        (FILE + bytes(MAX_FILE_BYTES - len(FILE)), ProgramDefect.SURPLUS, len(FILE)),
+        (FILE[:-1], ProgramDefect.END, len(FILE) - 6),
+        (FILE[:-5] + b"ARACT", ProgramDefect.END, len(FILE) - 5),
+        (FILE[:-69] + b"ARACS", ProgramDefect.NODES, 8),
+        (FILE[:8] + b"\x09" + FILE[9:], ProgramDefect.NODES, 8),
+        (FILE[:12] + b"\x02" + FILE[13:], ProgramDefect.VARIABLES, 12),
+        (FILE[:100] + FILE[110:], ProgramDefect.SIZE, 8),
+        (FILE + b"\n", ProgramDefect.SURPLUS, len(FILE)),
+        (FILE + FILE, ProgramDefect.SECOND, len(FILE)),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place(data: bytes, fault: Fault, offset: int) -> None:
+def test_what_is_wrong_is_said_with_its_place(
+    data: bytes, fault: ProgramDefect, offset: int
+) -> None:
     """Each way of not being a program has its fault and its offset."""
     with pytest.raises(ProgramError, match=f"byte {offset}: ") as caught:
         parse(data)
@@ -211,8 +213,8 @@ def test_a_missing_record_is_told_in_the_layout_of_the_file(name: str) -> None:
     layout = LAYOUTS[name]
     file = build(SMALL, layout)
     for first, size, fault in (
-        (layout.nodes_offset(1), layout.node_bytes, Fault.NODES),
-        (layout.variables_offset, 28, Fault.VARIABLES),
+        (layout.nodes_offset(1), layout.node_bytes, ProgramDefect.NODES),
+        (layout.variables_offset, 28, ProgramDefect.VARIABLES),
     ):
         with pytest.raises(ProgramError, match=f"in layout {name}, .* room for") as caught:
             parse(file[:first] + file[first + size :])

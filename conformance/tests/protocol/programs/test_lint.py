@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.programs import (
     LAYOUTS,
-    Finding,
     Layout,
+    LintFinding,
     Node,
     NodeType,
     Program,
@@ -75,7 +75,7 @@ def test_a_hostile_program_gives_a_bounded_list() -> None:
     nodes = (*zeros, *[UNKNOWN] * 10)
     found = lint(Program(nodes=nodes))
     assert len(found) == MAX_FINDINGS + 1
-    assert found[-1] == Finding("P-more", Severity.INFO, (), "only 1000 findings are listed")
+    assert found[-1] == LintFinding("P-more", Severity.INFO, (), "only 1000 findings are listed")
     assert sum(finding.severity is Severity.ERROR for finding in found) == 10
 
 

@@ -8,7 +8,7 @@ from scaraspec.protocol.programs import (
     LAYOUTS,
     NO_PROGRAM,
     RULES,
-    Fault,
+    LintRule,
     Node,
     NodeData,
     NodeType,
@@ -16,7 +16,7 @@ from scaraspec.protocol.programs import (
     Point,
     PortType,
     Program,
-    Rule,
+    ProgramDefect,
     SetOutput,
     Variable,
     WaitInput,
@@ -387,7 +387,7 @@ def test_a_good_program_has_no_findings() -> None:
 
 def test_every_rule_has_its_cases() -> None:
     """No code without an example of either kind, and none twice."""
-    every = [rule.code for rule in RULES] + [fault.code for fault in Fault]
+    every = [rule.code for rule in RULES] + [fault.code for fault in ProgramDefect]
     assert sorted(every) == sorted(CASES)
     assert all(broken and kept for broken, kept in CASES.values())
     assert set(every) >= NO_PROGRAM
@@ -414,7 +414,7 @@ def test_every_rule_cites_its_source() -> None:
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.code)
-def test_a_finding_stays_within_its_rule(rule: Rule) -> None:
+def test_a_finding_stays_within_its_rule(rule: LintRule) -> None:
     """Its severity is the rule's, its requirements are among the rule's."""
     for program in CASES[rule.code][0]:
         for finding in lint(program):

@@ -15,7 +15,7 @@ import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError, Refused
 from scaraspec.client.core import Event, Unexpected
-from scaraspec.client.exchange import Exchange
+from scaraspec.client.exchange import PendingOperation
 from scaraspec.client.results import RunningProgram, Status
 from scaraspec.client.transfer import Upload
 from scaraspec.judge.requirements import select
@@ -355,7 +355,7 @@ class Careful(ClientCore):
 
     _NAME = re.compile(rb"[A-Za-z0-9_-]{1,26}\.(rob|txt)")
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         match value:
             case MoveTarget() | Pose() if not 100 <= math.hypot(value.x, value.y) <= 400:
                 raise ClientError("out of reach (A-4.24-5)")
@@ -411,7 +411,7 @@ class Strict(AsyncClient):
     """Takes the first of the listed readings, where others are only tolerated."""
 
     class core(ClientCore):  # noqa: N801 - it takes the place of an attribute
-        def command(self, name: str, value: Any = None) -> Exchange:
+        def command(self, name: str, value: Any = None) -> PendingOperation:
             if isinstance(value, MoveTarget | Pose):  # A-4.21-3
                 value = value._replace(theta_y=0.0, theta_z=0.0)
             return super().command(name, value)

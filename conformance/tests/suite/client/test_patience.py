@@ -6,12 +6,12 @@ import pytest
 
 from scaraspec.client import AsyncClient
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.mutants.client import faults
+from scaraspec.mutants.client import mutants
 from scaraspec.mutants.client_run import MemoryClient
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.client.harness.adapter import ClientAdapter
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
@@ -23,7 +23,7 @@ LATE = (0x52, 0x56)  # the answer to a chunk, and a chunk
 
 def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> None:
     """From then on its silence is taken for what it was before."""
-    silent = faults()["waits-behind-the-last-answer"].wrong
+    silent = mutants()["waits-behind-the-last-answer"].wrong
     with closing(MemoryClient(silent, DEFAULT)) as access:
         options = Options(only=ONLY, allowed=ALL, examples=1)
         results = Run(ClientAdapter(access, Ics(), options)).results()
@@ -35,14 +35,14 @@ def test_an_upload_of_which_nothing_is_said_is_waited_for_in_full_twice() -> Non
 
 def test_a_slow_machine_fails_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     """Who gives a transfer up because the suite was silent for too long cannot be judged."""
-    in_time = Line.send_frame
+    in_time = IncomingConnection.send_frame
 
-    def late(line: Line, frame: Frame) -> None:
+    def late(line: IncomingConnection, frame: Frame) -> None:
         if frame.opcode in LATE:
             line.wait(1.2)
         in_time(line, frame)
 
-    monkeypatch.setattr(Line, "send_frame", late)
+    monkeypatch.setattr(IncomingConnection, "send_frame", late)
     dialect = DEFAULT.replace(xfer_timeout="1")
     with closing(MemoryClient(AsyncClient, dialect)) as access:
         options = Options(only=TRANSFERS, allowed=ALL, examples=1)

@@ -11,7 +11,7 @@ import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, TransferFailed
 from scaraspec.client.driver import Driver
-from scaraspec.client.exchange import Exchange, Progress
+from scaraspec.client.exchange import PendingOperation, Progress
 from scaraspec.client.operations import Text
 from scaraspec.client.transfer import Upload
 from scaraspec.judge.requirements import select
@@ -163,7 +163,7 @@ class FailsOnOddAnswers(ClientCore):
                 return self._follow(exchange, now_s)
         return super()._dispatch(frame, now_s)
 
-    def _due(self, exchange: Exchange) -> int:
+    def _due(self, exchange: PendingOperation) -> int:
         return exchange.command.opcode if exchange.accepted is None else UPLOAD_CHUNK
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from scaraspec.client import ClientCore, ClientError
 from scaraspec.client.core import Event
-from scaraspec.client.exchange import Exchange
+from scaraspec.client.exchange import PendingOperation
 from scaraspec.client.transfer import Upload
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME, MoveTarget, Network, Parsed, Point, Pose
@@ -27,7 +27,7 @@ def declines(what: Callable[[str, Any], bool]) -> type[ClientCore]:
     """A client that declines some of what is ordered, sending nothing."""
 
     class Declines(ClientCore):
-        def command(self, name: str, value: Any = None) -> Exchange:
+        def command(self, name: str, value: Any = None) -> PendingOperation:
             if value is not None and name != "login" and what(name, value):
                 raise ClientError("no")
             return super().command(name, value)
@@ -111,7 +111,7 @@ class WritesTinyNumbersWithExponents(ClientCore):
 
     _numbers: Point = Point(0, 0, 0)
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         self._numbers = value if isinstance(value, Point) else self._numbers
         return super().command(name, value)
 

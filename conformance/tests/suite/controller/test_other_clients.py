@@ -13,7 +13,7 @@ import pytest
 
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Conclusion, Verdict
-from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import PASSWORD, Robot, tokens
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
@@ -272,7 +272,7 @@ def test_a_run_without_other_clients() -> None:
 )
 def test_faults(name: str) -> None:
     """What a fault makes of a setting is no work of another client."""
-    results = run("4.20", brain=faults()[name].wrong)
+    results = run("4.20", brain=mutants()[name].wrong)
     assert results.verdict is Conclusion.NONCONFORMANT
     assert not suspicions(results)
 
@@ -325,7 +325,7 @@ def test_noise() -> None:
 
 def test_faults_elsewhere() -> None:
     """Another client that sets the clock makes nothing inconclusive that does not depend on it."""
-    brain = faults()["gripper-of-two-numbers"].wrong
+    brain = mutants()["gripper-of-two-numbers"].wrong
     results = run("4.5,4.19,4.20", clock, 0.9, 0.3, brain=brain)
     failed = [case.id for case in results.cases if case.verdict is Verdict.FAIL]
     assert "4.19/2" in failed

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.commands import BY_OPCODE, COMMANDS
 from scaraspec.protocol.frames import Frame
@@ -57,7 +57,7 @@ def test_shrunk(
     tried: Try, fault: str, requirement: str, case: str, steps: tuple[str, ...]
 ) -> None:
     """A fault that lies between commands is found, and told with the few steps that it takes."""
-    found = tried(faults()[fault].wrong, requirement, examples=20)[case]
+    found = tried(mutants()[fault].wrong, requirement, examples=20)[case]
     assert found.verdict is Verdict.FAIL
     assert found.requirements == (requirement,)
     told = found.message.partition(" behind: ")[2].split("; ")

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.commands import Network, Point
 from scaraspec.protocol.readings import DEFAULT
@@ -55,5 +55,5 @@ def _seen(make: type[Brain], name: str, value: Any) -> set[str]:
 @pytest.mark.parametrize(("fault", "requirement", "name", "value"), SETTINGS)
 def test_what_was_refused_and_is_told(fault: str, requirement: str, name: str, value: Any) -> None:
     """A setting that is answered 0 and carried out is seen; one that is answered 1 is right."""
-    assert _seen(faults()[fault].wrong, name, value) == {requirement}
+    assert _seen(mutants()[fault].wrong, name, value) == {requirement}
     assert _seen(Brain, name, value) == set()

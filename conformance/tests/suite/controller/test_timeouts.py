@@ -7,7 +7,7 @@ import pytest
 
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller import mutants
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.controller.harness.timeouts import Due, TimeoutPolicy
@@ -85,28 +85,28 @@ def test_unanswered_deletions_fail_no_case_that_only_cleans_up(tried: Try) -> No
 
 def test_a_move_without_a_result_fails_for_itself(tried: Try) -> None:
     """Where a move is but a means, its end is seen by the status."""
-    results = tried(faults()["move-has-no-result"].wrong, *ids("4.8,4.15,4.23,4.24"))
+    results = tried(mutants()["move-has-no-result"].wrong, *ids("4.8,4.15,4.23,4.24"))
     assert results.failed == {"3/18", "4.24/6"}
     assert sum(case.duration_s for case in results.values()) < 500
 
 
 def test_results_without_a_tag_answer_no_later_request(tried: Try) -> None:
     """They would be refusals of commands that were asked for long after them."""
-    results = tried(faults()["forgets-the-tag"].wrong, "3/12", "3/18", "4.15/4", "4.15/5")
+    results = tried(mutants()["forgets-the-tag"].wrong, "3/12", "3/18", "4.15/4", "4.15/5")
     assert {"3/12", "4.15/5"} <= results.failed
     assert not [case for case in results.values() if "refused by a robot" in case.message]
 
 
 def test_results_without_a_tag_hide_nothing_of_programs(tried: Try) -> None:
     """Once they have been awaited in vain, what has no tag ends a program in all other cases."""
-    results = tried(faults()["run-ends-untagged"].wrong, "4.15/5", *ids("6.4/5,6.5,6.6a"))
+    results = tried(mutants()["run-ends-untagged"].wrong, "4.15/5", *ids("6.4/5,6.5,6.6a"))
     assert results["4.15/5"].verdict is Verdict.FAIL
     assert results.failed == {"3/12", "4.15/5"}
 
 
 def test_a_program_is_stopped_whatever_the_status_says(tried: Try) -> None:
     """A robot that says that it is idle while a program runs is not left running."""
-    results = tried(faults()["idle-during-run"].wrong, *ids("4.8,4.9,4.16"))
+    results = tried(mutants()["idle-during-run"].wrong, *ids("4.8,4.9,4.16"))
     assert "4.8/4" in results.failed
     assert not {"4/15", "4.16/2", "4.16/3"} & results.failed
     assert "run.restore" not in results

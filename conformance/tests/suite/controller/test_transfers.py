@@ -24,7 +24,7 @@ from scaraspec.suite.engine.run import Run
 from scaraspec.transports.link import Link
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
 from scaraspec.virtual_controller.brain import Brain
-from scaraspec.virtual_controller.session import Action, Carrier, Request, Session, Transfer
+from scaraspec.virtual_controller.session import Action, Carrier, OpenTransfer, Request, Session
 
 CLAUSES = ("5.1", "5.2", "5.3", "5.4")
 ONLY = frozenset(r.id for clause in CLAUSES for r in select(clause)) - {"5.2/16"}  # which is large
@@ -135,7 +135,7 @@ class NoticesLostLinksLate(Brain):
     """Goes on with an upload whose connection was lost until it times out (L795)."""
 
     @cached_property
-    def lost(self) -> list[tuple[float, Transfer]]:
+    def lost(self) -> list[tuple[float, OpenTransfer]]:
         return []
 
     def close(self, connection: int, now_s: float) -> list[Action]:

@@ -8,7 +8,7 @@ from scaraspec.mutants.controller_run import PASSWORD, Robot
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.controller.harness.access import MemoryAccess
 from scaraspec.suite.controller.harness.adapter import ControllerAdapter
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, start_program
 from scaraspec.suite.engine.expectations import NoReply
 from scaraspec.suite.engine.ics import Ics
@@ -18,7 +18,7 @@ from scaraspec.transports.link import Link, LinkError
 from scaraspec.virtual_controller.brain import Brain
 
 
-def _subject(access: MemoryAccess) -> Subject:
+def _subject(access: MemoryAccess) -> ControllerUnderTest:
     statement = Ics()
     setting = ControllerAdapter(access, statement, PASSWORD, Options(allowed=ALL))
     return setting.subject(Observer(setting.role, statement))

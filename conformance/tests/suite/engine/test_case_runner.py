@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
-from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller import mutants
 from scaraspec.mutants.controller_run import Robot, certified
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.frames import Frame
@@ -23,7 +23,7 @@ from scaraspec.virtual_controller.session import Action, Request, Session
 
 HEAD = """
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.expectations import Undecided, NotRun, Unmet, expect
+from scaraspec.suite.engine.expectations import CaseInconclusive, CaseSkipped, CaseFailed, expect
 
 """
 
@@ -58,9 +58,9 @@ def only(results: Results, name: str = "4.8/2") -> Case:
     ("body", "verdict", "cause"),
     [
         ("line.ask('get_status')", Verdict.PASS, None),
-        ("raise Unmet('wrong', expected='a', observed='b')", Verdict.FAIL, Cause.SUBJECT),
-        ("raise Undecided('who knows')", Verdict.INCONCLUSIVE, Cause.SET_UP),
-        ("raise NotRun('no')", Verdict.NONE, Cause.SET_UP),
+        ("raise CaseFailed('wrong', expected='a', observed='b')", Verdict.FAIL, Cause.SUBJECT),
+        ("raise CaseInconclusive('who knows')", Verdict.INCONCLUSIVE, Cause.SET_UP),
+        ("raise CaseSkipped('no')", Verdict.NONE, Cause.SET_UP),
         ("1 / 0", Verdict.ERROR, Cause.SUITE),
         ("subject.hook('restart')", Verdict.NONE, Cause.SET_UP),
         ("line.reply('get_version')", Verdict.FAIL, Cause.SUBJECT),
@@ -211,7 +211,7 @@ def test_whose_status_is_unreadable_is_moved_no_more(trial: Try) -> None:
         "@case('4.24/3')\ndef test_one(subject):\n    subject.moved = True\n\n"
         "@case('4.24/6')\ndef test_two(line):\n    1 / 0\n\n"
         "@case('4.7/2')\ndef test_three(line):\n    line.ask('get_version')\n",
-        faults()["state-in-words"].wrong,
+        mutants()["state-in-words"].wrong,
     )
     for name in ("4.24/3", "4.24/6"):
         assert only(results, name).verdict is Verdict.INCONCLUSIVE
@@ -241,9 +241,9 @@ def test_a_robot_at_fault_is_not_called_dead(trial: Try) -> None:
 def test_the_first_failure_of_each_requirement_is_enough(trial: Try) -> None:
     """What may find another one is tried all the same."""
     results = trial(
-        "@case('4.8/2', name='a')\ndef test_one(line):\n    raise Unmet('wrong')\n\n"
+        "@case('4.8/2', name='a')\ndef test_one(line):\n    raise CaseFailed('wrong')\n\n"
         "@case('4.8/2', '4.8/3', name='b')\n"
-        "def test_two(line):\n    raise Unmet('wrong', requirement='4.8/3')\n\n"
+        "def test_two(line):\n    raise CaseFailed('wrong', requirement='4.8/3')\n\n"
         "@case('4.8/3', '4.8/2', name='c')\ndef test_three(line):\n    1 / 0\n"
     )
     verdicts = [case.verdict for case in results.cases]
@@ -338,7 +338,7 @@ from hypothesis import strategies as st
 @given(st.integers(3, 4))
 def test_one(subject, line, number):
     if number == 1:
-        raise Unmet('it is wrong', expected='', observed='')
+        raise CaseFailed('it is wrong', expected='', observed='')
     END
 
 @case('4.8/2', name='b')

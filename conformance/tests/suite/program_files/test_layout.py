@@ -3,7 +3,7 @@
 import pytest
 
 from scaraspec.judge.verdicts import Conclusion
-from scaraspec.mutants.controller import Fault
+from scaraspec.mutants.controller import ControllerMutant
 from scaraspec.mutants.controller_run import prove_controller
 from scaraspec.protocol.programs import LAYOUTS, Layout, Program, ProgramError, parse
 from scaraspec.protocol.readings import Dialect
@@ -37,7 +37,7 @@ class _ReadsOne(Brain):
 def test_a_robot_of_any_layout_runs_programs(name: str) -> None:
     """A controller that reads one layout only conforms, though it claims none."""
     brain = type("Reads", (_ReadsOne,), {"layout": LAYOUTS[name]})
-    results = prove_controller(_CASES, Fault(name, (), "It reads one layout.", brain))
+    results = prove_controller(_CASES, ControllerMutant(name, (), "It reads one layout.", brain))
     assert results.verdict is Conclusion.CONFORMANT
     assert results.readings["controller"]["prog_layout"].options == (LAYOUTS[name].reading,)
 
@@ -51,7 +51,7 @@ def test_a_robot_without_programs_is_told_once() -> None:
         def understood(self, data: bytes) -> None:
             """Find no program."""
 
-    results = prove_controller(_CASES, Fault("none", (), "It runs none.", RunsNone))
+    results = prove_controller(_CASES, ControllerMutant("none", (), "It runs none.", RunsNone))
     verdicts = {case.id: (case.verdict.value, case.requirements) for case in results.cases}
     assert ("fail", ("6.5/26",)) in verdicts.values()
     assert sum(verdict == "fail" for verdict, _ in verdicts.values()) == 1
@@ -67,7 +67,7 @@ def test_the_meaning_of_points_is_found() -> None:
             super().__init__(plant, store, dialect.replace(point_meaning="pose"))
 
     cases = Options(only=frozenset({"6.5/25", "6.5/27"}), allowed=ALL, examples=1)
-    results = prove_controller(cases, Fault("poses", (), "Its points are poses.", Poses))
+    results = prove_controller(cases, ControllerMutant("poses", (), "Its points are poses.", Poses))
     assert results.verdict is Conclusion.CONFORMANT
     assert results.readings["controller"]["point_meaning"].options == ("pose",)
 

@@ -3,7 +3,7 @@
 A rule looks at one program and reports problems; it never raises and never looks at another rule.
 """
 
-from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.programs.rules.configuration import CONFIGURATION_RULES
 from scaraspec.protocol.programs.rules.flow import FLOW_RULES
 from scaraspec.protocol.programs.rules.layouts import LAYOUT_RULES
@@ -12,9 +12,9 @@ from scaraspec.protocol.programs.rules.ports import PORT_RULES
 from scaraspec.protocol.programs.rules.steps import STEP_RULES
 from scaraspec.protocol.programs.rules.variables import VARIABLE_RULES
 
-__all__ = ["RULES", "Problem", "Rule", "Severity", "Subject"]
+__all__ = ["RULES", "LintContext", "LintRule", "Problem", "Severity"]
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[LintRule, ...] = (
     *LAYOUT_RULES,
     *CONFIGURATION_RULES,
     *VARIABLE_RULES,

@@ -28,7 +28,7 @@ class Severity(Enum):
 
 
 @dataclass(frozen=True)
-class Subject:
+class LintContext:
     """A program under the rules, and its layout if it was read from bytes."""
 
     program: Program
@@ -80,7 +80,7 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class LintRule:
     """One static rule.
 
     Attributes:
@@ -93,4 +93,4 @@ class Rule:
     code: str
     severity: Severity
     requirements: tuple[str, ...]
-    check: Callable[[Subject], Iterator[Problem]]
+    check: Callable[[LintContext], Iterator[Problem]]

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 
 from scaraspec.protocol.programs.layout import is_odd_coordinate
 from scaraspec.protocol.programs.model import Point
-from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.programs.tables import PortType
 
 
-def _not_finite(subject: Subject) -> Iterator[Problem]:
+def _not_finite(subject: LintContext) -> Iterator[Problem]:
     """All floats are finite (A-6.1-4)."""
     for what, values in (
         ("toolPos", subject.program.tool_position),
@@ -35,17 +35,17 @@ def _odd(what: str, values: tuple[float, ...]) -> Iterator[Problem]:
             )
 
 
-def _tool_position(subject: Subject) -> Iterator[Problem]:
+def _tool_position(subject: LintContext) -> Iterator[Problem]:
     """The initial tool position is six values in mm and degrees (L846)."""
     yield from _odd("toolPos", subject.program.tool_position)
 
 
-def _tool_center(subject: Subject) -> Iterator[Problem]:
+def _tool_center(subject: LintContext) -> Iterator[Problem]:
     """The tool's working end is three values in mm (L848)."""
     yield from _odd("tcpPos", subject.program.tool_center)
 
 
-def _port_type(subject: Subject) -> Iterator[Problem]:
+def _port_type(subject: LintContext) -> Iterator[Problem]:
     """A port type is 0 to 4 (L850-856)."""
     for port, port_type in enumerate(subject.program.ports, start=1):
         if not PortType.has(port_type):
@@ -53,8 +53,8 @@ def _port_type(subject: Subject) -> Iterator[Problem]:
 
 
 CONFIGURATION_RULES = (
-    Rule("P-not-finite", Severity.ERROR, ("6.3/4",), _not_finite),
-    Rule("P-port-type", Severity.ERROR, ("6.3/3",), _port_type),
-    Rule("P-tool-position", Severity.WARNING, ("6.3/1",), _tool_position),
-    Rule("P-tool-center", Severity.WARNING, ("6.3/2",), _tool_center),
+    LintRule("P-not-finite", Severity.ERROR, ("6.3/4",), _not_finite),
+    LintRule("P-port-type", Severity.ERROR, ("6.3/3",), _port_type),
+    LintRule("P-tool-position", Severity.WARNING, ("6.3/1",), _tool_position),
+    LintRule("P-tool-center", Severity.WARNING, ("6.3/2",), _tool_center),
 )

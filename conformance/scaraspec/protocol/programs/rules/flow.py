@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from scaraspec.protocol.programs.model import Node
-from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.programs.structure import MOVES, CountsMode, Unbalanced, loop_readings
 from scaraspec.protocol.programs.tables import NodeType
 
@@ -12,14 +12,14 @@ _LEAST_CURVE_POINTS = 3
 _FULL_SPEED = 100
 
 
-def _speed(subject: Subject) -> Iterator[Problem]:
+def _speed(subject: LintContext) -> Iterator[Problem]:
     """The speed of a move is 1 to 100 percent (L922, A-6.5-3)."""
     for index, node in subject.nodes(*MOVES):
         if not 1 <= node.speed_rate <= _FULL_SPEED:
             yield Problem(f"the speed is {node.speed_rate} %; it is 1 to 100", node=index)
 
 
-def _counts_past_end(subject: Subject) -> Iterator[Problem]:
+def _counts_past_end(subject: LintContext) -> Iterator[Problem]:
     """A count does not reach beyond the last node (L924)."""
     for index, node in subject.nodes(*_COUNTING):
         if index + node.counts >= len(subject.program.nodes):
@@ -30,7 +30,7 @@ def _counts_past_end(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _counts_ignored(subject: Subject) -> Iterator[Problem]:
+def _counts_ignored(subject: LintContext) -> Iterator[Problem]:
     """Only moves and loops have a count (L924)."""
     for index, node in enumerate(subject.program.nodes):
         # Whether an end of a loop has one is open (A-6.5-4).
@@ -40,7 +40,7 @@ def _counts_ignored(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _first_stranger(subject: Subject, index: int, node: Node) -> int | None:
+def _first_stranger(subject: LintContext, index: int, node: Node) -> int | None:
     """The first node that belongs to a move and is no point."""
     for child in range(index + 1, min(index + 1 + node.counts, len(subject.program.nodes))):
         if subject.program.nodes[child].type != NodeType.POINT:
@@ -48,7 +48,7 @@ def _first_stranger(subject: Subject, index: int, node: Node) -> int | None:
     return None
 
 
-def _curve_short(subject: Subject) -> Iterator[Problem]:
+def _curve_short(subject: LintContext) -> Iterator[Problem]:
     """A curve has at least three points (不能少于 3 个, L942)."""
     for index, node in subject.nodes(NodeType.CURVE_MOVE):
         held = min(node.counts, len(subject.program.nodes) - index - 1)
@@ -56,7 +56,7 @@ def _curve_short(subject: Subject) -> Iterator[Problem]:
             yield Problem(f"a curve needs at least 3 points, but this one has {held}", node=index)
 
 
-def _curve_child(subject: Subject) -> Iterator[Problem]:
+def _curve_child(subject: LintContext) -> Iterator[Problem]:
     """A curve has only points (只能是结点坐标, L942)."""
     for index, node in subject.nodes(NodeType.CURVE_MOVE):
         if (child := _first_stranger(subject, index, node)) is not None:
@@ -67,14 +67,14 @@ def _curve_child(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _move_empty(subject: Subject) -> Iterator[Problem]:
+def _move_empty(subject: LintContext) -> Iterator[Problem]:
     """A straight move has a point to go to (A-6.5-6)."""
     for index, node in subject.nodes(NodeType.STRAIGHT_MOVE):
         if not node.counts:
             yield Problem("no node belongs to the straight move, so it goes nowhere", node=index)
 
 
-def _move_child(subject: Subject) -> Iterator[Problem]:
+def _move_child(subject: LintContext) -> Iterator[Problem]:
     """The nodes of a straight move are points (A-6.5-6)."""
     for index, node in subject.nodes(NodeType.STRAIGHT_MOVE):
         if (child := _first_stranger(subject, index, node)) is not None:
@@ -85,7 +85,7 @@ def _move_child(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _point_bare(subject: Subject) -> Iterator[Problem]:
+def _point_bare(subject: LintContext) -> Iterator[Problem]:
     """A point belongs to a move (A-6.5-7)."""
     for index, _ in subject.nodes(NodeType.POINT):
         if subject.structure.owners[index] is None:
@@ -95,8 +95,8 @@ def _point_bare(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _marker(*kinds: Unbalanced) -> Callable[[Subject], Iterator[Problem]]:
-    def check(subject: Subject) -> Iterator[Problem]:
+def _marker(*kinds: Unbalanced) -> Callable[[LintContext], Iterator[Problem]]:
+    def check(subject: LintContext) -> Iterator[Problem]:
         """Every marker has its partner (L913-919)."""
         for index, kind in subject.structure.unbalanced:
             if kind in kinds:
@@ -105,13 +105,13 @@ def _marker(*kinds: Unbalanced) -> Callable[[Subject], Iterator[Problem]]:
     return check
 
 
-def _common_reading(subject: Subject) -> frozenset[CountsMode]:
+def _common_reading(subject: LintContext) -> frozenset[CountsMode]:
     """The readings under which every count of a loop is right that is right under any."""
     readings = loop_readings(subject.program.nodes, subject.structure).values()
     return frozenset(CountsMode).intersection(*filter(None, readings))
 
 
-def _loop_counts(subject: Subject) -> Iterator[Problem]:
+def _loop_counts(subject: LintContext) -> Iterator[Problem]:
     """The count of a loop is that of its nodes, in the same reading for all loops (A-6.5-4)."""
     common = _common_reading(subject)
     for index, modes in loop_readings(subject.program.nodes, subject.structure).items():
@@ -130,7 +130,7 @@ def _loop_counts(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _loop_reading(subject: Subject) -> Iterator[Problem]:
+def _loop_reading(subject: LintContext) -> Iterator[Problem]:
     """The count of a loop is that of all nodes before its end (A-6.5-4)."""
     common = _common_reading(subject)
     if common and CountsMode.RECORDS not in common:
@@ -141,7 +141,7 @@ def _loop_reading(subject: Subject) -> Iterator[Problem]:
         )
 
 
-def _endless_loop(subject: Subject) -> Iterator[Problem]:
+def _endless_loop(subject: LintContext) -> Iterator[Problem]:
     """A program comes to an end (A-6.5-5)."""
     for index in subject.structure.loop_counts:
         yield Problem(
@@ -151,33 +151,33 @@ def _endless_loop(subject: Subject) -> Iterator[Problem]:
 
 
 FLOW_RULES = (
-    Rule("P-speed", Severity.ERROR, ("6.5/3",), _speed),
-    Rule("P-counts-past-end", Severity.ERROR, ("6.5/5",), _counts_past_end),
-    Rule("P-curve-short", Severity.ERROR, ("6.5/14",), _curve_short),
-    Rule("P-curve-child", Severity.ERROR, ("6.5/14",), _curve_child),
-    Rule(
+    LintRule("P-speed", Severity.ERROR, ("6.5/3",), _speed),
+    LintRule("P-counts-past-end", Severity.ERROR, ("6.5/5",), _counts_past_end),
+    LintRule("P-curve-short", Severity.ERROR, ("6.5/14",), _curve_short),
+    LintRule("P-curve-child", Severity.ERROR, ("6.5/14",), _curve_child),
+    LintRule(
         "P-loop",
         Severity.ERROR,
         ("6.5/15",),
         _marker(Unbalanced.OPEN_LOOP, Unbalanced.STRAY_END_LOOP),
     ),
-    Rule(
+    LintRule(
         "P-if",
         Severity.ERROR,
         ("6.5/16",),
         _marker(Unbalanced.OPEN_IF, Unbalanced.STRAY_ENDIF),
     ),
-    Rule(
+    LintRule(
         "P-else",
         Severity.ERROR,
         ("6.5/16",),
         _marker(Unbalanced.STRAY_ELSE, Unbalanced.SECOND_ELSE),
     ),
-    Rule("P-loop-counts", Severity.WARNING, ("6.5/4",), _loop_counts),
-    Rule("P-move-empty", Severity.WARNING, ("6.5/4",), _move_empty),
-    Rule("P-move-child", Severity.WARNING, ("6.5/4",), _move_child),
-    Rule("P-point-bare", Severity.WARNING, ("6.5/4",), _point_bare),
-    Rule("P-endless-loop", Severity.WARNING, ("6.5/18",), _endless_loop),
-    Rule("P-loop-reading", Severity.INFO, ("6.5/4",), _loop_reading),
-    Rule("P-counts-ignored", Severity.INFO, ("6.5/4",), _counts_ignored),
+    LintRule("P-loop-counts", Severity.WARNING, ("6.5/4",), _loop_counts),
+    LintRule("P-move-empty", Severity.WARNING, ("6.5/4",), _move_empty),
+    LintRule("P-move-child", Severity.WARNING, ("6.5/4",), _move_child),
+    LintRule("P-point-bare", Severity.WARNING, ("6.5/4",), _point_bare),
+    LintRule("P-endless-loop", Severity.WARNING, ("6.5/18",), _endless_loop),
+    LintRule("P-loop-reading", Severity.INFO, ("6.5/4",), _loop_reading),
+    LintRule("P-counts-ignored", Severity.INFO, ("6.5/4",), _counts_ignored),
 )

@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 from scaraspec.protocol.programs.layout import DEFAULT_LAYOUT
 from scaraspec.protocol.programs.model import Operation, SetOutput, WaitInput
-from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.programs.tables import Condition, Numbered, PortType, ResultType
 
 
-def _layout(subject: Subject) -> Iterator[Problem]:
+def _layout(subject: LintContext) -> Iterator[Problem]:
     """The layout is the default one (A-6.1-2)."""
     layout = subject.layout
     if layout and layout != DEFAULT_LAYOUT:
@@ -18,7 +18,7 @@ def _layout(subject: Subject) -> Iterator[Problem]:
         )
 
 
-def _layout_mixed(subject: Subject) -> Iterator[Problem]:
+def _layout_mixed(subject: LintContext) -> Iterator[Problem]:
     """Header and nodes are aligned alike (A-6.1-2)."""
     if (layout := subject.layout) and layout.reading == "mixed":
         yield Problem(
@@ -27,7 +27,7 @@ def _layout_mixed(subject: Subject) -> Iterator[Problem]:
         )
 
 
-def _table_numbers(subject: Subject) -> Iterator[tuple[int, str, int, type[Numbered]]]:
+def _table_numbers(subject: LintContext) -> Iterator[tuple[int, str, int, type[Numbered]]]:
     """What is 4 bytes long and should stand in a table: node, name, number, table."""
     for index, wait in subject.data(WaitInput):
         yield index, "condition", wait.condition, Condition
@@ -37,7 +37,7 @@ def _table_numbers(subject: Subject) -> Iterator[tuple[int, str, int, type[Numbe
         yield index, "result_type", operation.result_type, ResultType
 
 
-def _byte_order(subject: Subject) -> Iterator[Problem]:
+def _byte_order(subject: LintContext) -> Iterator[Problem]:
     """Every number has the byte order of the header (A-6.1-4)."""
     for index, what, number, table in _table_numbers(subject):
         swapped = int.from_bytes((number & 0xFFFFFFFF).to_bytes(4, "little"), "big")
@@ -49,7 +49,7 @@ def _byte_order(subject: Subject) -> Iterator[Problem]:
 
 
 LAYOUT_RULES = (
-    Rule("P-byte-order", Severity.WARNING, ("6.1/4",), _byte_order),
-    Rule("P-layout-mixed", Severity.WARNING, ("6.1/4",), _layout_mixed),
-    Rule("P-layout", Severity.INFO, ("6.1/4",), _layout),
+    LintRule("P-byte-order", Severity.WARNING, ("6.1/4",), _byte_order),
+    LintRule("P-layout-mixed", Severity.WARNING, ("6.1/4",), _layout_mixed),
+    LintRule("P-layout", Severity.INFO, ("6.1/4",), _layout),
 )

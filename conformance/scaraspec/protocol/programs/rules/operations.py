@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from scaraspec.protocol.programs.model import Operation
-from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.programs.tables import NodeType, Opt, ResultType, ValueType
 
 _ARITHMETIC = (Opt.ADD, Opt.SUBTRACT, Opt.MULTIPLY, Opt.DIVIDE)
@@ -19,7 +19,7 @@ def _operands(operation: Operation) -> tuple[tuple[str, int, int], ...]:
     )
 
 
-def _result_type(subject: Subject) -> Iterator[Problem]:
+def _result_type(subject: LintContext) -> Iterator[Problem]:
     """A result type is 1 to 4 (L961-965)."""
     for index, operation in subject.data(Operation):
         if not ResultType.has(operation.result_type):
@@ -28,7 +28,7 @@ def _result_type(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _if_result(subject: Subject) -> Iterator[Problem]:
+def _if_result(subject: LintContext) -> Iterator[Problem]:
     """The operation of an IF is a comparison (A-6.5-14)."""
     for index, node in subject.nodes(NodeType.IF):
         if isinstance(node.data, Operation) and node.data.result_type in _EFFECTS:
@@ -39,7 +39,7 @@ def _if_result(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _comparison_lost(subject: Subject) -> Iterator[Problem]:
+def _comparison_lost(subject: LintContext) -> Iterator[Problem]:
     """The operation of a calculation node has an effect (A-6.5-14)."""
     for index, node in subject.nodes(NodeType.COMPUTE):
         if isinstance(node.data, Operation) and node.data.result_type == ResultType.COMPARISON:
@@ -48,7 +48,7 @@ def _comparison_lost(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _comparison_result(subject: Subject) -> Iterator[Problem]:
+def _comparison_result(subject: LintContext) -> Iterator[Problem]:
     """The result of a comparison is 0 in a file (A-6.6a-1)."""
     for index, operation in subject.data(Operation):
         if operation.result_type == ResultType.COMPARISON and operation.result != 0:
@@ -59,7 +59,7 @@ def _comparison_result(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _result_key(subject: Subject) -> Iterator[Problem]:
+def _result_key(subject: LintContext) -> Iterator[Problem]:
     """A result is stored in a variable that exists (L963-964)."""
     for index, operation in subject.data(Operation):
         if operation.result_type in _STORED and operation.result not in subject.keys:
@@ -68,7 +68,7 @@ def _result_key(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _value_type(subject: Subject) -> Iterator[Problem]:
+def _value_type(subject: LintContext) -> Iterator[Problem]:
     """A value type is 0 to 3 (L967-973)."""
     for index, operation in subject.data(Operation):
         for name, value_type, _ in _operands(operation):
@@ -78,7 +78,7 @@ def _value_type(subject: Subject) -> Iterator[Problem]:
                 )
 
 
-def _value_missing(subject: Subject) -> Iterator[Problem]:
+def _value_missing(subject: LintContext) -> Iterator[Problem]:
     """An operation has the values that it needs (A-6.6a-3)."""
     for index, operation in subject.data(Operation):
         if operation.value_a_type == ValueType.NONE:
@@ -87,7 +87,7 @@ def _value_missing(subject: Subject) -> Iterator[Problem]:
             yield Problem("the operation has no value B, but needs two values", node=index)
 
 
-def _value_key(subject: Subject) -> Iterator[Problem]:
+def _value_key(subject: LintContext) -> Iterator[Problem]:
     """A value is that of a variable that exists (L972)."""
     for index, operation in subject.data(Operation):
         for name, value_type, value in _operands(operation):
@@ -97,7 +97,7 @@ def _value_key(subject: Subject) -> Iterator[Problem]:
                 )
 
 
-def _opt(subject: Subject) -> Iterator[Problem]:
+def _opt(subject: LintContext) -> Iterator[Problem]:
     """An operator is 1 to 9, or 0 where nothing is computed (L975-986, A-6.6a-2)."""
     for index, operation in subject.data(Operation):
         if not ResultType.has(operation.result_type) or Opt.has(operation.opt):
@@ -106,7 +106,7 @@ def _opt(subject: Subject) -> Iterator[Problem]:
             yield Problem(f"opt is {operation.opt}; operators are 1 to 9", node=index)
 
 
-def _opt_result(subject: Subject) -> Iterator[Problem]:
+def _opt_result(subject: LintContext) -> Iterator[Problem]:
     """A comparison compares and a calculation calculates (A-6.6a-3)."""
     for index, operation in subject.data(Operation):
         if not Opt.has(operation.opt):
@@ -118,7 +118,7 @@ def _opt_result(subject: Subject) -> Iterator[Problem]:
             yield Problem(f"opt {operation.opt} compares, but a calculation needs 1 to 4", index)
 
 
-def _assign_value(subject: Subject) -> Iterator[Problem]:
+def _assign_value(subject: LintContext) -> Iterator[Problem]:
     """An assignment and a port setting take value A alone (A-6.6a-2)."""
     for index, operation in subject.data(Operation):
         plain = operation.result_type in (ResultType.ASSIGNMENT, ResultType.SET_PORT)
@@ -130,7 +130,7 @@ def _assign_value(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _division_by_zero(subject: Subject) -> Iterator[Problem]:
+def _division_by_zero(subject: LintContext) -> Iterator[Problem]:
     """Nothing is divided by the constant zero (A-6.6a-4)."""
     for index, operation in subject.data(Operation):
         by_zero = operation.value_b_type == ValueType.NUMBER and operation.value_b == 0
@@ -139,16 +139,16 @@ def _division_by_zero(subject: Subject) -> Iterator[Problem]:
 
 
 OPERATION_RULES = (
-    Rule("P-result-type", Severity.ERROR, ("6.6a/1",), _result_type),
-    Rule("P-if-result", Severity.ERROR, ("6.5/13",), _if_result),
-    Rule("P-result-key", Severity.ERROR, ("6.6a/3", "6.4/3"), _result_key),
-    Rule("P-value-type", Severity.ERROR, ("6.6a/5",), _value_type),
-    Rule("P-value-missing", Severity.ERROR, ("6.6a/5",), _value_missing),
-    Rule("P-value-key", Severity.ERROR, ("6.6a/6", "6.4/3"), _value_key),
-    Rule("P-opt", Severity.ERROR, ("6.6a/8",), _opt),
-    Rule("P-opt-result", Severity.ERROR, ("6.6a/9",), _opt_result),
-    Rule("P-comparison-lost", Severity.WARNING, ("6.5/13",), _comparison_lost),
-    Rule("P-comparison-result", Severity.WARNING, ("6.6a/2",), _comparison_result),
-    Rule("P-assign-value", Severity.WARNING, ("6.6a/8",), _assign_value),
-    Rule("P-division-by-zero", Severity.WARNING, ("6.6a/10",), _division_by_zero),
+    LintRule("P-result-type", Severity.ERROR, ("6.6a/1",), _result_type),
+    LintRule("P-if-result", Severity.ERROR, ("6.5/13",), _if_result),
+    LintRule("P-result-key", Severity.ERROR, ("6.6a/3", "6.4/3"), _result_key),
+    LintRule("P-value-type", Severity.ERROR, ("6.6a/5",), _value_type),
+    LintRule("P-value-missing", Severity.ERROR, ("6.6a/5",), _value_missing),
+    LintRule("P-value-key", Severity.ERROR, ("6.6a/6", "6.4/3"), _value_key),
+    LintRule("P-opt", Severity.ERROR, ("6.6a/8",), _opt),
+    LintRule("P-opt-result", Severity.ERROR, ("6.6a/9",), _opt_result),
+    LintRule("P-comparison-lost", Severity.WARNING, ("6.5/13",), _comparison_lost),
+    LintRule("P-comparison-result", Severity.WARNING, ("6.6a/2",), _comparison_result),
+    LintRule("P-assign-value", Severity.WARNING, ("6.6a/8",), _assign_value),
+    LintRule("P-division-by-zero", Severity.WARNING, ("6.6a/10",), _division_by_zero),
 )

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from scaraspec.protocol.programs.model import PORTS, Operation, SetOutput, WaitInput
-from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.programs.tables import PortType, ResultType, ValueType
 
 _INPUTS = (PortType.ANALOG_INPUT, PortType.DIGITAL_INPUT)
@@ -21,7 +21,7 @@ class _Use:
     requirement: str
 
 
-def _uses(subject: Subject) -> Iterator[_Use]:
+def _uses(subject: LintContext) -> Iterator[_Use]:
     for node, wait in subject.data(WaitInput):
         yield _Use(node, wait.port, _INPUTS, "6.5/8")
     for node, output in subject.data(SetOutput):
@@ -36,7 +36,7 @@ def _uses(subject: Subject) -> Iterator[_Use]:
             yield _Use(node, operation.value_b, _INPUTS, "6.6a/7")
 
 
-def _port_number(subject: Subject) -> Iterator[Problem]:
+def _port_number(subject: LintContext) -> Iterator[Problem]:
     """A port number is 1 to 40 (L839)."""
     for use in _uses(subject):
         if use.port != 0 and subject.port_type(use.port) is None:
@@ -47,7 +47,7 @@ def _port_number(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _port_zero(subject: Subject) -> Iterator[Problem]:
+def _port_zero(subject: LintContext) -> Iterator[Problem]:
     """The first port is port 1, not port 0 (A-6.3-2)."""
     for use in _uses(subject):
         if use.port == 0:
@@ -58,7 +58,7 @@ def _port_zero(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _port_config(subject: Subject) -> Iterator[Problem]:
+def _port_config(subject: LintContext) -> Iterator[Problem]:
     """A port that a node uses is configured for that use (L839, L936)."""
     for use in _uses(subject):
         configured = subject.port_type(use.port)
@@ -72,7 +72,9 @@ def _port_config(subject: Subject) -> Iterator[Problem]:
 
 
 PORT_RULES = (
-    Rule("P-port-number", Severity.ERROR, ("6.5/8", "6.5/11", "6.6a/4", "6.6a/7"), _port_number),
-    Rule("P-port-zero", Severity.WARNING, ("6.5/8", "6.5/11", "6.6a/4", "6.6a/7"), _port_zero),
-    Rule("P-port-config", Severity.WARNING, ("6.5/17",), _port_config),
+    LintRule(
+        "P-port-number", Severity.ERROR, ("6.5/8", "6.5/11", "6.6a/4", "6.6a/7"), _port_number
+    ),
+    LintRule("P-port-zero", Severity.WARNING, ("6.5/8", "6.5/11", "6.6a/4", "6.6a/7"), _port_zero),
+    LintRule("P-port-config", Severity.WARNING, ("6.5/17",), _port_config),
 )

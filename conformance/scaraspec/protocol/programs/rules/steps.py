@@ -10,7 +10,7 @@ from scaraspec.protocol.programs.model import (
     WaitSeconds,
     WaitTimer,
 )
-from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.programs.tables import Condition, NodeType, Opt, PortType
 
 _TURN_DEG = 360
@@ -19,14 +19,14 @@ _LAST_LONG_S = 2**31 - 1  # the last instant that a long of 4 bytes holds
 _FULL_DUTY = 100
 
 
-def _node_type(subject: Subject) -> Iterator[Problem]:
+def _node_type(subject: LintContext) -> Iterator[Problem]:
     """A node type is 1 to 13 (L904-920)."""
     for index, node in enumerate(subject.program.nodes):
         if not NodeType.has(node.type):
             yield Problem(f"the node type is {node.type}; node types are 1 to 13", node=index)
 
 
-def _point_pose(subject: Subject) -> Iterator[Problem]:
+def _point_pose(subject: LintContext) -> Iterator[Problem]:
     """A point is four joint values (L926); larger ones are rather x, y, z, thetaX (A-6.5-2)."""
     for index, point in subject.data(Point):
         if any(abs(value) > _TURN_DEG for value in point.values):
@@ -37,14 +37,14 @@ def _point_pose(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _wait_zero(subject: Subject) -> Iterator[Problem]:
+def _wait_zero(subject: LintContext) -> Iterator[Problem]:
     """A wait takes time (L928)."""
     for index, wait in subject.data(WaitSeconds):
         if wait.duration_s == 0:
             yield Problem("the node waits for 0 seconds, which does nothing", node=index)
 
 
-def _wait_condition(subject: Subject) -> Iterator[Problem]:
+def _wait_condition(subject: LintContext) -> Iterator[Problem]:
     """A condition is 1 to 5 (L932), whose order is not that of the operators (A-6.5-11)."""
     for index, wait in subject.data(WaitInput):
         if Condition.has(wait.condition):
@@ -64,13 +64,13 @@ def _wait_condition(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _digital_waits(subject: Subject) -> Iterator[tuple[int, WaitInput]]:
+def _digital_waits(subject: LintContext) -> Iterator[tuple[int, WaitInput]]:
     for index, wait in subject.data(WaitInput):
         if subject.port_type(wait.port) == PortType.DIGITAL_INPUT:
             yield index, wait
 
 
-def _wait_never(subject: Subject) -> Iterator[Problem]:
+def _wait_never(subject: LintContext) -> Iterator[Problem]:
     """A wait for a digital input can come to an end (A-6.5-10)."""
     for index, wait in _digital_waits(subject):
         if not Condition.has(wait.condition):
@@ -85,7 +85,7 @@ def _wait_never(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _wait_value(subject: Subject) -> Iterator[Problem]:
+def _wait_value(subject: LintContext) -> Iterator[Problem]:
     """A wait for a digital input compares with 0 or 100 (L934)."""
     for index, wait in _digital_waits(subject):
         if wait.value_hundredths not in (0, 1, 100):
@@ -96,7 +96,7 @@ def _wait_value(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _wait_unscaled(subject: Subject) -> Iterator[Problem]:
+def _wait_unscaled(subject: LintContext) -> Iterator[Problem]:
     """A wait for a digital 1 stores 100 (L934, A-6.5-10)."""
     for index, wait in _digital_waits(subject):
         if wait.value_hundredths == 1:
@@ -107,7 +107,7 @@ def _wait_unscaled(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _output_type(subject: Subject) -> Iterator[Problem]:
+def _output_type(subject: LintContext) -> Iterator[Problem]:
     """An output is PWM (3) or TTL (4) (L936)."""
     for index, output in subject.data(SetOutput):
         if output.type not in (PortType.PWM_OUTPUT, PortType.DIGITAL_OUTPUT):
@@ -116,7 +116,7 @@ def _output_type(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _output_value(subject: Subject) -> Iterator[Problem]:
+def _output_value(subject: LintContext) -> Iterator[Problem]:
     """A TTL output is set to 0 or 1 (A-6.5-12)."""
     for index, output in subject.data(SetOutput):
         if output.type == PortType.DIGITAL_OUTPUT and output.value not in (0, 1):
@@ -125,7 +125,7 @@ def _output_value(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _pwm_value(subject: Subject) -> Iterator[Problem]:
+def _pwm_value(subject: LintContext) -> Iterator[Problem]:
     """A PWM output has a duty of 0 to 100 and a time base (A-6.5-12)."""
     for index, output in subject.data(SetOutput):
         if output.type != PortType.PWM_OUTPUT:
@@ -138,7 +138,7 @@ def _pwm_value(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _timer_microseconds(subject: Subject) -> Iterator[Problem]:
+def _timer_microseconds(subject: LintContext) -> Iterator[Problem]:
     """Microseconds are less than a second (L938)."""
     for index, timer in subject.data(WaitTimer):
         if not 0 <= timer.microseconds < SECOND_US:
@@ -148,7 +148,7 @@ def _timer_microseconds(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _timer_past(subject: Subject) -> Iterator[Problem]:
+def _timer_past(subject: LintContext) -> Iterator[Problem]:
     """A timer names an instant, not a duration (L938)."""
     for index, timer in subject.data(WaitTimer):
         if timer.seconds < _ANCIENT_S:
@@ -159,7 +159,7 @@ def _timer_past(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _timer_2038(subject: Subject) -> Iterator[Problem]:
+def _timer_2038(subject: LintContext) -> Iterator[Problem]:
     """An instant fits a long of 4 bytes (A-6.1-3, A-6.5-13)."""
     for index, timer in subject.data(WaitTimer):
         if timer.seconds > _LAST_LONG_S:
@@ -171,17 +171,17 @@ def _timer_2038(subject: Subject) -> Iterator[Problem]:
 
 
 STEP_RULES = (
-    Rule("P-node-type", Severity.ERROR, ("6.5/2",), _node_type),
-    Rule("P-wait-condition", Severity.ERROR, ("6.5/8", "6.5/9"), _wait_condition),
-    Rule("P-output-type", Severity.ERROR, ("6.5/11",), _output_type),
-    Rule("P-timer-microseconds", Severity.ERROR, ("6.5/12",), _timer_microseconds),
-    Rule("P-wait-never", Severity.WARNING, ("6.5/9",), _wait_never),
-    Rule("P-wait-value", Severity.WARNING, ("6.5/10",), _wait_value),
-    Rule("P-output-value", Severity.WARNING, ("6.5/11",), _output_value),
-    Rule("P-timer-past", Severity.WARNING, ("6.5/12",), _timer_past),
-    Rule("P-point-pose", Severity.INFO, ("6.5/6",), _point_pose),
-    Rule("P-wait-zero", Severity.INFO, ("6.5/7",), _wait_zero),
-    Rule("P-wait-unscaled", Severity.INFO, ("6.5/10",), _wait_unscaled),
-    Rule("P-pwm-value", Severity.INFO, ("6.5/11",), _pwm_value),
-    Rule("P-timer-2038", Severity.INFO, ("6.5/12",), _timer_2038),
+    LintRule("P-node-type", Severity.ERROR, ("6.5/2",), _node_type),
+    LintRule("P-wait-condition", Severity.ERROR, ("6.5/8", "6.5/9"), _wait_condition),
+    LintRule("P-output-type", Severity.ERROR, ("6.5/11",), _output_type),
+    LintRule("P-timer-microseconds", Severity.ERROR, ("6.5/12",), _timer_microseconds),
+    LintRule("P-wait-never", Severity.WARNING, ("6.5/9",), _wait_never),
+    LintRule("P-wait-value", Severity.WARNING, ("6.5/10",), _wait_value),
+    LintRule("P-output-value", Severity.WARNING, ("6.5/11",), _output_value),
+    LintRule("P-timer-past", Severity.WARNING, ("6.5/12",), _timer_past),
+    LintRule("P-point-pose", Severity.INFO, ("6.5/6",), _point_pose),
+    LintRule("P-wait-zero", Severity.INFO, ("6.5/7",), _wait_zero),
+    LintRule("P-wait-unscaled", Severity.INFO, ("6.5/10",), _wait_unscaled),
+    LintRule("P-pwm-value", Severity.INFO, ("6.5/11",), _pwm_value),
+    LintRule("P-timer-2038", Severity.INFO, ("6.5/12",), _timer_2038),
 )

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 
 from scaraspec.protocol.programs.model import ALIAS_BYTES, VARIABLE_NAME_BYTES, Operation
-from scaraspec.protocol.programs.rules.base import Problem, Rule, Severity, Subject
+from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.programs.tables import ResultType, ValueType
 
 
-def _key_twice(subject: Subject) -> Iterator[Problem]:
+def _key_twice(subject: LintContext) -> Iterator[Problem]:
     """Keys are unique (不可重复, L868)."""
     first: dict[int, int] = {}
     for index, variable in enumerate(subject.program.variables):
@@ -20,7 +20,7 @@ def _key_twice(subject: Subject) -> Iterator[Problem]:
             first[variable.key] = index
 
 
-def _variable_unused(subject: Subject) -> Iterator[Problem]:
+def _variable_unused(subject: LintContext) -> Iterator[Problem]:
     """Variables are there to be used by nodes (L868)."""
     used = set()
     for _, operation in subject.data(Operation):
@@ -35,7 +35,7 @@ def _variable_unused(subject: Subject) -> Iterator[Problem]:
             yield Problem(f"no node uses key {variable.key}", variable=index)
 
 
-def _name_full(subject: Subject) -> Iterator[Problem]:
+def _name_full(subject: LintContext) -> Iterator[Problem]:
     """A variable's name ends in a NUL within its 20 bytes (A-6.4-1)."""
     for index, variable in enumerate(subject.program.variables):
         if len(variable.name) == VARIABLE_NAME_BYTES:
@@ -46,7 +46,7 @@ def _name_full(subject: Subject) -> Iterator[Problem]:
             )
 
 
-def _alias_full(subject: Subject) -> Iterator[Problem]:
+def _alias_full(subject: LintContext) -> Iterator[Problem]:
     """An alias ends in a NUL within its 30 bytes (A-6.5-1)."""
     for index, node in enumerate(subject.program.nodes):
         if len(node.alias) == ALIAS_BYTES:
@@ -58,8 +58,8 @@ def _alias_full(subject: Subject) -> Iterator[Problem]:
 
 
 VARIABLE_RULES = (
-    Rule("P-key-twice", Severity.ERROR, ("6.4/2",), _key_twice),
-    Rule("P-variable-unused", Severity.INFO, ("6.4/3",), _variable_unused),
-    Rule("P-name-full", Severity.INFO, ("6.4/4",), _name_full),
-    Rule("P-alias-full", Severity.INFO, ("6.5/1",), _alias_full),
+    LintRule("P-key-twice", Severity.ERROR, ("6.4/2",), _key_twice),
+    LintRule("P-variable-unused", Severity.INFO, ("6.4/3",), _variable_unused),
+    LintRule("P-name-full", Severity.INFO, ("6.4/4",), _name_full),
+    LintRule("P-alias-full", Severity.INFO, ("6.5/1",), _alias_full),
 )

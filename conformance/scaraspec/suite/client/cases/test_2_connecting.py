@@ -1,13 +1,13 @@
 """Clause 2: who dials whom, and what comes first (L79-L83, L104)."""
 
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, expect_equal
 
 
 @client_case("2/1", attended=True)
-def test_it_dials_anew(subject: Subject) -> None:
+def test_it_dials_anew(subject: ClientUnderTest) -> None:
     """The controller cuts the connection off, and the client opens another one when told to."""
     line = subject.open()
     line.reset()
@@ -16,7 +16,7 @@ def test_it_dials_anew(subject: Subject) -> None:
 
 
 @client_case("2/1", name="unanswered")
-def test_it_dials_after_a_login_in_vain(subject: Subject) -> None:
+def test_it_dials_after_a_login_in_vain(subject: ClientUnderTest) -> None:
     """The controller hangs up in place of answering the login; the client can dial anew."""
     line, call = subject.dial()
     line.request("login", call)
@@ -26,7 +26,7 @@ def test_it_dials_after_a_login_in_vain(subject: Subject) -> None:
 
 
 @client_case("2/3")
-def test_port(subject: Subject) -> None:
+def test_port(subject: ClientUnderTest) -> None:
     """The client dials the port that is named, and 8877 where none is, if it takes such orders."""
     if not subject.access.listen_at_default():
         raise CaseSkipped(f"port {DEFAULT_PORT} of this computer cannot be had")
@@ -45,7 +45,7 @@ def test_port(subject: Subject) -> None:
 
 
 @client_case("2/10")
-def test_login_comes_first(subject: Subject) -> None:
+def test_login_comes_first(subject: ClientUnderTest) -> None:
     """On one connection after the other, the login comes before anything else."""
     for _ in range(2):
         line, call = subject.dial()

@@ -5,10 +5,10 @@ from typing import Final
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.client.harness.auto_responder import REPLIES
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside
 from scaraspec.suite.client.harness.files import serve, take
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.lists import fetches_parts, list_of, serve_list
 from scaraspec.suite.client.harness.operations import (
     accomplished,
@@ -30,7 +30,7 @@ _FULL_PART: Final = 22  # names of 11 bytes each
 _OF_EACH_KIND: Final = ("list_programs", "set_digital_output", "run_program", "emergency_stop")
 
 
-def _send_cut(line: Line, data: bytes, *cuts: int, pause_s: float = _CUT_S) -> None:
+def _send_cut(line: IncomingConnection, data: bytes, *cuts: int, pause_s: float = _CUT_S) -> None:
     """Send bytes in pieces that end before these positions."""
     begin = 0
     for end in (*cuts, len(data)):
@@ -40,7 +40,7 @@ def _send_cut(line: Line, data: bytes, *cuts: int, pause_s: float = _CUT_S) -> N
         begin = end
 
 
-def _reply(line: Line, name: str) -> bytes:
+def _reply(line: IncomingConnection, name: str) -> bytes:
     return line.frame(name, data=REPLIES[name]).encode()
 
 
@@ -48,7 +48,7 @@ def _reply(line: Line, name: str) -> bytes:
 
 
 @client_case("2/5")
-def test_reply_cut_anywhere(subject: Subject, line: Line) -> None:
+def test_reply_cut_anywhere(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A reply comes in two segments, cut at every byte in turn."""
     data = _reply(line, "get_motor_temperatures")
     for cut in examples(range(1, len(data))):
@@ -59,7 +59,7 @@ def test_reply_cut_anywhere(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/5", name="result")
-def test_result_cut_anywhere(subject: Subject, line: Line) -> None:
+def test_result_cut_anywhere(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A final result comes in two segments, cut at every byte in turn."""
     data = line.result_frame("run_program").encode()
     for cut in examples(range(1, len(data))):
@@ -71,7 +71,7 @@ def test_result_cut_anywhere(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/5", name="bytes")
-def test_single_bytes(subject: Subject, line: Line) -> None:
+def test_single_bytes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A long reply comes byte by byte."""
     call = subject.begin("get_network")
     awaited(line, call.name, call)
@@ -81,7 +81,7 @@ def test_single_bytes(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/5", name="slow")
-def test_slow_pieces(subject: Subject, line: Line) -> None:
+def test_slow_pieces(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Almost a second passes within a reply, and twice within a final result.
 
     A client may lose patience with a reply as a whole (A-3-15), and not with a final result.
@@ -97,7 +97,7 @@ def test_slow_pieces(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/5", name="all")
-def test_all_in_pieces(subject: Subject) -> None:
+def test_all_in_pieces(subject: ClientUnderTest) -> None:
     """Whatever is sent comes in pieces: the login, a list, a setting, results, both transfers."""
     line, call = subject.dial()
     line.cut_s = _CUT_S
@@ -114,7 +114,7 @@ def test_all_in_pieces(subject: Subject) -> None:
     of_each((*_OF_EACH_KIND, "upload", "download"), each)
 
 
-def _served(subject: Subject, line: Line, name: str) -> None:
+def _served(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
     """Order an operation of this name, and see it to its good end."""
     match name:
         case "upload":
@@ -135,7 +135,7 @@ def _served(subject: Subject, line: Line, name: str) -> None:
 
 
 @client_case("2/5", name="interrupted")
-def test_request_within_a_reply(subject: Subject, line: Line) -> None:
+def test_request_within_a_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Half a reply has come when the client sends another request; then comes the rest."""
     subject.concurrent(line)
     for name in examples(("get_version", "set_digital_output", "emergency_stop")):
@@ -156,7 +156,7 @@ def test_request_within_a_reply(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/6", attended=True)
-def test_result_with_its_reply(subject: Subject, line: Line) -> None:
+def test_result_with_its_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The first reply and the final result of a command come in one segment."""
     call = order(subject, "run_program")
     awaited(line, call.name, call)
@@ -166,7 +166,7 @@ def test_result_with_its_reply(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/6", name="list")
-def test_parts_of_a_list(subject: Subject, line: Line) -> None:
+def test_parts_of_a_list(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The parts of a program list, as full as they can be, come in one segment."""
     if subject.dialect["list_cont"] == "request" or fetches_parts(subject, line):
         raise CaseSkipped("the client fetches each part of a list")
@@ -180,7 +180,7 @@ def test_parts_of_a_list(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/6", name="two-replies")
-def test_two_replies(subject: Subject, line: Line) -> None:
+def test_two_replies(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The replies to two requests come in one segment, and so do their requests perhaps."""
     subject.concurrent(line)
     names = subject.unpolled("get_status", "get_version", "get_time")
@@ -193,7 +193,7 @@ def test_two_replies(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/6", name="first-replies")
-def test_first_reply_behind_another(subject: Subject, line: Line) -> None:
+def test_first_reply_behind_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The first reply of each two-stage command comes in one segment with one to a query."""
     subject.concurrent(line)
 
@@ -211,7 +211,7 @@ def test_first_reply_behind_another(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/6", name="among-others")
-def test_result_among_others(subject: Subject, line: Line) -> None:
+def test_result_among_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A final result comes behind each frame of a list, a setting, and both transfers."""
     ending = line.result_frame(RUN.name).encode()
 
@@ -228,7 +228,7 @@ def test_result_among_others(subject: Subject, line: Line) -> None:
 
 
 @client_case("2/6", name="behind-others")
-def test_reply_behind_others(subject: Subject, line: Line) -> None:
+def test_reply_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Frames that nobody waits for come ahead of a reply, in one segment with it."""
     for count in examples((1, 2, 9)):
         call = subject.begin("get_version")

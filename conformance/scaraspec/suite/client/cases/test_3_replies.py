@@ -10,10 +10,10 @@ from scaraspec.protocol.frames import TAG, Frame
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside
 from scaraspec.suite.client.harness.files import Upload, fetch, serve
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
     accomplished,
     answer,
@@ -57,7 +57,7 @@ _FRAMING: Final = 4  # start, opcode, length, end
 
 
 @client_case("3/9")
-def test_marks_in_data(subject: Subject, line: Line) -> None:
+def test_marks_in_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file full of 0xAA and 0xCC is downloaded, and is on the client's disk as it was sent.
 
     The last chunk comes in two segments: data may look like frames while its frame is not whole.
@@ -81,7 +81,7 @@ def test_marks_in_data(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/9", name="results-in-files")
-def test_results_in_data(subject: Subject, line: Line) -> None:
+def test_results_in_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file full of final results is downloaded while a program runs, which goes on."""
     goes_beside(subject, line, "download")
     run = executing(subject, line, RUN)
@@ -93,7 +93,7 @@ def test_results_in_data(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/9", name="within-strays")
-def test_replies_in_data(subject: Subject, line: Line) -> None:
+def test_replies_in_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Ahead of a reply come frames that nobody awaits; another reply is within their data."""
     within = Frame(C2A, 0x09, b"01").encode()
     for stray in examples((Frame(C2A, 0x08, within), Frame(C2A, 0x30, within, tagged=True))):
@@ -108,7 +108,7 @@ def test_replies_in_data(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/9", name="length")
-def test_marks_as_lengths(subject: Subject, line: Line) -> None:
+def test_marks_as_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The length byte of a reply is 0xAA, 0xCC, and the tag of results."""
     for size_bytes in examples((0xAA, 0xCC, TAG)):
         names = [f"{number:03}.rob" for number in range((size_bytes - 2) // 8)]
@@ -123,7 +123,7 @@ def test_marks_as_lengths(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/13")
-def test_tag(subject: Subject, line: Line) -> None:
+def test_tag(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The final result of each two-stage command has the tag, and is read as what it is."""
 
     def each(name: str) -> None:
@@ -137,7 +137,7 @@ def test_tag(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/13", name="cut")
-def test_cut_at_the_tag(subject: Subject, line: Line) -> None:
+def test_cut_at_the_tag(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The final result of each two-stage command is cut behind its tag, opcode and length."""
 
     def each(name: str) -> None:
@@ -154,7 +154,7 @@ def test_cut_at_the_tag(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/13", name="next")
-def test_frame_behind_a_tagged_one(subject: Subject, line: Line) -> None:
+def test_frame_behind_a_tagged_one(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A reply follows a tagged frame in the same segment, or is sent where that one was cut."""
     result = line.result_frame("simulate_program").encode()
     reply = line.frame("get_status", data=b"04").encode()
@@ -170,7 +170,9 @@ def test_frame_behind_a_tagged_one(subject: Subject, line: Line) -> None:
 # ---------------------------------------------------------------------- what nobody has defined
 
 
-def _ignored(subject: Subject, line: Line, call: Call, *frames: Frame, why: str) -> bool:
+def _ignored(
+    subject: ClientUnderTest, line: IncomingConnection, call: Call, *frames: Frame, why: str
+) -> bool:
     """Send what must not be taken for the reply to an open order.
 
     Returns:
@@ -190,7 +192,9 @@ def _ignored(subject: Subject, line: Line, call: Call, *frames: Frame, why: str)
     return False
 
 
-def _given_up(subject: Subject, line: Line, requirement: str) -> Line:
+def _given_up(
+    subject: ClientUnderTest, line: IncomingConnection, requirement: str
+) -> IncomingConnection:
     """Go on after the client has given an order up for what it was sent."""
     subject.tolerate(requirement, "A-3-9", "close", "the client gave its order up")
     if not line.over:
@@ -200,7 +204,7 @@ def _given_up(subject: Subject, line: Line, requirement: str) -> Line:
 
 
 @client_case("3/22")
-def test_undefined_opcodes(subject: Subject, line: Line) -> None:
+def test_undefined_opcodes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Frames with every undefined opcode come ahead of a reply; the client takes the reply."""
     for data in examples((b"", b"1", b"00", b"0|a.rob")):
         call = subject.begin("get_status")
@@ -215,7 +219,7 @@ def test_undefined_opcodes(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/22", name="idle")
-def test_undefined_while_idle(subject: Subject, line: Line) -> None:
+def test_undefined_while_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Frames with undefined opcodes come while nothing is asked, some with the tag."""
     for opcode in (0x02, 0x10, 0x3E, 0x46, 0x7F, 0xFF):
         for tagged in examples((False, True)):
@@ -237,7 +241,7 @@ def test_undefined_while_idle(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/27")
-def test_late_reply(subject: Subject, line: Line) -> None:
+def test_late_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A reply is late, and then comes in two pieces with a pause between them."""
     call = subject.begin("get_version")
     awaited(line, "get_version", call)
@@ -250,7 +254,7 @@ def test_late_reply(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/27", name="result-of-nobody")
-def test_overtaken_by_an_old_result(subject: Subject, line: Line) -> None:
+def test_overtaken_by_an_old_result(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The final result of a command of before comes ahead of each reply, and in the midst of it."""
     for name in examples(_TWO_STAGE):
         call = subject.begin("get_version")
@@ -261,7 +265,7 @@ def test_overtaken_by_an_old_result(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/27", name="overtaken")
-def test_overtaken(subject: Subject, line: Line) -> None:
+def test_overtaken(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The final result of a command that executes overtakes the reply to a query."""
     goes_beside(subject, line, "get_time")
     run = order(subject, "run_program")
@@ -275,7 +279,7 @@ def test_overtaken(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/27", name="meanwhile")
-def test_replies_meanwhile(subject: Subject, line: Line) -> None:
+def test_replies_meanwhile(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Queries are answered while a command executes; its final result comes after them."""
     goes_beside(subject, line, "get_status")
     run = order(subject, "run_program")
@@ -290,7 +294,7 @@ def test_replies_meanwhile(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/27", name="among-others")
-def test_result_among_others(subject: Subject, line: Line) -> None:
+def test_result_among_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A final result comes while other requests, and both transfers, wait for an answer."""
 
     def each(name: str) -> None:
@@ -321,7 +325,7 @@ def test_result_among_others(subject: Subject, line: Line) -> None:
     of_each((*_PENDING, "upload", "download"), each)
 
 
-def _ends(subject: Subject, line: Line, run: Call) -> None:
+def _ends(subject: ClientUnderTest, line: IncomingConnection, run: Call) -> None:
     line.result(RUN.name)
     finished(subject, run, requirement="3/27")
 
@@ -341,7 +345,7 @@ _OTHERS: Final = (
 
 
 @client_case("3/33")
-def test_reply_of_another(subject: Subject, line: Line) -> None:
+def test_reply_of_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Frames of other commands, and tagged ones, come ahead of the reply to get_status."""
     for frame in examples(_OTHERS):
         call = subject.begin("get_status")
@@ -374,7 +378,7 @@ _OTHERWISE: Final = {
 
 
 @client_case("3/33", name="query")
-def test_reply_of_another_query(subject: Subject, line: Line) -> None:
+def test_reply_of_another_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """What would be its reply comes ahead of it under the opcode of every other query."""
 
     def each(name: str) -> None:
@@ -402,7 +406,7 @@ _YES_TO_OTHERS: Final = {
 
 
 @client_case("3/33", name="flag")
-def test_flag_of_another(subject: Subject, line: Line) -> None:
+def test_flag_of_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A yes to another command comes ahead of the no to this one; or the connection ends."""
 
     def each(name: str) -> None:
@@ -426,7 +430,7 @@ def test_flag_of_another(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/33", name="result-first")
-def test_result_ahead_of_its_reply(subject: Subject, line: Line) -> None:
+def test_result_ahead_of_its_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A tagged frame of its own opcode comes ahead of the first reply, which is a refusal."""
 
     def each(name: str) -> None:

@@ -5,8 +5,8 @@ from typing import Final
 from scaraspec.protocol.commands import BY_NAME, PasswordChange
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
     VALUES,
     answer,
@@ -39,7 +39,7 @@ _TWICE: Final = {
 
 
 @client_case("3/1", "3/2", "3/3", "3/7", "3/10", "3/15", "3/32")
-def test_every_request(subject: Subject, line: Line) -> None:
+def test_every_request(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every operation with the document's example; its request is a frame, and the right one."""
 
     def each(name: str) -> None:
@@ -52,7 +52,7 @@ def test_every_request(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/8")
-def test_requests_without_data(subject: Subject, line: Line) -> None:
+def test_requests_without_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every operation that takes nothing; behind the length 0 the end byte follows at once."""
 
     def each(name: str) -> None:
@@ -65,7 +65,7 @@ def test_requests_without_data(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/6", "3/7", "3/1")
-def test_lengths(subject: Subject, line: Line) -> None:
+def test_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A pair of passwords makes a request of up to 255 bytes, unless the client refuses that."""
     for size_bytes in examples(_LENGTHS_BYTES):
         old = b"o" * ((size_bytes - 1) // 2)
@@ -78,7 +78,7 @@ def test_lengths(subject: Subject, line: Line) -> None:
         subject.settled(call)
 
 
-def _expect_frame(line: Line, call: Call, data: bytes) -> None:
+def _expect_frame(line: IncomingConnection, call: Call, data: bytes) -> None:
     """What an order has brought about has to be one frame with this data."""
     blame(line, of_length="3/6" if len(data) > _SIGNED else "3/7")
     frame = line.request(call.name, call).frame
@@ -92,7 +92,7 @@ def _expect_frame(line: Line, call: Call, data: bytes) -> None:
 
 
 @client_case("3/28")
-def test_too_long(subject: Subject, line: Line) -> None:
+def test_too_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """What does not fit 255 bytes is ordered, and must not be sent; nor may a part of it."""
 
     def each(name: str) -> None:
@@ -107,7 +107,7 @@ def test_too_long(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/32", "3/10", name="idle")
-def test_idle(subject: Subject, line: Line) -> None:
+def test_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client is left alone for a moment, between its requests and with one unanswered."""
     line.wait(_PAUSE_S)
     blame(line)
@@ -120,7 +120,7 @@ def test_idle(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/10", "3/32", name="farewell")
-def test_farewell(subject: Subject, line: Line) -> None:
+def test_farewell(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The client hangs up, and sends nothing that nobody has defined by way of farewell."""
     subject.settled(subject.begin("disconnect"))
     line.pump()
@@ -131,7 +131,7 @@ def test_farewell(subject: Subject, line: Line) -> None:
 
 
 @client_case("3/25")
-def test_one_at_a_time(subject: Subject, line: Line) -> None:
+def test_one_at_a_time(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The same is asked for twice at once; each answer goes to who asked for it."""
     subject.concurrent(line)
     name, _ = subject.unpolled(*_TWICE)

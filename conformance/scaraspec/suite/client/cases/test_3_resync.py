@@ -10,9 +10,9 @@ from typing import Final
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import RUN, executing, fails_in_the_end, renewed
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import awaited
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
@@ -47,7 +47,7 @@ _HALVES: Final = (
 )
 
 
-def _settles(line: Line, call: Call, within_s: float) -> bool:
+def _settles(line: IncomingConnection, call: Call, within_s: float) -> bool:
     """Whether an order is over in this time, or the connection is."""
     for _ in range(round(within_s / _TURN_S)):
         if call.answer is not None or line.over:
@@ -56,7 +56,9 @@ def _settles(line: Line, call: Call, within_s: float) -> bool:
     return False
 
 
-def _recovers(subject: Subject, line: Line, requirement: str, *segments: bytes) -> Line:
+def _recovers(
+    subject: ClientUnderTest, line: IncomingConnection, requirement: str, *segments: bytes
+) -> IncomingConnection:
     """Send segments with bytes that are no frame and one reply, which has to be served somehow.
 
     Returns:
@@ -93,7 +95,7 @@ def _recovers(subject: Subject, line: Line, requirement: str, *segments: bytes) 
 
 
 @client_case("3/19")
-def test_stray_bytes(subject: Subject) -> None:
+def test_stray_bytes(subject: ClientUnderTest) -> None:
     """Bytes that begin no frame come ahead of a reply."""
     line = subject.open(judged=False)
     for stray in examples(_STRAYS):
@@ -101,7 +103,7 @@ def test_stray_bytes(subject: Subject) -> None:
 
 
 @client_case("3/19", name="joined")
-def test_joined_with_a_reply(subject: Subject) -> None:
+def test_joined_with_a_reply(subject: ClientUnderTest) -> None:
     """Bytes that begin no frame come in one segment with the reply behind them, and before one."""
     line = subject.open(judged=False)
     for stray in examples(_STRAYS):
@@ -109,7 +111,7 @@ def test_joined_with_a_reply(subject: Subject) -> None:
 
 
 @client_case("3/20")
-def test_wrong_end(subject: Subject) -> None:
+def test_wrong_end(subject: ClientUnderTest) -> None:
     """A reply with a wrong end byte comes ahead of the right one, which says something else."""
     line = subject.open(judged=False)
     for spoilt in examples(_SPOILT):
@@ -117,7 +119,7 @@ def test_wrong_end(subject: Subject) -> None:
 
 
 @client_case("3/20", name="result")
-def test_wrong_end_of_a_result(subject: Subject) -> None:
+def test_wrong_end_of_a_result(subject: ClientUnderTest) -> None:
     """A final result with a wrong end byte tells of success; the right one behind it does not."""
     line = subject.open(judged=False)
     for end in examples((0x00, 0xAB)):
@@ -135,7 +137,7 @@ def test_wrong_end_of_a_result(subject: Subject) -> None:
 
 
 @client_case("3/29")
-def test_half_a_frame(subject: Subject) -> None:
+def test_half_a_frame(subject: ClientUnderTest) -> None:
     """A reply stops half-way, and then the connection ends; on the next one all is well."""
     for number, half in examples(enumerate(_HALVES)):
         line = subject.open(judged=False)
@@ -155,7 +157,7 @@ def test_half_a_frame(subject: Subject) -> None:
 
 
 @client_case("3/29", name="silence")
-def test_silence_behind_half_a_frame(subject: Subject) -> None:
+def test_silence_behind_half_a_frame(subject: ClientUnderTest) -> None:
     """A reply stops half-way and nothing follows; the client can hang up and connect again."""
     for half in examples(_HALVES):
         line = subject.open(judged=False)

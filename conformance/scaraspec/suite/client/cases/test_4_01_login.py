@@ -5,8 +5,8 @@ from typing import Final
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
     awaited,
     expect_carries,
@@ -41,7 +41,7 @@ _NO_YES: Final = (
 
 
 @client_case("4.1/1", attended=True)
-def test_connect_logs_in(subject: Subject) -> None:
+def test_connect_logs_in(subject: ClientUnderTest) -> None:
     """Several passwords are connected with, and each is sent as it is."""
     for password in examples(("password", "PassWord", "p")):
         with subject.at_will():
@@ -55,7 +55,7 @@ def test_connect_logs_in(subject: Subject) -> None:
 
 
 @client_case("4.1/1", name="passwords")
-def test_passwords(subject: Subject, line: Line) -> None:
+def test_passwords(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Passwords of many characters are logged in with, one after the other, with blanks too."""
 
     @example(" a b ")
@@ -69,13 +69,13 @@ def test_passwords(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.1/1", "T/10", name="long")
-def test_long_passwords(subject: Subject, line: Line) -> None:
+def test_long_passwords(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Long passwords are sent whole, or refused by the client."""
     for size_bytes in examples(_LONG_BYTES):
         _log_in(subject, line, b"".join(b"%d" % (i % 10) for i in range(size_bytes)))
 
 
-def _log_in(subject: Subject, line: Line, password: bytes) -> None:
+def _log_in(subject: ClientUnderTest, line: IncomingConnection, password: bytes) -> None:
     call = order(subject, "login", password)
     if sent_or_settled(subject, line, call) is None:
         return  # refused
@@ -86,7 +86,7 @@ def _log_in(subject: Subject, line: Line, password: bytes) -> None:
 
 
 @client_case("4.1/5", attended=True)
-def test_refused_login(subject: Subject) -> None:
+def test_refused_login(subject: ClientUnderTest) -> None:
     """The login is answered with 0; the client says so, and sends nothing but another login."""
     line, call = subject.dial()
     line.log_in(call, reply=b"0")
@@ -96,7 +96,7 @@ def test_refused_login(subject: Subject) -> None:
 
 
 @client_case("4.1/5", "T/10", name="told-to")
-def test_told_to_go_on(subject: Subject) -> None:
+def test_told_to_go_on(subject: ClientUnderTest) -> None:
     """The login is answered with 0; operations are ordered all the same, and none is sent.
 
     Nor is a password that nobody has given, in place of the refused one.
@@ -120,7 +120,7 @@ def test_told_to_go_on(subject: Subject) -> None:
         _expect_logins(line)
 
 
-def _expect_logins(line: Line) -> None:
+def _expect_logins(line: IncomingConnection) -> None:
     """Nothing else may have been sent.
 
     Raises:
@@ -137,7 +137,7 @@ def _expect_logins(line: Line) -> None:
 
 
 @client_case("4.1/8")
-def test_anything_but_a_yes(subject: Subject) -> None:
+def test_anything_but_a_yes(subject: ClientUnderTest) -> None:
     """The login is answered with everything but 1, and the client takes it for failed."""
     for reply in examples(_NO_YES):
         line, call = subject.dial()
@@ -148,7 +148,7 @@ def test_anything_but_a_yes(subject: Subject) -> None:
 
 
 @client_case("4.1/8", name="unanswered")
-def test_hung_up(subject: Subject) -> None:
+def test_hung_up(subject: ClientUnderTest) -> None:
     """The connection ends in place of an answer to the login, which has failed then."""
     for cut in examples((False, True)):
         line, call = subject.dial()

@@ -6,8 +6,8 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PasswordChange
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask, refuses
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -26,7 +26,7 @@ _WIDE: Final = PasswordChange(("旧" * 60).encode(), ("新" * 70).encode())
 
 
 @client_case("4.2/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The password is set, and that is refused; then it is set."""
     call, _ = ask(subject, line, "set_password")
     line.reply("set_password", data=b"0")
@@ -37,7 +37,7 @@ def test_example(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.2/1", name="pairs")
-def test_pairs(subject: Subject, line: Line) -> None:
+def test_pairs(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Pairs of passwords are sent whole, the old one first."""
 
     @example(b"o" * 60, b"n" * 60)
@@ -55,14 +55,14 @@ def test_pairs(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.2/7")
-def test_bars(subject: Subject, line: Line) -> None:
+def test_bars(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A password with a bar in it is ordered, old or new; the client refuses it."""
     for pair in examples(_BARRED):
         refuses(subject, line, "set_password", pair)
 
 
 @client_case("4.2/7", name="long")
-def test_too_long(subject: Subject, line: Line) -> None:
+def test_too_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Pairs of more than 255 bytes are ordered, one of fewer characters; the client refuses."""
     for old, new in examples(_TOO_LONG_BYTES):
         refuses(subject, line, "set_password", PasswordChange(b"o" * old, b"n" * new))

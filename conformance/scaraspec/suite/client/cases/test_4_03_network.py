@@ -5,9 +5,9 @@ from typing import Final
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.driver_values import same
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask, tells
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
@@ -18,13 +18,13 @@ _UNPADDED: Final = {"ip": "192.168.10.20", "mask": "255.255.255.0", "gateway": "
 
 
 @client_case("4.3/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_network is asked for without data, and answered."""
     tells(subject, line, "get_network", requirement="4.3/5")
 
 
 @client_case("4.3/5")
-def test_lengths(subject: Subject, line: Line) -> None:
+def test_lengths(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The three fields have every legal length, from 7 to 15 characters."""
 
     @example("1.1.1.1", "0.0.0.0", "2.2.2.2")  # noqa: S104 - text of a reply, not bound to
@@ -39,7 +39,7 @@ def test_lengths(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.3/5", name="padded")
-def test_padded(subject: Subject, line: Line) -> None:
+def test_padded(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Addresses are padded with zeros; the client says the same addresses, or that it will not."""
     call, _ = ask(subject, line, "get_network")
     line.reply("get_network", data=_PADDED)

@@ -7,8 +7,8 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Network
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
@@ -22,7 +22,7 @@ _READ_S: Final = 1.0
 
 
 @client_case("4.4/1")
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The network is set to the document's example, and that is refused."""
     call, _ = ask(subject, line, "set_network")
     line.reply("set_network", data=b"0")
@@ -30,7 +30,7 @@ def test_example(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.4/1", name="addresses")
-def test_addresses(subject: Subject, line: Line) -> None:
+def test_addresses(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Address, mask and gateway are sent whole, and in this order."""
 
     @example("1.1.1.1", "255.255.255.252", "2.2.2.2")
@@ -49,13 +49,13 @@ def test_addresses(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.4/6", attended=True)
-def test_link_ends_behind_the_yes(subject: Subject, line: Line) -> None:
+def test_link_ends_behind_the_yes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The connection ends as soon as the yes was sent; the client says done, and connects anew."""
     _lose(subject, line, cut=False)
     _lose(subject, subject.open(), cut=True)
 
 
-def _lose(subject: Subject, line: Line, *, cut: bool) -> None:
+def _lose(subject: ClientUnderTest, line: IncomingConnection, *, cut: bool) -> None:
     call, _ = ask(subject, line, "set_network")
     line.reply("set_network", data=b"1")
     if cut:
@@ -69,7 +69,9 @@ def _lose(subject: Subject, line: Line, *, cut: bool) -> None:
 
 @pytest.mark.parametrize("cut", [False, True], ids=["closed", "cut-off"])
 @client_case("T/9", name="network-unanswered")
-def test_link_is_lost_before_the_answer(subject: Subject, line: Line, *, cut: bool) -> None:
+def test_link_is_lost_before_the_answer(
+    subject: ClientUnderTest, line: IncomingConnection, *, cut: bool
+) -> None:
     """The link ends in place of an answer to the new network, which nobody has accepted then."""
     call, _ = ask(subject, line, "set_network")
     line.reset() if cut else line.close()

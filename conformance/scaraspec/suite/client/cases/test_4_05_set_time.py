@@ -7,8 +7,8 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import Clock, Diagnostics
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask, blame, sent_or_settled
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -52,7 +52,7 @@ _CLOCK: Final = Clock("time")
 
 
 @client_case("4.5/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The time is set to the document's example; that is done, and then refused."""
     call, _ = ask(subject, line, "set_time")
     line.reply("set_time", data=b"1")
@@ -63,7 +63,7 @@ def test_example(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.5/1", name="times")
-def test_times(subject: Subject, line: Line) -> None:
+def test_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Times of two centuries are sent as 14 digits, with zeros where one digit would do."""
 
     @example(datetime(1999, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
@@ -81,7 +81,7 @@ def test_times(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.5/2", name="edges")
-def test_edges_of_the_calendar(subject: Subject, line: Line) -> None:
+def test_edges_of_the_calendar(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The first and last times of years, months and days are sent as they are."""
     for time in examples(_EDGES):
         call, _ = ask(subject, line, "set_time", time)
@@ -90,7 +90,7 @@ def test_edges_of_the_calendar(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.5/2", "4.5/1")
-def test_impossible_times(subject: Subject, line: Line) -> None:
+def test_impossible_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Times that no calendar has, or of no 14 digits, are ordered; the client sends none."""
     for text in examples(_IMPOSSIBLE):
         call = subject.begin("set_time", time=text)

@@ -6,8 +6,8 @@ from typing import Final
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import tells
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -19,13 +19,13 @@ _TIMES: Final = st.datetimes(datetime(2000, 1, 1), datetime(2099, 12, 31, 23, 59
 
 
 @client_case("4.6/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_time is asked for without data, and answered."""
     tells(subject, line, "get_time", requirement="T/9")
 
 
 @client_case("T/9", name="time")
-def test_times(subject: Subject, line: Line) -> None:
+def test_times(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Times of a century are handed on, to the second, and as they are by then."""
 
     @example(datetime(2001, 2, 3, 4, 5, 6))  # noqa: DTZ001 - the document names no zone

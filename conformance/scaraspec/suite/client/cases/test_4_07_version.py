@@ -6,8 +6,8 @@ from typing import Final
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import tells
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -30,25 +30,25 @@ _DRAWN: Final = re.compile(r"[0-9]+\.[0-9]+\.[0-9]+")
 
 
 @client_case("4.7/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_version is asked for without data, and answered."""
     tells(subject, line, "get_version", requirement="4.7/5")
 
 
-def _tells(subject: Subject, line: Line, version: str) -> None:
+def _tells(subject: ClientUnderTest, line: IncomingConnection, version: str) -> None:
     odd = None if _DRAWN.fullmatch(version) else ("A-4.7-1", "three numbers")
     tells(subject, line, "get_version", version.encode(), requirement="4.7/5", odd=odd)
 
 
 @client_case("4.7/5")
-def test_versions(subject: Subject, line: Line) -> None:
+def test_versions(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Versions of 1 to 255 characters are handed on as they are."""
     for version in examples(_VERSIONS):
         _tells(subject, line, version)
 
 
 @client_case("4.7/5", name="numbers")
-def test_numbers(subject: Subject, line: Line) -> None:
+def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Versions of one to five numbers are handed on as they are."""
 
     @example([1, 0, 10])

@@ -3,8 +3,8 @@
 from typing import Any, Final
 
 from scaraspec.protocol.errors import TABLE_8_1, Code, Kind
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
@@ -18,7 +18,7 @@ _UNKNOWN: Final = (b"21", b"2f", b"0A", b"99", b"FF", b"zz", b"  ", b"1G", b"-1"
 
 
 @client_case("4.8/1", attended=True)
-def test_the_request_carries_no_data(subject: Subject, line: Line) -> None:
+def test_the_request_carries_no_data(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_status is asked for without data, and answered."""
     call, _ = ask(subject, line, "get_status")
     line.reply("get_status", "00")
@@ -26,7 +26,7 @@ def test_the_request_carries_no_data(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.8/11", "T/9")
-def test_every_code(subject: Subject, line: Line) -> None:
+def test_every_code(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every code of table 8-1 is the status, in upper and lower case.
 
     One that is no state (A-8-3, A-4.8-2), or in small letters (A-T-7), may be told as an error.
@@ -61,7 +61,7 @@ def _expect_state(result: Any, code: Code) -> None:
 
 
 @client_case("4.8/11", name="states", attended=True)
-def test_states(subject: Subject, line: Line) -> None:
+def test_states(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The robot is idle, runs a program, and has a fault of all its motors."""
     for text in examples(("00", "01", "1F")):
         call, _ = ask(subject, line, "get_status")
@@ -70,7 +70,7 @@ def test_states(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.8/11", name="unknown")
-def test_unknown_codes(subject: Subject, line: Line) -> None:
+def test_unknown_codes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Codes that table 8-1 lacks are the status; the client survives them, as idle or not."""
     for data in examples(_UNKNOWN):
         call, _ = ask(subject, line, "get_status")

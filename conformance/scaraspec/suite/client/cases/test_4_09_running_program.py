@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES, RunTime
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.driver_values import spoken
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask, tells
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -26,20 +26,22 @@ _LONG_BYTES: Final = (30, 31, 64, 100, 200)
 _RUN_TIME: Final = RunTime("run_time_s")
 
 
-def _tells(subject: Subject, line: Line, name: bytes, run_time_s: int) -> None:
+def _tells(
+    subject: ClientUnderTest, line: IncomingConnection, name: bytes, run_time_s: int
+) -> None:
     data = b"1|" + name + b"|" + _RUN_TIME.write(run_time_s, DEFAULT)
     odd = ("A-4.9-5", "30") if len(name) > NAME_MAX_BYTES else None
     tells(subject, line, "get_running_program", data, odd=odd)
 
 
 @client_case("4.9/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_running_program is asked for without data, and answered."""
     tells(subject, line, "get_running_program", requirement="T/9")
 
 
 @client_case("T/9", name="running-program")
-def test_running(subject: Subject, line: Line) -> None:
+def test_running(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Programs of many names run for up to a hundred days; name and time are handed on."""
 
     @example(b"a", 1)
@@ -53,7 +55,7 @@ def test_running(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="running-long-name")
-def test_long_names(subject: Subject, line: Line) -> None:
+def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The running program's name has 30 bytes and more, which it generally has not (A-4.9-5).
 
     It may have blanks and several dots, too.
@@ -65,7 +67,7 @@ def test_long_names(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="nothing-runs")
-def test_nothing_runs(subject: Subject, line: Line) -> None:
+def test_nothing_runs(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No program runs, which is told by the flag alone."""
     call, _ = ask(subject, line, "get_running_program")
     line.reply("get_running_program", data=b"0")
@@ -73,7 +75,7 @@ def test_nothing_runs(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="running-readings")
-def test_readings(subject: Subject, line: Line) -> None:
+def test_readings(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No program runs, with empty fields behind the flag; and a flag is a binary byte (A-T-1)."""
     running = spoken(RunningProgram(b"pro1.rob", 3661))
     for data, said, reading in examples(

@@ -6,8 +6,8 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import show
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.lists import list_of, serve_list
 from scaraspec.suite.client.harness.operations import ask, tells
 from scaraspec.suite.engine.case import client_case
@@ -23,20 +23,22 @@ _SEEMING: Final = ("0.rob", "1.rob", "11", "0", "10.rob", "00")
 """Names that look like flags."""
 
 
-def _lists(subject: Subject, line: Line, names: list[str], per_part: int, **how: Any) -> None:
+def _lists(
+    subject: ClientUnderTest, line: IncomingConnection, names: list[str], per_part: int, **how: Any
+) -> None:
     call = subject.begin("list_programs")
     serve_list(subject, line, call, list_of(*names, per_part=per_part), **how)
     subject.gives(call, names)
 
 
 @client_case("4.10/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """list_programs is asked for without data, and answered."""
     tells(subject, line, "list_programs", requirement="4.10/10")
 
 
 @client_case("4.10/10")
-def test_parts(subject: Subject, line: Line) -> None:
+def test_parts(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Lists of many names come in one to eight parts."""
 
     @example(["a.rob", "b.rob", "c.rob"], 1)
@@ -51,7 +53,7 @@ def test_parts(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.10/10", name="late", attended=True)
-def test_late_parts(subject: Subject, line: Line) -> None:
+def test_late_parts(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Three parts come, with a pause and the result of an old command ahead of each (3/27)."""
 
     def ahead() -> None:
@@ -63,7 +65,7 @@ def test_late_parts(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.10/10", name="many")
-def test_many(subject: Subject, line: Line) -> None:
+def test_many(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Hundreds of names come in full parts, in small ones, and but for the last: that fails."""
     listed = [f"pro{number:03}.rob" for number in range(_MANY)]
     for per_part in examples((22, 10)):  # of 11 bytes each
@@ -75,7 +77,7 @@ def test_many(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.10/10", "T/9", name="order")
-def test_order(subject: Subject, line: Line) -> None:
+def test_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The names are in no order, differ in case, have blanks, are hidden, or look like others."""
     _lists(subject, line, [".hidden.rob", "~a.rob", "a.rob~", "..rob"], per_part=3)
     _lists(subject, line, ["pick and place.rob", "a  b.rob"], per_part=2)
@@ -85,7 +87,7 @@ def test_order(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.10/10", name="no-bar")
-def test_no_bar_behind_the_flag(subject: Subject, line: Line) -> None:
+def test_no_bar_behind_the_flag(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No bar stands between the flag and the first name (A-4.10-2)."""
     for per_part in examples((3, 1)):
         call = subject.begin("list_programs")
@@ -99,7 +101,7 @@ def test_no_bar_behind_the_flag(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.10/12", attended=True)
-def test_empty(subject: Subject, line: Line) -> None:
+def test_empty(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """There are no programs, which is told by the flag alone."""
     call, _ = ask(subject, line, "list_programs")
     line.reply("list_programs", data=b"0")
@@ -107,7 +109,7 @@ def test_empty(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.10/12", name="readings")
-def test_empty_otherwise(subject: Subject, line: Line) -> None:
+def test_empty_otherwise(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """There are no programs, which is told by a flag and a bar, or by no data (A-4.10-4)."""
     for data, option in examples(((b"0|", "0|"), (b"", "empty"))):
         call, _ = ask(subject, line, "list_programs")
@@ -121,7 +123,7 @@ def test_empty_otherwise(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.10/12", "T/9", name="long")
-def test_long_names(subject: Subject, line: Line) -> None:
+def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Names have 30 bytes and more, up to one that fills a part; each is handed on whole."""
     for size_bytes in examples(_LONG_BYTES):
         long = "n" * (size_bytes - 4) + ".rob"

@@ -4,8 +4,8 @@ from typing import Final
 
 from hypothesis import example
 
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
@@ -18,7 +18,7 @@ _NAMES: Final = (
 
 
 @client_case("4.11/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A program is deleted, and then another deletion is refused."""
     call, _ = ask(subject, line, "delete_program")
     line.reply("delete_program", data=b"1")
@@ -29,7 +29,7 @@ def test_example(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.11/1", name="names")
-def test_names(subject: Subject, line: Line) -> None:
+def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Names with and without extension, of either case, with blanks and dots are sent as given."""
 
     @given(names)

@@ -7,8 +7,8 @@ from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import NAME_MAX_BYTES
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -20,7 +20,9 @@ _MOMENT_S: Final = 0.1
 _LONG_BYTES: Final = (30, 31, 100, 255)
 
 
-def _tells(subject: Subject, line: Line, data: bytes, said: str | None) -> None:
+def _tells(
+    subject: ClientUnderTest, line: IncomingConnection, data: bytes, said: str | None
+) -> None:
     """Answer with the opcode that was asked with."""
     call, request = ask(subject, line, _NAME)
     if request.frame.opcode != BY_NAME[_NAME].opcode:
@@ -34,13 +36,13 @@ def _tells(subject: Subject, line: Line, data: bytes, said: str | None) -> None:
 
 
 @client_case("4.12/1", "T/9", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_default_program is asked for without data, and answered."""
     _tells(subject, line, b"pro1.txt", "pro1.txt")
 
 
 @client_case("4.12/1", name="unanswered")
-def test_unanswered(subject: Subject, line: Line) -> None:
+def test_unanswered(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A request under one opcode stays unanswered for a moment; another is answered as it comes."""
     call, first = ask(subject, line, _NAME)
     claims_both = subject.dialect["op_get_default"] == "both"
@@ -53,7 +55,7 @@ def test_unanswered(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", "4.12/1", name="default-program")
-def test_names(subject: Subject, line: Line) -> None:
+def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Default programs of many names, long ones too, are handed on; and that there is none."""
 
     @example(b"a")
@@ -74,7 +76,7 @@ def test_names(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", "4.12/1", name="no-default-program")
-def test_none_otherwise(subject: Subject, line: Line) -> None:
+def test_none_otherwise(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No default program is set, which is told by a 0 (A-4.12-2)."""
     call, request = ask(subject, line, _NAME)
     line.send_frame(line.frame(_NAME, data=b"0")._replace(opcode=request.frame.opcode))

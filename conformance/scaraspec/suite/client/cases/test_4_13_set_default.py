@@ -4,8 +4,8 @@ from typing import Final
 
 from hypothesis import example
 
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
@@ -15,7 +15,7 @@ _NAMES: Final = (b"a", b"PRO1.TXT", b"pro1", b"my program.rob", b"pro1.2.txt", b
 
 
 @client_case("4.13/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The default program is set, and then that is refused."""
     call, _ = ask(subject, line, "set_default_program")
     line.reply("set_default_program", data=b"1")
@@ -26,7 +26,7 @@ def test_example(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.13/1", name="names")
-def test_names(subject: Subject, line: Line) -> None:
+def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Names with and without extension, of either case, with blanks and dots are sent as given."""
 
     @given(names)

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.driver_values import same
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import ask, tells
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -28,7 +28,7 @@ _texts: Final = st.integers(-400, 1500).map(lambda tenths: f"{tenths / 10:g}") |
 
 
 @client_case("4.14/1", attended=True)
-def test_example(subject: Subject, line: Line) -> None:
+def test_example(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """get_motor_temperatures is asked for without data, and answered."""
     tells(subject, line, _NAME, requirement="T/9")
 
@@ -42,7 +42,7 @@ def _is_whole(told: Any, due: dict[str, float]) -> bool:
 
 
 @client_case("T/9", name="temperatures")
-def test_temperatures(subject: Subject, line: Line) -> None:
+def test_temperatures(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Temperatures are handed on in their order, with sign and decimals, if any (A-4.14-2)."""
 
     @example(("20", "38.5", "-4", "0"))
@@ -63,7 +63,7 @@ def test_temperatures(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.14/4")
-def test_as_printed(subject: Subject, line: Line) -> None:
+def test_as_printed(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The temperatures come under 0x0E; a client that does not take them gets them under 0x0F."""
     call, _ = ask(subject, line, _NAME)
     line.send_frame(_AS_PRINTED)
@@ -78,7 +78,7 @@ def test_as_printed(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.14/4", name="mistaken")
-def test_not_mistaken(subject: Subject, line: Line) -> None:
+def test_not_mistaken(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Temperatures under 0x0E come while the default program is set; that is not their reply."""
     call, _ = ask(subject, line, "set_default_program")
     line.send_frame(_AS_PRINTED)
@@ -95,7 +95,7 @@ def test_not_mistaken(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.14/4", name="both")
-def test_both(subject: Subject, line: Line) -> None:
+def test_both(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Temperatures are asked for and the default program is set at once; both get their own.
 
     Either comes first, and either is answered first.

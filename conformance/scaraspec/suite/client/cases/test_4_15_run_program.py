@@ -2,16 +2,16 @@
 
 from hypothesis import example
 
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import Order, failed, finished, refused, run_at_will
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import names
 
 
 @client_case("4.15/1", attended=True)
-def test_run(subject: Subject, line: Line) -> None:
+def test_run(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A program is run by its name, to its end."""
     call = subject.begin("run_program", name="pro1.txt")
     line.serve(call, data=b"1", sent=b"pro1.txt")
@@ -20,7 +20,7 @@ def test_run(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.15/1", name="names")
-def test_names(subject: Subject, line: Line) -> None:
+def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Programs are run by names of 1 to 30 bytes, short ones behind long ones."""
 
     @example(b"abcdefghijklmnopqrstuvwxyz.rob")
@@ -35,7 +35,7 @@ def test_names(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/13", "4.15/1", name="missing-program")
-def test_missing(subject: Subject, line: Line) -> None:
+def test_missing(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A missing program is told as such, whether it is found missing at once or late (A-4.15-1)."""
     call = subject.begin("run_program", name="none.rob")
     line.serve(call, data=b"0|20", sent=b"none.rob")

@@ -2,16 +2,16 @@
 
 from hypothesis import example
 
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import Order, finished, run_at_will
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import names
 
 
 @client_case("4.16/1", attended=True)
-def test_simulate(subject: Subject, line: Line) -> None:
+def test_simulate(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A program is simulated by its name, to its end: 0x31 is sent, not 0x30."""
     call = subject.begin("simulate_program", name="pro1.txt")
     line.serve(call, data=b"1", sent=b"pro1.txt")
@@ -20,7 +20,7 @@ def test_simulate(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.16/1", name="names")
-def test_names(subject: Subject, line: Line) -> None:
+def test_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Programs are simulated by names of 1 to 30 bytes, another one than was run before."""
 
     @example(b"abcdefghijklmnopqrstuvwxyz.rob")

@@ -3,7 +3,7 @@
 import pytest
 
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import (
     INTERRUPTIBLE,
     JOG,
@@ -19,7 +19,7 @@ from scaraspec.suite.client.harness.executing import (
     ordered,
     refused,
 )
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
@@ -34,7 +34,7 @@ Never is the last, as a client may count on that result for a while, and not beg
 
 
 @client_case("4.17/1", attended=True)
-def test_stop(subject: Subject, line: Line) -> None:
+def test_stop(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop carries no data; it is carried out, and once refused, without any code (L366)."""
     call = subject.begin(STOP.name)
     line.serve(call, data=b"1", sent=b"")
@@ -46,7 +46,7 @@ def test_stop(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.17/1", name="behind-others")
-def test_stop_behind_others(subject: Subject, line: Line) -> None:
+def test_stop_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop carries no data behind requests that carried some."""
     for order in examples(INTERRUPTIBLE):
         call = executing(subject, line, order)
@@ -59,7 +59,7 @@ def test_stop_behind_others(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.17/9", name="of-a-former")
-def test_result_of_a_former_command(subject: Subject, line: Line) -> None:
+def test_result_of_a_former_command(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop ends what nobody here has begun: its result comes first, after, or never."""
     for order in INTERRUPTIBLE:
         for fate in examples(_FATES):
@@ -71,7 +71,7 @@ def test_result_of_a_former_command(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("order", INTERRUPTIBLE, ids=lambda order: order.name)
 @client_case("4.17/9")
-def test_interrupted(subject: Subject, line: Line, order: Order) -> None:
+def test_interrupted(subject: ClientUnderTest, line: IncomingConnection, order: Order) -> None:
     """The result of the stopped command comes before that of the stop, with it, after it, never."""
     beside(subject, line)
     for fate in examples(_FATES):
@@ -88,7 +88,7 @@ def test_interrupted(subject: Subject, line: Line, order: Order) -> None:
 
 
 @client_case("4.17/9", name="of-a-later")
-def test_later_command(subject: Subject, line: Line) -> None:
+def test_later_command(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """What is ordered behind a stop takes a while, and is done: the stop was not for that."""
     beside(subject, line)
     call = executing(subject, line, RUN)
@@ -103,7 +103,7 @@ def test_later_command(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.17/9", name="failed")
-def test_stop_fails(subject: Subject, line: Line) -> None:
+def test_stop_fails(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop is refused, and fails; what it was to stop goes on to its end each time."""
     beside(subject, line)
     for accepted in examples((False, True)):
@@ -122,7 +122,7 @@ def test_stop_fails(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.17/10")
-def test_stop_beside_a_query(subject: Subject, line: Line) -> None:
+def test_stop_beside_a_query(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop is sent while the reply to a query is outstanding."""
     subject.concurrent(line)
     for name in examples(("get_version", "get_tool_coordinates", "list_programs")):
@@ -137,7 +137,7 @@ def test_stop_beside_a_query(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.17/10", name="unaccepted")
-def test_stop_beside_an_order(subject: Subject, line: Line) -> None:
+def test_stop_beside_an_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop is sent while the first reply to a move is outstanding."""
     subject.concurrent(line)
     for order in examples((RUN, MOVE, JOG)):
@@ -152,7 +152,7 @@ def test_stop_beside_an_order(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.17/10", name="executing")
-def test_stop_beside_an_execution(subject: Subject, line: Line) -> None:
+def test_stop_beside_an_execution(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The stop is sent while a command executes; a client that takes no order then is told."""
     try:
         beside(subject, line)
@@ -175,7 +175,7 @@ _REPLIES = {
 }
 
 
-def _end(line: Line, order: Order, fate: str) -> None:
+def _end(line: IncomingConnection, order: Order, fate: str) -> None:
     """End the stop, and with it a command that it stops."""
     own, of_stop = line.result_frame(order.name, "00"), line.result_frame(STOP.name)
     frames = {"first": [own, of_stop], "after": [of_stop, own], "none": [of_stop]}
@@ -195,14 +195,14 @@ def _not_done(call: Call) -> None:
     )
 
 
-def _begun(subject: Subject, line: Line) -> Call:
+def _begun(subject: ClientUnderTest, line: IncomingConnection) -> Call:
     """A stop that is accepted; what it stops shows in the status as long as it goes on."""
     stop = ordered(subject, line, STOP)
     line.reply(STOP.name, data=b"1")
     return stop
 
 
-def _still_works(subject: Subject, line: Line, other: Order) -> None:
+def _still_works(subject: ClientUnderTest, line: IncomingConnection, other: Order) -> None:
     """A query is answered, and so is another order, unless the client still counts on the first."""
     query = subject.begin("get_version")
     line.serve(query, "1.0.0")

@@ -1,13 +1,13 @@
 """4.18: the reset (0x33, L385-419)."""
 
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import failed, finished, refused
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 
 
 @client_case("4.18/1", attended=True)
-def test_reset(subject: Subject, line: Line) -> None:
+def test_reset(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The robot is reset."""
     call = subject.begin("reset")
     line.serve(call, data=b"1", sent=b"")
@@ -16,7 +16,7 @@ def test_reset(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.18/1", "4/13", name="as-drawn")
-def test_as_drawn(subject: Subject, line: Line) -> None:
+def test_as_drawn(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The refusal and the failure that the document draws are told; the next reset is empty too."""
     call = subject.begin("reset")
     line.serve(call, data=b"0|01", sent=b"")

@@ -4,8 +4,8 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Point
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.request_checks import expect_numbers
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
@@ -14,7 +14,7 @@ _tenths = st.integers(-99_999, 99_999).map(lambda tenths: tenths / 10)
 
 
 @client_case("4.20/1", attended=True)
-def test_set(subject: Subject, line: Line) -> None:
+def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The gripper centre is set, and once refused."""
     call = subject.begin("set_gripper_center", x=200, y=300, z=456)
     expect_numbers(line.serve(call), (200, 300, 456))
@@ -25,7 +25,7 @@ def test_set(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.20/1", name="numbers")
-def test_numbers(subject: Subject, line: Line) -> None:
+def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Numbers of every size and sign go out as decimals between bars, in order."""
 
     @example(Point(0, 0, 0))

@@ -4,8 +4,8 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.poses import expect_pose
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -16,7 +16,7 @@ _tenths = st.integers(-9_999, 9_999).map(lambda tenths: tenths / 10)
 
 
 @client_case("4.21/1", attended=True)
-def test_set(subject: Subject, line: Line) -> None:
+def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The initial tool position is set, and once refused."""
     call = subject.begin("set_initial_tool_position", **_DRAWN._asdict())
     expect_pose(subject, line.serve(call), _DRAWN)
@@ -28,7 +28,7 @@ def test_set(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.21/1", "7/2", name="numbers")
-def test_numbers(subject: Subject, line: Line) -> None:
+def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Six numbers of every size and sign go out as decimals between bars, in order."""
 
     @example(Pose(0, 0, 0, 0, 0, 0))
@@ -45,7 +45,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.21/6")
-def test_length(subject: Subject, line: Line) -> None:
+def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The length byte counts what is sent: 23 for the text whose row prints 25 (A-4.21-1)."""
     for wanted in examples(
         (_DRAWN, Pose(0, 0, 0, 0, 0, 0), Pose(-123.4, -234.5, 345.6, -178.9, -90.5, 0.5))

@@ -5,8 +5,8 @@ from typing import Final
 from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME, Pose
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.poses import gives_pose
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
@@ -16,7 +16,7 @@ _REPLY: Final = BY_NAME["get_initial_tool_position"].reply
 
 
 @client_case("4.22/1", attended=True)
-def test_asked(subject: Subject, line: Line) -> None:
+def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The initial tool position is asked for without data, and told."""
     call = subject.begin("get_initial_tool_position")
     line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")
@@ -25,7 +25,7 @@ def test_asked(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.22/1", "T/9", name="values")
-def test_values(subject: Subject, line: Line) -> None:
+def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Positions of every size and sign are told, also behind one that was set."""
 
     @example(Pose(-0.5, 0, 1234.125, -179.9, 34.5, -12))

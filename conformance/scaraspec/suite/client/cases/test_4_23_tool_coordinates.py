@@ -5,9 +5,9 @@ from typing import Final
 from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME, Pose
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import MOVE, executing, finished
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.poses import gives_pose
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -17,7 +17,7 @@ _REPLY: Final = BY_NAME["get_tool_coordinates"].reply
 
 
 @client_case("4.23/1", attended=True)
-def test_asked(subject: Subject, line: Line) -> None:
+def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The tool coordinates are asked for without data, and told."""
     call = subject.begin("get_tool_coordinates")
     line.serve(call, Pose(200, 300, 324, 34.6, 0, 0), sent=b"")
@@ -26,7 +26,7 @@ def test_asked(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.23/1", "T/9", name="values")
-def test_values(subject: Subject, line: Line) -> None:
+def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Coordinates of every size and sign are told, also behind a move to others."""
 
     @example(Pose(-0.5, 0, 1234.125, -179.9, 0, 0))
@@ -43,7 +43,7 @@ def test_values(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.23/4", "7/2")
-def test_useless_angles(subject: Subject, line: Line) -> None:
+def test_useless_angles(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Whatever stands for thetaY and thetaZ, x, y, z and thetaX are told as they are (L1006)."""
     for name in ("get_tool_coordinates", "get_initial_tool_position"):
         for useless in examples(

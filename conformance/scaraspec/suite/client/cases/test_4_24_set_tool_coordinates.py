@@ -4,13 +4,13 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import MOVE, executing, failed, finished, refused
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.poses import expect_pose
 from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect_equal, expect_in
 
@@ -25,7 +25,7 @@ _poses = st.builds(Pose, *[_tenths] * 4, st.just(0.0), st.just(0.0))
 
 
 @client_case("4.24/1", attended=True)
-def test_move(subject: Subject, line: Line) -> None:
+def test_move(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A move is begun, and comes to its end; another one fails."""
     for code in examples(("", "12")):
         call = subject.begin(_MOVE, speed=60, **_THERE._asdict())
@@ -40,7 +40,7 @@ def test_move(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.24/1", "7/2", name="numbers")
-def test_numbers(subject: Subject, line: Line) -> None:
+def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Speed and pose of every size and sign go out as decimals between bars, in order."""
 
     @example(1, Pose(0, 0, 0, 0, 0, 0))
@@ -58,7 +58,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.24/2")
-def test_every_speed(subject: Subject, line: Line) -> None:
+def test_every_speed(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The speed goes out as a whole number, for each from 1 to 100 %."""
     for speed in examples(range(1, 101)):
         call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
@@ -69,7 +69,7 @@ def test_every_speed(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.24/2", name="beyond")
-def test_no_speed(subject: Subject, line: Line) -> None:
+def test_no_speed(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A speed that is no whole percentage from 1 to 100 is not sent: it is refused, or mended."""
     for speed in examples(_NO_SPEEDS):
         call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
@@ -83,7 +83,7 @@ def test_no_speed(subject: Subject, line: Line) -> None:
     finished(subject, call)
 
 
-def _speed_of(sent: Answer) -> int | None:
+def _speed_of(sent: ReceivedFrame) -> int | None:
     """The speed that a move carries; None where it is no whole number."""
     text = sent.seen.text.split(b"|")[0]
     return int(text) if text.isdigit() and len(text) <= _MOST_DIGITS else None

@@ -1,14 +1,14 @@
 """4.25: releasing the joints (0x3A, L518-549)."""
 
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import failed, finished
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 
 
 @client_case("4.25/1", attended=True)
-def test_release(subject: Subject, line: Line) -> None:
+def test_release(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The joints are released; once that fails."""
     for code in examples(("", "12")):
         call = subject.begin("release_joints")

@@ -1,13 +1,13 @@
 """4.26: locking the joints (0x3B, L551-582)."""
 
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import RELEASE, executing, finished, refused
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 
 
 @client_case("4.26/1", attended=True)
-def test_lock(subject: Subject, line: Line) -> None:
+def test_lock(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The joints are locked; once that is refused."""
     call = subject.begin("lock_joints")
     line.serve(call, data=b"1", sent=b"")
@@ -19,7 +19,7 @@ def test_lock(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.26/1", name="in-turn")
-def test_in_turn(subject: Subject, line: Line) -> None:
+def test_in_turn(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Joints that were released are locked, and so several times."""
     for _ in range(3):
         call = executing(subject, line, RELEASE)

@@ -5,8 +5,8 @@ from typing import Final
 from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME, JointValues
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.strategies import payload_values
@@ -15,7 +15,7 @@ _REPLY: Final = BY_NAME["get_joint_angles"].reply
 
 
 @client_case("4.27/1", attended=True)
-def test_asked(subject: Subject, line: Line) -> None:
+def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The joint angles are asked for without data, and told."""
     call = subject.begin("get_joint_angles")
     line.serve(call, JointValues(20.4, 30.5, 38, 0), sent=b"")
@@ -23,7 +23,7 @@ def test_asked(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.27/1", "T/9", name="values")
-def test_values(subject: Subject, line: Line) -> None:
+def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Angles of every size and sign are told, each as that of its joint, time and again."""
 
     @example(JointValues(1, 2, 3, 4))

@@ -3,9 +3,9 @@
 from typing import Final
 
 from scaraspec.protocol import payloads
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import RUN, executing, failed, finished, refused
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_equal, told
@@ -27,7 +27,7 @@ def _expect_direction(sent: bytes, number: int) -> None:
 
 
 @client_case("4.28/1", "4.28/3", attended=True)
-def test_jog(subject: Subject, line: Line) -> None:
+def test_jog(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """One byte tells each of the four directions."""
     for direction, number in examples(_DIRECTIONS.items()):
         call = subject.begin(_JOG, direction=direction)
@@ -38,7 +38,7 @@ def test_jog(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.28/3", "4.28/1", name="refused")
-def test_refused(subject: Subject, line: Line) -> None:
+def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A jog that was refused, or failed, changes the direction of no other."""
     for direction, number in examples(_DIRECTIONS.items()):
         call = subject.begin(_JOG, direction=direction)
@@ -53,7 +53,7 @@ def test_refused(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.28/2")
-def test_byte(subject: Subject, line: Line) -> None:
+def test_byte(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The byte is one of 1 to 4, always as a digit or always as a number (A-4.28-1)."""
     forms = set()
     for direction in examples((*_DIRECTIONS, *reversed(_DIRECTIONS))):

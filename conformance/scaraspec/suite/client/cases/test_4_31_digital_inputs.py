@@ -1,7 +1,7 @@
 """4.31: the digital inputs (0x42, L639-651)."""
 
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.ports import expect_each_port, expect_ports
 from scaraspec.suite.client.harness.request_checks import expect_no_value
 from scaraspec.suite.engine.case import client_case
@@ -11,19 +11,19 @@ _COUNT = 8
 
 
 @client_case("4.31/1", "4.31/3", attended=True)
-def test_asked(subject: Subject, line: Line) -> None:
+def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The inputs are asked for all at once, without data, and port 8 is told leftmost."""
     expect_ports(subject, line, _GET, "10000010", requirement="4.31/3")
 
 
 @client_case("4.31/3", "4.31/1", name="each")
-def test_each_port(subject: Subject, line: Line) -> None:
+def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each of the eight inputs shows at its own place, in every combination."""
     expect_each_port(subject, line, _GET, _COUNT, requirement="4.31/3")
 
 
 @client_case("4.31/1", name="error")
-def test_error(subject: Subject, line: Line) -> None:
+def test_error(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The single 0 is an error and no input; the next request carries no data either."""
     for _ in range(2):
         call = subject.begin(_GET)

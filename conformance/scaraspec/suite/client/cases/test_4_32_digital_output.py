@@ -2,11 +2,11 @@
 
 from typing import Final
 
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.request_checks import numbers_of, request_unless_refused
 from scaraspec.suite.engine.case import client_case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_in, told
 
@@ -18,7 +18,7 @@ _NO_PORTS: Final = (257, 264, 65537)
 _NO_VALUES: Final = (2, -1, 10, 255, 256, 0.5)
 
 
-def _expect_setting(sent: Answer, port: int, value: int) -> None:
+def _expect_setting(sent: ReceivedFrame, port: int, value: int) -> None:
     text = sent.seen.text
     expect(
         numbers_of(sent) == [port, value] and b"." not in text,
@@ -30,7 +30,7 @@ def _expect_setting(sent: Answer, port: int, value: int) -> None:
 
 
 @client_case("4.32/1", attended=True)
-def test_set(subject: Subject, line: Line) -> None:
+def test_set(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """An output is set, and once refused."""
     call = subject.begin(_SET, port=8, value=1)
     _expect_setting(line.serve(call), 8, 1)
@@ -41,7 +41,7 @@ def test_set(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.32/1", "4.32/2", name="each")
-def test_each_port(subject: Subject, line: Line) -> None:
+def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each output is set to 1 and to 0, and told apart from its neighbours.
 
     A port that does not exist is refused, or asked for as it is: no other one is set for it.
@@ -61,7 +61,7 @@ def test_each_port(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.32/2")
-def test_other_values(subject: Subject, line: Line) -> None:
+def test_other_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A value other than 0 and 1 is not sent: it is refused, or mended."""
     for value in examples(_NO_VALUES):
         call = subject.begin(_SET, port=3, value=value)

@@ -6,8 +6,8 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.request_checks import expect_no_value, request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -22,7 +22,7 @@ _BYTES: Final = 2
 
 
 @client_case("4.33/1", attended=True)
-def test_asked(subject: Subject, line: Line) -> None:
+def test_asked(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The port is asked for in two characters, as 08, and its value is told."""
     call = subject.begin(_GET, port=8)
     line.serve(call, 100, sent=b"08")
@@ -30,7 +30,7 @@ def test_asked(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.33/1", name="each")
-def test_each_port(subject: Subject, line: Line) -> None:
+def test_each_port(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each of the forty ports is asked for in two characters, if it is asked for at all."""
     for port in examples(_SURE_PORTS):
         call = subject.begin(_GET, port=port)
@@ -44,7 +44,7 @@ def test_each_port(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.33/1", name="beyond")
-def test_beyond(subject: Subject, line: Line) -> None:
+def test_beyond(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A port number that does not fit two characters is not sent."""
     for port in examples(_NO_PORTS):
         call = subject.begin(_GET, port=port)
@@ -62,7 +62,7 @@ def test_beyond(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.33/4", attended=True)
-def test_zero(subject: Subject, line: Line) -> None:
+def test_zero(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The value 0 and the error are told apart."""
     call = subject.begin(_GET, port=1)
     line.serve(call, data=b"1|0")
@@ -73,7 +73,7 @@ def test_zero(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.33/4", "T/9", name="values")
-def test_values(subject: Subject, line: Line) -> None:
+def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Values of every size and sign are told, and after each the error as none."""
 
     @example(0.0)
@@ -95,7 +95,7 @@ def test_values(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.33/4", name="forms")
-def test_forms(subject: Subject, line: Line) -> None:
+def test_forms(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The value 0 is told in each of its forms."""
     for form in examples((b"1|0", b"1|0.0", b"1|0.000", b"1|-0", b"1|00")):
         call = subject.begin(_GET, port=3)

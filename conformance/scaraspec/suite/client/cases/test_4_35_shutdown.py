@@ -2,9 +2,9 @@
 
 import pytest
 
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import MOVE, executing, finished
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect
@@ -14,7 +14,7 @@ _READ_S = 1.0
 
 
 @client_case("4.35/1", attended=True)
-def test_refused(subject: Subject, line: Line) -> None:
+def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A shutdown without data is refused while a program runs, and the link goes on."""
     call = subject.begin(_OFF)
     line.serve(call, data=b"0|01", sent=b"")
@@ -25,7 +25,7 @@ def test_refused(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.35/1", name="behind-others")
-def test_behind_others(subject: Subject, line: Line) -> None:
+def test_behind_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The request carries no data behind one that carried some; its refusals are told."""
     for code in examples(("01", "03", "12", "1F")):
         call = executing(subject, line, MOVE)
@@ -37,7 +37,7 @@ def test_behind_others(subject: Subject, line: Line) -> None:
 
 
 @client_case("4.35/6", attended=True)
-def test_done(subject: Subject, line: Line) -> None:
+def test_done(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The shutdown is accepted, which is all that comes of it, and the link ends."""
     call = subject.begin(_OFF)
     line.serve(call, data=b"1", sent=b"")
@@ -47,7 +47,9 @@ def test_done(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("cut", [False, True], ids=["closed", "cut-off"])
 @client_case("T/9", name="shutdown-unanswered")
-def test_link_is_lost_before_the_answer(subject: Subject, line: Line, *, cut: bool) -> None:
+def test_link_is_lost_before_the_answer(
+    subject: ClientUnderTest, line: IncomingConnection, *, cut: bool
+) -> None:
     """The link ends in place of an answer to the shutdown, which nobody has accepted then."""
     call = subject.begin(_OFF)
     line.request(_OFF, call)
@@ -57,7 +59,7 @@ def test_link_is_lost_before_the_answer(subject: Subject, line: Line, *, cut: bo
 
 @pytest.mark.parametrize("loss", ["closed", "closed-at-once", "reset", "pending"])
 @client_case("4.35/6", name="loss")
-def test_link_is_lost(subject: Subject, line: Line, loss: str) -> None:
+def test_link_is_lost(subject: ClientUnderTest, line: IncomingConnection, loss: str) -> None:
     """The link is closed or cut off behind the 1, also with other things under way."""
     if loss == "pending":
         subject.concurrent(line)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol import errors
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import (
     JOG,
     MOVE,
@@ -34,7 +34,7 @@ from scaraspec.suite.client.harness.executing import (
     shows,
     still,
 )
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
@@ -56,7 +56,7 @@ _CODES: Final = tuple(errors.TABLE_8_1)
 
 
 @client_case("4/9", attended=True)
-def test_eleven(subject: Subject, line: Line) -> None:
+def test_eleven(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """11 is a success as a final result and the inner arm's fault as a code of either stage."""
     call = executing(subject, line, RUN)
     line.result(RUN.name)
@@ -70,7 +70,7 @@ def test_eleven(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/9", "4/13", name="stages")
-def test_stages(subject: Subject, line: Line) -> None:
+def test_stages(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Refusal, failure and success are told apart for every command, whatever the code."""
     for order, code in examples(zip(REASONED, cycle(("11", "01", "10", "06")), strict=False)):
         call = ordered(subject, line, order)
@@ -90,7 +90,7 @@ def test_stages(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/9", name="untagged")
-def test_untagged(subject: Subject, line: Line) -> None:
+def test_untagged(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """What bears no tag is no final result, even if its data are those of one."""
     for order in examples(ORDERS):
         call = executing(subject, line, order)
@@ -112,7 +112,7 @@ def test_untagged(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/9", name="waits")
-def test_waits(subject: Subject, line: Line) -> None:
+def test_waits(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The first reply alone ends no order, whichever it is."""
     for order in examples(ORDERS):
         call = executing(subject, line, order)
@@ -123,7 +123,7 @@ def test_waits(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/9", name="of-another")
-def test_result_of_another(subject: Subject, line: Line) -> None:
+def test_result_of_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The tagged result of another command ends no order."""
     for order, other in examples(zip(ORDERS, (*ORDERS[1:], ORDERS[0]), strict=True)):
         call = executing(subject, line, order)
@@ -135,7 +135,7 @@ def test_result_of_another(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/9", name="second")
-def test_second_order(subject: Subject, line: Line) -> None:
+def test_second_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A refusal without tag, to a second order while the first executes, does not end the first."""
     beside(subject, line)
     first = executing(subject, line, RUN)
@@ -156,7 +156,7 @@ def test_second_order(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/10")
-def test_together(subject: Subject, line: Line) -> None:
+def test_together(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """First reply and final result come in one segment, for every command, done and failed."""
     for order in ORDERS:
         for code in examples(("", "12")):
@@ -170,7 +170,7 @@ def test_together(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/10", name="split")
-def test_split(subject: Subject, line: Line) -> None:
+def test_split(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """First reply and final result come one behind the other, cut at every byte."""
     both = line.frame(RESET.name, data=b"1").encode() + line.result_frame(RESET.name, "14").encode()
     for cut in examples(range(1, len(both))):
@@ -182,7 +182,7 @@ def test_split(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/10", name="among-others")
-def test_among_other_replies(subject: Subject, line: Line) -> None:
+def test_among_other_replies(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The final result comes in one segment with a query's reply, ahead of it and behind it."""
     beside(subject, line)
     for order in (RUN, MOVE, JOG):
@@ -200,7 +200,7 @@ def test_among_other_replies(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/11", "4/16")
-def test_late(subject: Subject, line: Line) -> None:
+def test_late(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The final result comes 10 s after the first reply, and the request is not sent again."""
     call = executing(subject, line, RUN)
     line.wait(_LATE_S)
@@ -211,7 +211,7 @@ def test_late(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/16", name="at-once")
-def test_not_repeated(subject: Subject, line: Line) -> None:
+def test_not_repeated(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No request is sent again while its command executes, but a jog's (A-4.28-3)."""
     for order in examples(ORDERS):
         call = executing(subject, line, order)
@@ -223,7 +223,7 @@ def test_not_repeated(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/16", name="late-reply")
-def test_not_repeated_before_its_reply(subject: Subject, line: Line) -> None:
+def test_not_repeated_before_its_reply(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No request is sent again because its first reply is late; a client may give it up."""
     for order in examples((RUN, MOVE)):
         call = ordered(subject, line, order)
@@ -240,7 +240,7 @@ def test_not_repeated_before_its_reply(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/16", name="while-idle")
-def test_not_repeated_when_idle(subject: Subject, line: Line) -> None:
+def test_not_repeated_when_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A request is not sent again although the robot says that it is idle, or at fault.
 
     What came of it is known only from its result, for which a client need not wait any longer.
@@ -259,7 +259,9 @@ def test_not_repeated_when_idle(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/16", name="reconnected")
-def test_not_repeated_on_a_new_connection(subject: Subject, line: Line) -> None:
+def test_not_repeated_on_a_new_connection(
+    subject: ClientUnderTest, line: IncomingConnection
+) -> None:
     """A request whose result was lost with the link is not sent again, nor said to be done."""
     for order in examples((MOVE, STOP)):
         call = executing(subject, line, order)
@@ -272,7 +274,7 @@ def test_not_repeated_on_a_new_connection(subject: Subject, line: Line) -> None:
         expect(not call.ok or call.failed, message, expected="an error", observed=f"{call}")
 
 
-def _not_sent(line: Line, order: Order) -> None:
+def _not_sent(line: IncomingConnection, order: Order) -> None:
     again = [seen for seen in line.heard if seen.name == order.name]
     expect(
         not again,
@@ -287,7 +289,7 @@ def _not_sent(line: Line, order: Order) -> None:
 
 
 @client_case("4/13")
-def test_refused(subject: Subject, line: Line) -> None:
+def test_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A refused order is told as such, and nothing is waited for: the next one is sent."""
     call = ordered(subject, line, MOVE)
     line.reply(MOVE.name, data=b"0|05")
@@ -298,7 +300,7 @@ def test_refused(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/13", name="every-order")
-def test_every_order_refused(subject: Subject, line: Line) -> None:
+def test_every_order_refused(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every command is refused, then accepted: the refusal leaves nothing behind."""
     for order in examples(ORDERS):
         call = ordered(subject, line, order)
@@ -310,7 +312,7 @@ def test_every_order_refused(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/13", name="bare")
-def test_bare_refusal(subject: Subject, line: Line) -> None:
+def test_bare_refusal(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A move is refused with 0 alone, as its row prints the length (A-4.24-3), behind a reason."""
     for data, code in examples(((b"0|05", "05"), (b"0", ""))):
         call = ordered(subject, line, MOVE)
@@ -326,7 +328,7 @@ def test_bare_refusal(subject: Subject, line: Line) -> None:
 
 
 @client_case("4/13", "4/12", name="unknown")
-def test_unknown_codes(subject: Subject, line: Line) -> None:
+def test_unknown_codes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A code that table 8-1 does not have, or reserves, is neither a success nor another code."""
 
     @example("")
@@ -365,7 +367,7 @@ def _tells_no_other(call: Call, code: str) -> None:
 
 @pytest.mark.parametrize("stage", ["refusals", "failures"])
 @client_case("4/12", "8/4")
-def test_codes(subject: Subject, line: Line, stage: str) -> None:
+def test_codes(subject: ClientUnderTest, line: IncomingConnection, stage: str) -> None:
     """Every code of table 8-1 is told as it was sent, for the commands in turn."""
     silent = []
     for order, code in examples(zip(cycle(REASONED), _CODES, strict=False)):
@@ -385,7 +387,7 @@ def test_codes(subject: Subject, line: Line, stage: str) -> None:
 
 
 @client_case("4/12", name="interrupted")
-def test_interrupted(subject: Subject, line: Line) -> None:
+def test_interrupted(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The code 00 in a failure, of a command that was stopped, makes it no success (A-4.17-4)."""
     for order in examples((RUN, SIMULATE, RESET, MOVE, JOG)):
         call = executing(subject, line, order)

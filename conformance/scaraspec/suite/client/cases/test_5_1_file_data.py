@@ -12,7 +12,7 @@ from scaraspec.protocol.transfer import (
     Chunk,
     chunks_of,
 )
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.files import (
     Upload,
     cut,
@@ -21,7 +21,7 @@ from scaraspec.suite.client.harness.files import (
     fetch,
     serving,
 )
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import (
     chunk_of,
@@ -30,7 +30,7 @@ from scaraspec.suite.engine.chunks import (
     expect_position,
     expect_within,
 )
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
@@ -41,7 +41,9 @@ _SHORT_S = 0.1
 _TOLD_S = 2.0
 
 
-def _frames(subject: Subject, line: Line, content: bytes) -> Iterator[Answer]:
+def _frames(
+    subject: ClientUnderTest, line: IncomingConnection, content: bytes
+) -> Iterator[ReceivedFrame]:
     """What the client sends of a file, right or wrong."""
     upload = Upload(subject, line, content)
     upload.accept()
@@ -49,7 +51,7 @@ def _frames(subject: Subject, line: Line, content: bytes) -> Iterator[Answer]:
     upload.expect_done()
 
 
-def _chunks(subject: Subject, line: Line, content: bytes) -> Iterator[Chunk]:
+def _chunks(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> Iterator[Chunk]:
     return (chunk_of(frame) for frame in _frames(subject, line, content))
 
 
@@ -57,7 +59,7 @@ def _chunks(subject: Subject, line: Line, content: bytes) -> Iterator[Chunk]:
 
 
 @client_case("5.1/1")
-def test_structure(subject: Subject, line: Line) -> None:
+def test_structure(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every chunk of an upload is one fileData."""
     for size in examples(_SIZES):
         for frame in _frames(subject, line, content_of(size)):
@@ -65,7 +67,7 @@ def test_structure(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/2")
-def test_size_of_the_structure(subject: Subject, line: Line) -> None:
+def test_size_of_the_structure(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A chunk of an upload has 212 data bytes; the last may be cut off behind its content."""
     for size in examples(_SIZES):
         for frame in _frames(subject, line, content_of(size)):
@@ -83,7 +85,7 @@ def test_size_of_the_structure(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/3")
-def test_file_size(subject: Subject, line: Line) -> None:
+def test_file_size(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every chunk of an upload tells the size of the whole file."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
@@ -91,14 +93,14 @@ def test_file_size(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/4")
-def test_position(subject: Subject, line: Line) -> None:
+def test_position(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every chunk of an upload stands at the byte offset that it tells."""
     for chunk in _chunks(subject, line, _WHOLE):
         expect_position(chunk, _WHOLE)
 
 
 @client_case("5.1/5")
-def test_length(subject: Subject, line: Line) -> None:
+def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every chunk of an upload tells how many bytes of its buffer are the file's: 1 to 200."""
     for size in examples(_SIZES):
         content = content_of(size)
@@ -108,7 +110,7 @@ def test_length(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/6")
-def test_within_the_file(subject: Subject, line: Line) -> None:
+def test_within_the_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No chunk of an upload reaches beyond its fileSize."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
@@ -116,7 +118,7 @@ def test_within_the_file(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/7", name="upload")
-def test_end_of_an_upload(subject: Subject, line: Line) -> None:
+def test_end_of_an_upload(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """With the answer to its last chunk, and not before, an upload is done; another may begin."""
     for size in examples((1, 200, 201)):
         upload = Upload(subject, line, content_of(size))
@@ -132,7 +134,7 @@ def test_end_of_an_upload(subject: Subject, line: Line) -> None:
 @client_case("5.1/8")
 @given(size=st.integers(1, 1000))
 @example(size=1000)
-def test_ascending(subject: Subject, line: Line, size: int) -> None:
+def test_ascending(subject: ClientUnderTest, line: IncomingConnection, size: int) -> None:
     """An upload of any size comes in ascending order, without gap or overlap."""
     due = 0
     for chunk in _chunks(subject, line, content_of(size)):
@@ -142,7 +144,7 @@ def test_ascending(subject: Subject, line: Line, size: int) -> None:
 
 
 @client_case("5.1/9")
-def test_one_byte_order(subject: Subject, line: Line) -> None:
+def test_one_byte_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Chunks of all uploads of a session are in one byte order."""
     orders = set()
     for size in examples((1, 450, 70)):
@@ -155,7 +157,7 @@ def test_one_byte_order(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/11")
-def test_name_first(subject: Subject, line: Line) -> None:
+def test_name_first(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The name goes ahead of all content, which waits for its answer, also the second time."""
     for _ in range(2):
         upload = Upload(subject, line, _WHOLE)
@@ -169,7 +171,7 @@ def test_name_first(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/1", name="cut-off")
-def test_torn_structure(subject: Subject, line: Line) -> None:
+def test_torn_structure(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A chunk that says 200 bytes and holds fewer, or not even its numbers, is not taken."""
     chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
@@ -182,7 +184,7 @@ def test_torn_structure(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/2", name="truncated")
-def test_truncated_last_chunk(subject: Subject, line: Line) -> None:
+def test_truncated_last_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A last chunk of a download that is cut off behind its content is taken, or refused."""
     for size in examples((1, 237, 450)):
         download = fetch(subject, line)
@@ -200,7 +202,9 @@ def test_truncated_last_chunk(subject: Subject, line: Line) -> None:
 
 @client_case("5.1/4", name="download")
 @given(lengths=st.permutations([1, 7, 64, 128, 200]))
-def test_positions_taken(subject: Subject, line: Line, lengths: Sequence[int]) -> None:
+def test_positions_taken(
+    subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
+) -> None:
     """What a chunk of a download holds gets to the byte offset that it tells."""
     download = fetch(subject, line)
     for chunk in cut(content_of(sum(lengths)), lengths):
@@ -209,7 +213,7 @@ def test_positions_taken(subject: Subject, line: Line, lengths: Sequence[int]) -
 
 
 @client_case("5.1/7", name="download")
-def test_end_of_a_download(subject: Subject, line: Line) -> None:
+def test_end_of_a_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """With its last chunk, and not before, a download is done; another may begin at once."""
     for size in examples((1, 200, 201)):
         download = fetch(subject, line)
@@ -221,7 +225,7 @@ def test_end_of_a_download(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/9", name="big-endian")
-def test_other_byte_order(subject: Subject, line: Line) -> None:
+def test_other_byte_order(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download in the other byte order is understood, or fails."""
     order = "little" if subject.dialect["endian"] == "big" else "big"
     for size in examples((1, 256, 450)):
@@ -241,7 +245,7 @@ def test_other_byte_order(subject: Subject, line: Line) -> None:
 @example(lengths=[200, 1], filler=b"\xcc")
 @example(lengths=[1, 199, 1], filler=b"!")
 def test_rest_of_the_buffer(
-    subject: Subject, line: Line, lengths: list[int], filler: bytes
+    subject: ClientUnderTest, line: IncomingConnection, lengths: list[int], filler: bytes
 ) -> None:
     """Of chunks of any length the valid bytes are stored, whatever stands behind them."""
     download = fetch(subject, line)
@@ -256,7 +260,10 @@ def _filled(chunk: Chunk, filler: bytes) -> Chunk:
 
 
 def _not_complete(
-    subject: Subject, line: Line, sent: Iterable[Chunk], missing: Iterable[Chunk]
+    subject: ClientUnderTest,
+    line: IncomingConnection,
+    sent: Iterable[Chunk],
+    missing: Iterable[Chunk],
 ) -> None:
     """Send chunks that leave a file incomplete, and then the others.
 
@@ -283,32 +290,32 @@ _FIRST, _SECOND, _THIRD = chunks_of(_LONG)
 
 
 @client_case("5.1/13", name="last-first")
-def test_last_chunk_first(subject: Subject, line: Line) -> None:
+def test_last_chunk_first(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download whose last chunk came first is not complete with it."""
     _not_complete(subject, line, [_THIRD], [_FIRST, _SECOND])
 
 
 @client_case("5.1/13", name="gap")
-def test_gap(subject: Subject, line: Line) -> None:
+def test_gap(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download with a gap is not complete with its last chunk."""
     _not_complete(subject, line, [_FIRST, _THIRD], [_SECOND])
 
 
 @client_case("5.1/13", name="repeated")
-def test_repeated_chunk(subject: Subject, line: Line) -> None:
+def test_repeated_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download is not complete because a chunk came twice."""
     _not_complete(subject, line, [_FIRST, _SECOND, _SECOND], [_THIRD])
 
 
 @client_case("5.1/13", name="overlap")
-def test_overlap(subject: Subject, line: Line) -> None:
+def test_overlap(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download is not complete because chunks overlap."""
     between = Chunk(600, 100, 200, _LONG[100:300])
     _not_complete(subject, line, [_FIRST, between, _SECOND], [_THIRD])
 
 
 @client_case("5.1/13", name="larger-size")
-def test_file_size_grows(subject: Subject, line: Line) -> None:
+def test_file_size_grows(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download whose second chunk tells a larger size is refused, or has that size in the end."""
     download = fetch(subject, line)
     sizes = (450, 600, 600)
@@ -321,7 +328,7 @@ def test_file_size_grows(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.1/13", name="smaller-size")
-def test_file_size_shrinks(subject: Subject, line: Line) -> None:
+def test_file_size_shrinks(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download whose later chunk tells a smaller size is refused, or ends there, whole."""
     download = fetch(subject, line)
     download.give(_FIRST)

@@ -19,7 +19,7 @@ from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, chunks_of
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.files import (
     Download,
     Upload,
@@ -34,7 +34,7 @@ from scaraspec.suite.client.harness.files import (
     serving,
     take,
 )
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.silences import given_up, given_up_meanwhile, survived
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
@@ -53,7 +53,7 @@ _REST_OF_A_LIMIT = 0.25  # of 25 s, behind which those have lasted for more than
 _ANSWERS = tuple(BY_NAME[name].opcode for name in ("upload_name", "upload_chunk", "download_name"))
 
 
-def _up_to(subject: Subject, line: Line, number: int) -> tuple[Upload, Chunk]:
+def _up_to(subject: ClientUnderTest, line: IncomingConnection, number: int) -> tuple[Upload, Chunk]:
     """An upload up to its chunk of this number, or its last, which is not answered yet."""
     upload = Upload(subject, line, _WHOLE)
     upload.accept()
@@ -65,7 +65,7 @@ def _up_to(subject: Subject, line: Line, number: int) -> tuple[Upload, Chunk]:
         number -= 1
 
 
-def _take_one_byte(subject: Subject, line: Line, call: Call) -> None:
+def _take_one_byte(subject: ClientUnderTest, line: IncomingConnection, call: Call) -> None:
     """Take an upload of one byte, whose name has come."""
     line.reply("upload_name")
     chunk_of(line.request("upload_chunk", call))
@@ -78,7 +78,7 @@ def _take_one_byte(subject: Subject, line: Line, call: Call) -> None:
 
 
 @client_case("5.2/1", attended=True)
-def test_upload(subject: Subject, line: Line) -> None:
+def test_upload(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file is uploaded, its name first."""
     take(subject, line, _WHOLE)
 
@@ -88,14 +88,14 @@ def test_upload(subject: Subject, line: Line) -> None:
 @example(name="file.txt")
 @example(name="x")
 @example(name="a" * 26 + ".rob")
-def test_names(subject: Subject, line: Line, name: str) -> None:
+def test_names(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
     """An upload begins with its name, whatever the file is called at home."""
     with subject.at_will():
         take(subject, line, b"!", name)
 
 
 @client_case("5.2/1", name="chinese")
-def test_chinese_name(subject: Subject, line: Line) -> None:
+def test_chinese_name(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A Chinese name is sent whole in UTF-8 or GB18030, or the client refuses it (A-T-2)."""
     name = "程序一.rob"
     call = subject.begin("upload", local=subject.file(b"!"), remote=name)
@@ -111,7 +111,7 @@ def test_chinese_name(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/18")
-def test_long_names(subject: Subject, line: Line) -> None:
+def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A name of 30 bytes is sent; a longer one is refused by the client, or sent whole."""
     for size in examples((29, 30, 31, 60, 255, 256, 300)):
         name = "n" * (size - 4) + ".rob"
@@ -131,7 +131,7 @@ def test_long_names(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/4", attended=True)
-def test_existing_file(subject: Subject, line: Line) -> None:
+def test_existing_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file that exists on the controller is uploaded in vain: no content is sent."""
     upload = Upload(subject, line, _WHOLE)
     line.reply("upload_name", value=False)
@@ -140,7 +140,7 @@ def test_existing_file(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/4", name="between-others")
-def test_existing_file_between_others(subject: Subject, line: Line) -> None:
+def test_existing_file_between_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A name that was accepted before and is refused now ends that upload alone."""
     name = "zs-again.rob"
     for _ in range(2):
@@ -158,7 +158,7 @@ def test_existing_file_between_others(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/5")
-def test_one_structure_a_frame(subject: Subject, line: Line) -> None:
+def test_one_structure_a_frame(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each chunk frame carries one fileData, also of a file that looks like frames."""
     frame = Frame(C2A, BY_NAME["upload_chunk"].opcode, b"1").encode()
     for content in examples((frame * 100, frame[::-1] * 100, b"\xcc\xaa" * 137)):
@@ -170,7 +170,7 @@ def test_one_structure_a_frame(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/7")
-def test_one_chunk_at_a_time(subject: Subject, line: Line) -> None:
+def test_one_chunk_at_a_time(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each chunk is held back until the one before it has been answered."""
     upload = Upload(subject, line, _WHOLE)
     upload.accept()
@@ -183,7 +183,7 @@ def test_one_chunk_at_a_time(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/8")
-def test_refused_chunk(subject: Subject, line: Line) -> None:
+def test_refused_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """An upload of which a chunk is refused, whichever it is, stops there and has failed."""
     for number in range(_LAST):
         upload, chunk = _up_to(subject, line, number)
@@ -197,7 +197,7 @@ def test_refused_chunk(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/13")
-def test_nothing_after_the_end(subject: Subject, line: Line) -> None:
+def test_nothing_after_the_end(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """After the answer to the last chunk nothing more of the upload is sent."""
     for size in examples((1, 199, 200, 201, 400, 600)):
         take(subject, line, content_of(size))
@@ -207,7 +207,7 @@ def test_nothing_after_the_end(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/17")
-def test_empty_file(subject: Subject, line: Line) -> None:
+def test_empty_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file of no bytes is refused by the client, or sent as its name, or as an empty chunk."""
     call = subject.begin("upload", local=subject.file(b""), remote="zs-empty.rob")
     if reaction(subject, line, call, "upload_name") is None:
@@ -227,7 +227,7 @@ def test_empty_file(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/19", name="no-file")
-def test_no_file(subject: Subject, line: Line) -> None:
+def test_no_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file is to be uploaded that does not exist, which the client tells; then one that does."""
     call = subject.begin("upload", local=subject.no_file(), remote="zs-none.rob")
     sent = reaction(subject, line, call, "upload_name") is not None
@@ -239,7 +239,9 @@ def test_no_file(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/17", name="full-chunks")
-def test_no_empty_chunk_behind_full_ones(subject: Subject, line: Line) -> None:
+def test_no_empty_chunk_behind_full_ones(
+    subject: ClientUnderTest, line: IncomingConnection
+) -> None:
     """A file that fills its last chunk ends with that, not with a chunk of length 0."""
     for size in examples((200, 400, 600)):
         upload = Upload(subject, line, content_of(size))
@@ -257,7 +259,7 @@ def test_no_empty_chunk_behind_full_ones(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/9")
-def test_late_and_missing_answers(subject: Subject, line: Line) -> None:
+def test_late_and_missing_answers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Answers that come after 25 s are taken, twice; one that does not come ends the upload.
 
     The limit is one of each silence: a file may take longer than that as a whole, chunks alone.
@@ -280,7 +282,7 @@ def test_late_and_missing_answers(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/9", name="meanwhile")
-def test_answer_is_missing_amid_others(subject: Subject, line: Line) -> None:
+def test_answer_is_missing_amid_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The silence of an upload ends it, whatever else is asked meanwhile; another one works.
 
     The answer to the last chunk never comes, so the next one belongs to the next upload.
@@ -291,21 +293,21 @@ def test_answer_is_missing_amid_others(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/9", name="name")
-def test_name_is_not_answered(subject: Subject, line: Line) -> None:
+def test_name_is_not_answered(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """An upload whose name is not answered is given up, and not begun by a late answer."""
     upload = Upload(subject, line, _WHOLE)
     given_up(subject, upload.call, "5.2/9")
     _stays_ended(subject, line, "upload_name")
 
 
-def _stays_ended(subject: Subject, line: Line, command: str) -> None:
+def _stays_ended(subject: ClientUnderTest, line: IncomingConnection, command: str) -> None:
     """An answer that comes too late does not bring an upload back."""
     if line.ending is None:
         line.reply(command)
     _another_works(subject, line)
 
 
-def _another_works(subject: Subject, line: Line) -> None:
+def _another_works(subject: ClientUnderTest, line: IncomingConnection) -> None:
     line = serving(subject, line, "a silence")
     message = "an upload that was given up goes on"
     expect_no_transfer(line, message, "5.2/9", but=gives_up)
@@ -318,14 +320,14 @@ def _another_works(subject: Subject, line: Line) -> None:
 _FILLINGS = (b"\xaa", b"\xcc", b"\x00", b"\x7c")
 
 
-def _there_and_back(subject: Subject, line: Line, content: bytes) -> None:
+def _there_and_back(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> None:
     take(subject, line, content)
     serve(subject, line, content, "5.2/16")
 
 
 @client_case("5.2/16")
 @pytest.mark.parametrize("size", [1, 199, 200, 201, 400], ids=str)
-def test_sizes(subject: Subject, line: Line, size: int) -> None:
+def test_sizes(subject: ClientUnderTest, line: IncomingConnection, size: int) -> None:
     """A file of this size gets there and back, full of one byte or of all of them."""
     for content in examples((*(filling * size for filling in _FILLINGS), content_of(size))):
         _there_and_back(subject, line, content)
@@ -337,7 +339,9 @@ def test_sizes(subject: Subject, line: Line, size: int) -> None:
     list(zip((51_200, 65_535, 65_536, 131_100), _FILLINGS, strict=True)),
     ids=["51200", "65535", "65536", "131100"],
 )
-def test_large_files(subject: Subject, line: Line, size: int, filling: bytes) -> None:
+def test_large_files(
+    subject: ClientUnderTest, line: IncomingConnection, size: int, filling: bytes
+) -> None:
     """A large file gets there and back: half of it without a pattern, half of one byte."""
     _there_and_back(subject, line, content_of(size // 2) + filling * (size - size // 2))
 
@@ -350,7 +354,7 @@ def test_large_files(subject: Subject, line: Line, size: int, filling: bytes) ->
 @example(content=b"\xef\xbb\xbfwith a mark\x1aand an end\x1a\x04")
 @example(content=b"  blanks and zeros \t\n\0\0\0")
 @example(content="控制层".encode("gb18030") * 50)
-def test_content(subject: Subject, line: Line, content: bytes) -> None:
+def test_content(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> None:
     """The chunks of an upload, joined together, are the file."""
     upload = Upload(subject, line, content)
     upload.accept()
@@ -363,7 +367,7 @@ def test_content(subject: Subject, line: Line, content: bytes) -> None:
 
 
 @client_case("5.2/19")
-def test_refusals_are_failures(subject: Subject, line: Line) -> None:
+def test_refusals_are_failures(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """An upload whose name, first, middle or last chunk is refused is not told as done."""
     upload = Upload(subject, line, _WHOLE)
     line.reply("upload_name", value=False)
@@ -375,7 +379,7 @@ def test_refusals_are_failures(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/19", name="download-refused", attended=True)
-def test_refused_download(subject: Subject, line: Line) -> None:
+def test_refused_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download of a file that the controller has not got is not told as done."""
     download = Download(subject, line)
     line.reply("download_name", value=False)
@@ -383,7 +387,7 @@ def test_refused_download(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.2/19", name="download-refused-then-sent")
-def test_file_of_a_refused_download(subject: Subject, line: Line) -> None:
+def test_file_of_a_refused_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download that was refused, or had nowhere to go, keeps no file from being fetched later."""
     line = _fetched_to_nowhere(subject, line)
     download = Download(subject, line, "zs-again.rob")
@@ -397,7 +401,7 @@ def test_file_of_a_refused_download(subject: Subject, line: Line) -> None:
     download.expect_done("5.2/19")
 
 
-def _fetched_to_nowhere(subject: Subject, line: Line) -> Line:
+def _fetched_to_nowhere(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnection:
     """Order a file into a folder that cannot be; the connection afterwards."""
     local = Path(subject.file(b"no folder")) / "zs-again.rob"
     call = subject.begin("download", remote="zs-again.rob", local=str(local))
@@ -416,7 +420,7 @@ _ODD = (b"", b"2", b"00", b"0|16", b"\x00", b"10", b"01", b"", b"01", b"10", b"\
 
 
 @client_case("5.2/19", name="odd-answers")
-def test_odd_answers(subject: Subject) -> None:
+def test_odd_answers(subject: ClientUnderTest) -> None:
     """An answer that does not say 1 is no yes, to a name, a chunk or the last one."""
     for number, data in examples(zip(itertools.cycle((None, 1, _LAST)), _ODD, strict=False)):
         line = subject.open(judged=False)
@@ -439,7 +443,7 @@ def _takes_for_no(chunk: Chunk | None, seen: FrameSeen) -> bool:
 
 
 @client_case("5.2/19", "3/33", name="wrong-opcode")
-def test_answers_of_the_wrong_opcode(subject: Subject, line: Line) -> None:
+def test_answers_of_the_wrong_opcode(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A 1 under another opcode, or behind the tag of results, is no answer to a name or a chunk."""
     upload = Upload(subject, line, _WHOLE)
     _offer_wrong(line, "upload_name")
@@ -455,11 +459,11 @@ def test_answers_of_the_wrong_opcode(subject: Subject, line: Line) -> None:
         upload.expect_failed()
 
 
-def _goes_on(upload: Upload, line: Line) -> bool:
+def _goes_on(upload: Upload, line: IncomingConnection) -> bool:
     return upload.call.answer is None and not line.over
 
 
-def _offer_wrong(line: Line, command: str) -> None:
+def _offer_wrong(line: IncomingConnection, command: str) -> None:
     """Answer under every opcode but the right one; a client may hang up at that (A-3-9)."""
     right = BY_NAME[command].opcode
     frames = [Frame(C2A, opcode, b"1") for opcode in _ANSWERS if opcode != right]
@@ -470,7 +474,7 @@ def _offer_wrong(line: Line, command: str) -> None:
     expect_no_transfer(line, message, "5.2/19", _SHORT_S)
 
 
-def _lost(subject: Subject, end: Callable[[Line], None]) -> None:
+def _lost(subject: ClientUnderTest, end: Callable[[IncomingConnection], None]) -> None:
     """Let the link end at the name and at every chunk of an upload."""
     for number in examples((None, 0, 1, 2, _LAST)):
         line = subject.open()
@@ -483,21 +487,21 @@ def _lost(subject: Subject, end: Callable[[Line], None]) -> None:
 
 
 @client_case("5.2/19", name="closed")
-def test_link_closed(subject: Subject) -> None:
+def test_link_closed(subject: ClientUnderTest) -> None:
     """An upload whose connection is closed, at its name or any chunk, is not told as done."""
-    _lost(subject, Line.close)
+    _lost(subject, IncomingConnection.close)
 
 
 @client_case("5.2/19", name="reset")
-def test_link_reset(subject: Subject) -> None:
+def test_link_reset(subject: ClientUnderTest) -> None:
     """An upload whose connection is cut off, at its name or any chunk, is not told as done."""
-    _lost(subject, Line.reset)
+    _lost(subject, IncomingConnection.reset)
 
 
 @client_case("5.2/19", name="download-cut-off")
-def test_link_lost_in_a_download(subject: Subject) -> None:
+def test_link_lost_in_a_download(subject: ClientUnderTest) -> None:
     """A download whose connection ends, before or behind any chunk, is not told as done."""
-    for end in examples((Line.close, Line.reset)):
+    for end in examples((IncomingConnection.close, IncomingConnection.reset)):
         line = subject.open()
         download = Download(subject, line)
         end(line)

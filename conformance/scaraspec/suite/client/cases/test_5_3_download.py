@@ -8,7 +8,7 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, chunks_of
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import renewed
 from scaraspec.suite.client.harness.files import (
     Download,
@@ -20,7 +20,7 @@ from scaraspec.suite.client.harness.files import (
     serve,
     serving,
 )
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect, expect_equal
@@ -33,7 +33,7 @@ _SHORT_S = 0.1
 _LARGE_BYTES = 65_936  # 400 to whoever counts in 16 bits, and a chunk ends there
 
 
-def _sent(subject: Subject, line: Line, count: int) -> Download:
+def _sent(subject: ClientUnderTest, line: IncomingConnection, count: int) -> Download:
     """A download of which so many chunks have been taken."""
     download = fetch(subject, line)
     for chunk in _CHUNKS[:count]:
@@ -49,7 +49,7 @@ def _sent(subject: Subject, line: Line, count: int) -> Download:
 @example(name="file2.txt")
 @example(name="x")
 @example(name="a" * 26 + ".rob")
-def test_names(subject: Subject, line: Line, name: str) -> None:
+def test_names(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
     """A download asks for the name in its real length, wherever the file is to be put."""
     with subject.at_will():
         download = Download(subject, line, name)
@@ -62,13 +62,13 @@ def test_names(subject: Subject, line: Line, name: str) -> None:
 
 
 @client_case("5.3/5", attended=True)
-def test_download(subject: Subject, line: Line) -> None:
+def test_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file is downloaded, each chunk of which is answered 1."""
     serve(subject, line, _WHOLE)
 
 
 @client_case("5.3/5", name="once")
-def test_one_answer_each(subject: Subject, line: Line) -> None:
+def test_one_answer_each(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each chunk gets one answer and no second, the first and the last one too."""
     download = fetch(subject, line)
     message = "a chunk was answered before it came"
@@ -80,7 +80,7 @@ def test_one_answer_each(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.3/5", name="together")
-def test_chunk_behind_its_promise(subject: Subject, line: Line) -> None:
+def test_chunk_behind_its_promise(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A first chunk that comes in one segment with the answer to the name is answered too."""
     for size in examples((1, 200, 450)):
         download = Download(subject, line)
@@ -93,7 +93,7 @@ def test_chunk_behind_its_promise(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.3/5", name="in-pieces")
-def test_chunk_in_pieces(subject: Subject, line: Line) -> None:
+def test_chunk_in_pieces(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A chunk whose frame comes in two or three pieces, split anywhere, is answered once."""
     chunk = Chunk(200, 0, BUFFER_BYTES, content_of(200))
     for at in examples((*range(1, HEAD_BYTES + 4), 100, 213, 214, 215)):
@@ -108,7 +108,7 @@ def test_chunk_in_pieces(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.3/5", name="refused")
-def test_refusal_is_an_answer(subject: Subject, line: Line) -> None:
+def test_refusal_is_an_answer(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A chunk that cannot be taken is answered 0, unless the client ends the connection."""
     for count in examples(range(3)):
         download = _sent(subject, line, count)
@@ -125,7 +125,7 @@ def test_refusal_is_an_answer(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.3/5", name="unasked")
-def test_unasked_chunk(subject: Subject, line: Line) -> None:
+def test_unasked_chunk(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A chunk of no download, before any and after one, is not taken."""
     download = Download(subject, line)
     line.reply("download_name", value=False)
@@ -138,7 +138,9 @@ def test_unasked_chunk(subject: Subject, line: Line) -> None:
     expect_equal(download.stored, _WHOLE, "a chunk of no download changed the file before")
 
 
-def _refuses_stray(subject: Subject, line: Line, download: Download) -> Line:
+def _refuses_stray(
+    subject: ClientUnderTest, line: IncomingConnection, download: Download
+) -> IncomingConnection:
     """Send a chunk of no download, which must not be answered 1; the connection afterwards."""
     line.send_frame(download.frame(_CHUNKS[0]))
     line = serving(subject, line, "a chunk of no download")
@@ -153,7 +155,7 @@ def _refuses_stray(subject: Subject, line: Line, download: Download) -> Line:
 
 
 @client_case("5.3/8", attended=True)
-def test_error_signal(subject: Subject, line: Line) -> None:
+def test_error_signal(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A chunk frame without data ends a download, which has failed."""
     download = fetch(subject, line)
     line.reply("download_chunk", data=b"")
@@ -162,7 +164,7 @@ def test_error_signal(subject: Subject, line: Line) -> None:
 
 @client_case("5.3/8")
 @pytest.mark.parametrize("signal", ["no-data", "length-0", "numbers-only"])
-def test_error_signals(subject: Subject, line: Line, signal: str) -> None:
+def test_error_signals(subject: ClientUnderTest, line: IncomingConnection, signal: str) -> None:
     """An error signal of this form, before or behind any chunk, ends the download.
 
     Its position may be that of the end (L737): bytes are missing all the same.
@@ -184,7 +186,7 @@ def test_error_signals(subject: Subject, line: Line, signal: str) -> None:
 
 
 @client_case("5.3/8", name="empty-file")
-def test_empty_file(subject: Subject, line: Line) -> None:
+def test_empty_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A chunk of length 0 of a file of size 0 ends the download: failed, or an empty file."""
     download = fetch(subject, line)
     taken = download.offer(Chunk(0, 0, 0, b""))
@@ -204,7 +206,9 @@ def test_empty_file(subject: Subject, line: Line) -> None:
 @example(lengths=[200, 200, 1])
 @example(lengths=[1, 1, 1])
 @example(lengths=[199, 200])
-def test_whole_file(subject: Subject, line: Line, lengths: Sequence[int]) -> None:
+def test_whole_file(
+    subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
+) -> None:
     """A download in chunks of any lengths is on the disk then, byte for byte."""
     download = fetch(subject, line)
     for chunk in cut(content_of(sum(lengths)), lengths):
@@ -219,13 +223,13 @@ def test_whole_file(subject: Subject, line: Line, lengths: Sequence[int]) -> Non
 @example(content=b"\xef\xbb\xbfwith a mark\x1aand an end\x1a\x04")
 @example(content=b"  blanks and zeros \t\n\0\0\0")
 @example(content="控制层".encode("gb18030") * 50)
-def test_content(subject: Subject, line: Line, content: bytes) -> None:
+def test_content(subject: ClientUnderTest, line: IncomingConnection, content: bytes) -> None:
     """Whatever a file contains, it is on the disk then, byte for byte."""
     serve(subject, line, content)
 
 
 @client_case("5.3/11", name="large")
-def test_large_file(subject: Subject, line: Line) -> None:
+def test_large_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file of more bytes than 16 bits count is on the disk then, unless it is refused at once."""
     download = fetch(subject, line)
     first, *rest = chunks_of(content_of(_LARGE_BYTES))
@@ -240,14 +244,14 @@ def test_large_file(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.3/11", name="one-after-another")
-def test_one_after_another(subject: Subject, line: Line) -> None:
+def test_one_after_another(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A short file that comes after a long one has nothing of that, be it called the same."""
     for size in examples((650, 10, 400, 1)):
         serve(subject, line, content_of(size, size), remote="zs-each-time.rob")
 
 
 @client_case("5.3/12", attended=True)
-def test_existing_local_file(subject: Subject, line: Line) -> None:
+def test_existing_local_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A file that exists on the client's disk is not overwritten."""
     local = subject.file(b"mine")
     call = subject.begin("download", remote="zs-theirs.rob", local=local)
@@ -263,7 +267,7 @@ def test_existing_local_file(subject: Subject, line: Line) -> None:
 
 @client_case("5.3/12", name="kept")
 @pytest.mark.parametrize("mine", [b"", b"mine", _WHOLE, _WHOLE + b"more"], ids=len)
-def test_local_file_stays(subject: Subject, line: Line, mine: bytes) -> None:
+def test_local_file_stays(subject: ClientUnderTest, line: IncomingConnection, mine: bytes) -> None:
     """A local file of any size, empty or equal, stays as it is, and the download fails."""
     local = subject.file(mine)
     call = subject.begin("download", remote="zs-theirs.rob", local=local)
@@ -302,14 +306,16 @@ _OUT_OF_BOUNDS = {
 
 @client_case("5.3/13")
 @pytest.mark.parametrize("chunk", _OUT_OF_BOUNDS.values(), ids=_OUT_OF_BOUNDS)
-def test_first_chunk_out_of_bounds(subject: Subject, line: Line, chunk: Chunk) -> None:
+def test_first_chunk_out_of_bounds(
+    subject: ClientUnderTest, line: IncomingConnection, chunk: Chunk
+) -> None:
     """A first chunk that is out of bounds in this way is rejected, and the download fails."""
     download = fetch(subject, line)
     _rejected(download, chunk)
 
 
 @client_case("5.3/13", name="later")
-def test_later_chunk_out_of_bounds(subject: Subject, line: Line) -> None:
+def test_later_chunk_out_of_bounds(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A later chunk that is longer than the buffer, or reaches beyond fileSize, is rejected."""
     for count, size, length in examples(
         ((1, 650, 201), (2, 650, 243), (3, 650, 51), (3, 650, 200))

@@ -6,7 +6,7 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, Chunk, chunks_of
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.files import (
     Download,
     Upload,
@@ -17,7 +17,7 @@ from scaraspec.suite.client.harness.files import (
     serving,
     take,
 )
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.silences import given_up, given_up_meanwhile, survived
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.chunks import chunk_of
@@ -30,7 +30,7 @@ _CHUNKS = tuple(chunks_of(_WHOLE))
 
 
 @client_case("5.4/3")
-def test_buffer_is_not_exceeded(subject: Subject, line: Line) -> None:
+def test_buffer_is_not_exceeded(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No chunk of an upload holds more than 200 bytes."""
     for size in examples((200, 201, 243, 255, 256, 400, 1000)):
         upload = Upload(subject, line, content_of(size))
@@ -46,7 +46,7 @@ def test_buffer_is_not_exceeded(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.4/4")
-def test_end_is_found(subject: Subject, line: Line) -> None:
+def test_end_is_found(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """With its last chunk a download is done, whatever its size, and its file is there."""
     for size in examples((1, 199, 200, 201, 400, 401)):
         serve(subject, line, content_of(size), "5.4/4")
@@ -56,7 +56,9 @@ def test_end_is_found(subject: Subject, line: Line) -> None:
 @given(lengths=st.permutations([1, 7, 64, 128, 200]))
 @example(lengths=[1, 1, 1, 1])
 @example(lengths=[199, 199, 2])
-def test_end_behind_short_chunks(subject: Subject, line: Line, lengths: Sequence[int]) -> None:
+def test_end_behind_short_chunks(
+    subject: ClientUnderTest, line: IncomingConnection, lengths: Sequence[int]
+) -> None:
     """A download in chunks of any lengths ends where position + length is fileSize, not before."""
     download = fetch(subject, line)
     for chunk in cut(content_of(sum(lengths)), lengths):
@@ -69,7 +71,7 @@ def test_end_behind_short_chunks(subject: Subject, line: Line, lengths: Sequence
 
 
 @client_case("5.4/5")
-def test_late_and_missing_chunks(subject: Subject, line: Line) -> None:
+def test_late_and_missing_chunks(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download survives 25 s of silence, twice, and is over after 60 s; the link serves on."""
     download = fetch(subject, line)
 
@@ -86,7 +88,7 @@ def test_late_and_missing_chunks(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.4/5", name="meanwhile")
-def test_chunk_is_missing_amid_others(subject: Subject, line: Line) -> None:
+def test_chunk_is_missing_amid_others(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The silence of a download ends it, whatever else is asked and answered meanwhile."""
     download = fetch(subject, line)
     download.give(_CHUNKS[0])
@@ -94,7 +96,7 @@ def test_chunk_is_missing_amid_others(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.4/5", name="promised")
-def test_no_chunk_comes(subject: Subject, line: Line) -> None:
+def test_no_chunk_comes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download of which not even the first chunk comes is given up; the link serves on."""
     download = fetch(subject, line)
     given_up(subject, download.call, "5.4/5")
@@ -102,7 +104,7 @@ def test_no_chunk_comes(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.4/5", name="name")
-def test_name_is_not_answered(subject: Subject, line: Line) -> None:
+def test_name_is_not_answered(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A download whose name is not answered is given up; the link serves on."""
     download = Download(subject, line)
     given_up(subject, download.call, "5.4/5")
@@ -111,7 +113,9 @@ def test_name_is_not_answered(subject: Subject, line: Line) -> None:
     _recovered(subject, line, download, 0)
 
 
-def _recovered(subject: Subject, line: Line, download: Download, count: int) -> None:
+def _recovered(
+    subject: ClientUnderTest, line: IncomingConnection, download: Download, count: int
+) -> None:
     """A chunk that comes too late is not taken, and another transfer works."""
     download.expect_failed("5.4/5")
     if line.ending is None:
@@ -128,7 +132,7 @@ def _recovered(subject: Subject, line: Line, download: Download, count: int) -> 
 
 
 @client_case("5.4/6", name="upload")
-def test_served_after_a_broken_upload(subject: Subject, line: Line) -> None:
+def test_served_after_a_broken_upload(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """After an upload that was refused, at its name or a chunk, the link serves all else.
 
     What broke off is sent once more, and begins anew.
@@ -148,7 +152,7 @@ def test_served_after_a_broken_upload(subject: Subject, line: Line) -> None:
 
 
 @client_case("5.4/6", name="download")
-def test_served_after_a_broken_download(subject: Subject, line: Line) -> None:
+def test_served_after_a_broken_download(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """After a download that was refused or broke off in any way, the link serves all else.
 
     What broke off is asked for once more, and begins anew.
@@ -166,8 +170,13 @@ def test_served_after_a_broken_download(subject: Subject, line: Line) -> None:
 
 
 def _next_transfers(
-    subject: Subject, line: Line, what: str, *, sent: str = "", fetched: str = ""
-) -> Line:
+    subject: ClientUnderTest,
+    line: IncomingConnection,
+    what: str,
+    *,
+    sent: str = "",
+    fetched: str = "",
+) -> IncomingConnection:
     """The connection, once it has served a status, an upload and a download, by these names."""
     line = serving(subject, line, what)
     take(subject, line, _WHOLE, sent)

@@ -1,9 +1,9 @@
 """Clause 7: what the six values of a pose mean (L1004-1010)."""
 
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import finished
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.poses import expect_pose, gives_pose
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
@@ -17,7 +17,7 @@ _POSES = (
 
 
 @client_case("7/2")
-def test_four_of_six(subject: Subject, line: Line) -> None:
+def test_four_of_six(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """What is meant by a pose goes out, and comes in, as x, y, z and thetaX."""
     for pose in examples(_POSES):
         call = subject.begin("set_initial_tool_position", **pose._asdict())

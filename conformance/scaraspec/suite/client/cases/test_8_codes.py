@@ -3,7 +3,7 @@
 from itertools import cycle
 from typing import Final
 
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import (
     REASONED,
     code_of,
@@ -13,7 +13,7 @@ from scaraspec.suite.client.harness.executing import (
     ordered,
     refused,
 )
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect_equal, expect_in
@@ -23,7 +23,7 @@ _LETTERS: Final = tuple(code for code in _MOTORS if not code.isdigit())
 
 
 @client_case("8/4", attended=True)
-def test_joints(subject: Subject, line: Line) -> None:
+def test_joints(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A fault of the inner arm, the outer arm, the wrist, the gripper and of all is told."""
     for code in examples(("11", "12", "14", "18", "1F")):
         call = subject.begin("get_status")
@@ -32,7 +32,7 @@ def test_joints(subject: Subject, line: Line) -> None:
 
 
 @client_case("8/4", name="all")
-def test_every_mask(subject: Subject, line: Line) -> None:
+def test_every_mask(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each set of faulty joints is told, as the status, in a refusal and in a failure."""
     for order, code in examples(zip(cycle(REASONED), _MOTORS, strict=False)):
         call = subject.begin("get_status")
@@ -49,7 +49,7 @@ def test_every_mask(subject: Subject, line: Line) -> None:
 
 
 @client_case("8/6")
-def test_small_letters(subject: Subject, line: Line) -> None:
+def test_small_letters(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Codes in small letters are taken for those in capitals: for no other one, and for no yes."""
     unknown = ""
     for order, code in examples(zip(cycle(REASONED), _LETTERS, strict=False)):

@@ -6,9 +6,9 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS, JointValues
 from scaraspec.protocol.payloads import FLAG, NameListPart
 from scaraspec.suite.client.harness.auto_responder import REPLIES
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.executing import RUN, executing, finished, goes_beside, still
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
     accomplished,
     ask,
@@ -54,7 +54,7 @@ _STEMS: Final = ("程序", "猪", "é", "программа")
 
 
 @client_case("T/9")
-def test_queries(subject: Subject, line: Line) -> None:
+def test_queries(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every query is answered in many ways; the client says what the answers say."""
 
     def each(name: str) -> None:
@@ -76,14 +76,14 @@ def test_queries(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", "T/5", name="numbers")
-def test_numbers(subject: Subject, line: Line) -> None:
+def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Numbers come with as many decimals as the controller likes, or none (A-T-5)."""
     for data in examples(_NUMBERS):
         tells(subject, line, "get_gripper_center", data)
 
 
 @client_case("T/5", name="decimals-received")
-def test_decimals(subject: Subject, line: Line) -> None:
+def test_decimals(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The joint angles are as the document prints them, negative, and with three decimals."""
     for data in examples(
         (REPLIES["get_joint_angles"], b"-20.4|0|-38.0|-0.5", b"20.125|30.250|38.000|0.001")
@@ -92,7 +92,7 @@ def test_decimals(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="each-bit")
-def test_each_bit(subject: Subject, line: Line) -> None:
+def test_each_bit(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """One port after the other is on, the highest leftmost."""
 
     def each(name: str) -> None:
@@ -104,7 +104,7 @@ def test_each_bit(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="no-value")
-def test_no_value(subject: Subject, line: Line) -> None:
+def test_no_value(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Inputs and outputs cannot be read, which is told by a 0 alone; the client says so."""
 
     def each(name: str) -> None:
@@ -119,7 +119,7 @@ def test_no_value(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="flags")
-def test_flags(subject: Subject, line: Line) -> None:
+def test_flags(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every setting is answered with a no, a yes and another yes; the client tells them apart."""
 
     def each(name: str) -> None:
@@ -135,7 +135,7 @@ def test_flags(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="read-back")
-def test_read_back(subject: Subject, line: Line) -> None:
+def test_read_back(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """What was set is asked for, and is another value; the client says what the answer says."""
 
     def each(getter: str) -> None:
@@ -149,7 +149,7 @@ def test_read_back(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="while-executing")
-def test_queries_while_executing(subject: Subject, line: Line) -> None:
+def test_queries_while_executing(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """While a program runs it is asked for how that gets on; the client says what it hears."""
 
     def each(name: str) -> None:
@@ -163,7 +163,7 @@ def test_queries_while_executing(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="behind-nonsense")
-def test_queries_behind_nonsense(subject: Subject, line: Line) -> None:
+def test_queries_behind_nonsense(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A query is answered with nonsense, perhaps in vain; the next answer to it is told."""
 
     def each(name: str) -> None:
@@ -180,7 +180,7 @@ def test_queries_behind_nonsense(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="lost")
-def test_lost(subject: Subject, line: Line) -> None:
+def test_lost(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The link ends in place of the first reply to each command, which nobody has accepted then."""
 
     def each(name: str) -> None:
@@ -194,7 +194,7 @@ def test_lost(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="stages")
-def test_outcomes_of_both_stages(subject: Subject, line: Line) -> None:
+def test_outcomes_of_both_stages(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Each two-stage command is refused, fails and is done; the client tells these apart."""
 
     def each(name: str) -> None:
@@ -216,7 +216,7 @@ def test_outcomes_of_both_stages(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/9", name="codes")
-def test_codes(subject: Subject, line: Line) -> None:
+def test_codes(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A program is refused for every reason, in upper and lower case; the reason is handed on."""
     for code in sorted(each.text for each in errors.REFUSALS):
         for text in examples(dict.fromkeys((code, code.lower()))):
@@ -236,7 +236,7 @@ def _expect_code(result: Any, code: str) -> None:
 
 
 @client_case("T/8")
-def test_beyond_ascii(subject: Subject, line: Line) -> None:
+def test_beyond_ascii(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Names in UTF-8 and GBK are listed, and deleted as the client names them."""
     ways = {encoding: _passes_on(subject, line, encoding) for encoding in ("utf-8", "gb18030")}
     if all(ways.values()):
@@ -251,7 +251,7 @@ def test_beyond_ascii(subject: Subject, line: Line) -> None:
     subject.tolerate("T/8", "text_encoding", taken, f"names are taken in {taken} only")
 
 
-def _passes_on(subject: Subject, line: Line, encoding: str) -> bool | None:
+def _passes_on(subject: ClientUnderTest, line: IncomingConnection, encoding: str) -> bool | None:
     """Whether names pass through the client as they are; None where it refuses them."""
     names = [f"{stem}.rob".encode(encoding) for stem in _STEMS]
     call, _ = ask(subject, line, "list_programs")

@@ -17,8 +17,8 @@ from scaraspec.protocol.commands import (
 )
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import Record
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import (
     VALUES,
     answer,
@@ -31,7 +31,7 @@ from scaraspec.suite.client.harness.operations import (
     sent_or_settled,
 )
 from scaraspec.suite.engine.case import client_case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.engine.strategies import payload_values
@@ -58,8 +58,13 @@ _NUMBERS: Final = (0, 1, -1, -0.5, 0.001, 0.125, 34.6, 100000, 12345678, -99999.
 
 
 def _sends(
-    subject: Subject, line: Line, name: str, value: Any = None, *, requirement: str = ""
-) -> Answer:
+    subject: ClientUnderTest,
+    line: IncomingConnection,
+    name: str,
+    value: Any = None,
+    *,
+    requirement: str = "",
+) -> ReceivedFrame:
     """Order an operation, see that its request carries the value, and get it over with."""
     call, request = ask(subject, line, name, value, requirement=requirement)
     answer(line, name, request)
@@ -71,7 +76,7 @@ def _sends(
 
 
 @client_case("T/1")
-def test_bars(subject: Subject, line: Line) -> None:
+def test_bars(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """One bar stands between the fields of every request that has several."""
 
     def each(name: str) -> None:
@@ -87,7 +92,7 @@ def test_bars(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/1", name="values")
-def test_bars_between_short_and_long(subject: Subject, line: Line) -> None:
+def test_bars_between_short_and_long(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The fields are as short as can be, or long; one bar stands between them all the same."""
     for name, value in examples(
         (
@@ -107,7 +112,7 @@ def test_bars_between_short_and_long(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/2")
-def test_no_quotation_marks(subject: Subject, line: Line) -> None:
+def test_no_quotation_marks(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """No request has the quotation marks of the examples."""
 
     def each(name: str) -> None:
@@ -119,7 +124,7 @@ def test_no_quotation_marks(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/3")
-def test_digits_are_characters(subject: Subject, line: Line) -> None:
+def test_digits_are_characters(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Digits of numbers, ports and times are characters, none of them a binary value."""
 
     def each(name: str) -> None:
@@ -135,7 +140,7 @@ def test_digits_are_characters(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/4")
-def test_ends_of_texts(subject: Subject, line: Line) -> None:
+def test_ends_of_texts(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Nothing is sent behind the last character; a NUL and a bar are only warned of."""
 
     def each(name: str) -> None:
@@ -148,7 +153,7 @@ def test_ends_of_texts(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/5", "T/10")
-def test_numbers(subject: Subject, line: Line) -> None:
+def test_numbers(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Numbers small and large, whole and broken, are sent as plain decimal text, undiminished."""
     for number in examples(_NUMBERS):
         point = Point(number, -number, 0)
@@ -157,7 +162,7 @@ def test_numbers(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/5", name="poses")
-def test_numbers_of_poses(subject: Subject, line: Line) -> None:
+def test_numbers_of_poses(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Poses of many numbers are sent as plain decimal text."""
     tenths = st.integers(-10_000, 10_000).map(lambda number: number / 10)
 
@@ -176,13 +181,13 @@ def test_numbers_of_poses(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/6")
-def test_bar_in_a_name(subject: Subject, line: Line) -> None:
+def test_bar_in_a_name(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A program with a bar in its name is to be deleted; the client refuses."""
     refuses(subject, line, "delete_program", b"pro|1.rob")
 
 
 @client_case("T/6", name="everywhere")
-def test_bars_in_names(subject: Subject, line: Line) -> None:
+def test_bars_in_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Names and passwords with bars in them are ordered everywhere; none is sent."""
 
     def each(name: str) -> None:
@@ -193,7 +198,7 @@ def test_bars_in_names(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/6", name="files")
-def test_bars_in_file_names(subject: Subject, line: Line) -> None:
+def test_bars_in_file_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Files with bars in their names are to be sent and fetched; no request is sent."""
     local = subject.file(b"SCARA")
     refused(subject, line, subject.begin("upload", local=local, remote="a|b.rob"))
@@ -205,7 +210,7 @@ def test_bars_in_file_names(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/10")
-def test_values(subject: Subject, line: Line) -> None:
+def test_values(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Every operation that takes values, with many of them; all are sent, and in their order."""
 
     def each(name: str) -> None:
@@ -237,7 +242,7 @@ def _port(number: int) -> int:
 
 
 @client_case("T/10", name="long-names")
-def test_long_names(subject: Subject, line: Line) -> None:
+def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Long names are sent whole, or refused by the client."""
 
     def each(name: str) -> None:
@@ -260,7 +265,7 @@ def test_long_names(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/10", name="outer-blanks")
-def test_outer_blanks(subject: Subject, line: Line) -> None:
+def test_outer_blanks(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """A name with blanks at its ends, or as odd, is sent as it is, or refused by the client."""
 
     def each(name: str) -> None:
@@ -277,7 +282,7 @@ def test_outer_blanks(subject: Subject, line: Line) -> None:
 
 
 @client_case("T/10", name="sequence")
-def test_values_in_sequence(subject: Subject, line: Line) -> None:
+def test_values_in_sequence(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """The same operation comes again and again with other values, shorter and longer ones."""
     for name in (b"LongNameOfAProgramWithout0.txt", b"a.txt", b"pro1.txt", b"b.txt", b"pro12.txt"):
         _sends(subject, line, "delete_program", name)

@@ -6,7 +6,7 @@ from typing import Any
 
 from scaraspec.report.model import Role
 from scaraspec.suite.client.harness.access import Access
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import Options
@@ -36,11 +36,11 @@ class ClientAdapter:
     role = Role.CLIENT
     needs_login = True
 
-    def subject(self, observer: Observer) -> Subject:
+    def subject(self, observer: Observer) -> ClientUnderTest:
         """The client under test."""
-        return Subject(self.access, self.statement, observer)
+        return ClientUnderTest(self.access, self.statement, observer)
 
-    def begin(self, subject: Subject) -> Mapping[str, Any]:
+    def begin(self, subject: ClientUnderTest) -> Mapping[str, Any]:
         """See whether it is there, and says of an operation that nobody has that it lacks it.
 
         Raises:
@@ -49,16 +49,16 @@ class ClientAdapter:
         subject.settle()
         return {"honest": self.access.attended or subject.lacks(_MADE_UP)}
 
-    def probe(self, subject: Subject) -> None:
+    def probe(self, subject: ClientUnderTest) -> None:
         """Nothing: what a client takes shows by itself."""
 
-    def make_ready(self, subject: Subject) -> None:
+    def make_ready(self, subject: ClientUnderTest) -> None:
         """Nothing: a client moves nothing."""
 
-    def watch(self, subject: Subject, for_s: float) -> None:
+    def watch(self, subject: ClientUnderTest, for_s: float) -> None:
         """Nothing: a client has no clients."""
 
-    def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
+    def put_back(self, subject: ClientUnderTest, state: Mapping[str, Any]) -> list[str]:
         """Tell what makes its driver doubtful."""
         problems = []
         if state and not state["honest"]:
@@ -69,7 +69,7 @@ class ClientAdapter:
             problems.append(f"the driver says what answers no order: {subject.access.strays[0]}")
         return problems
 
-    def finish(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
+    def finish(self, subject: ClientUnderTest, state: Mapping[str, Any]) -> list[str]:
         """Nothing: a run against a client leaves nothing behind."""
         del subject, state
         return []

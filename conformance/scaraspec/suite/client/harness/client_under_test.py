@@ -16,7 +16,7 @@ from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.driver import DriverEndedError, DriverError
 from scaraspec.suite.client.harness.driver_values import same, shown
-from scaraspec.suite.client.harness.incoming_connection import PASSWORD, Line
+from scaraspec.suite.client.harness.incoming_connection import PASSWORD, IncomingConnection
 from scaraspec.suite.engine.connection import Connection, pump
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -46,7 +46,7 @@ _VAIN_S: Final = 1.0
 _AT_ONCE_S: Final = 4.0  # who waits for a reply in vain gives up after 5 s (A-3-15)
 
 
-class Subject:
+class ClientUnderTest:
     """The client under test.
 
     Args:
@@ -77,7 +77,7 @@ class Subject:
         self.off = False
         self.notices: list[str] = []
         self.others = Interference()
-        self._lines: list[Line] = []
+        self._lines: list[IncomingConnection] = []
         self._connections = itertools.count(1)
         self._files = itertools.count(1)
         self._expected: Call | None = None
@@ -124,7 +124,7 @@ class Subject:
 
     # ------------------------------------------------------------------ connections
 
-    def open(self, *, judged: bool = True, requirement: str = "") -> Line:
+    def open(self, *, judged: bool = True, requirement: str = "") -> IncomingConnection:
         """Let it connect and log in.
 
         Args:
@@ -158,7 +158,7 @@ class Subject:
         self._orders.remove(call)  # it is none of the case
         return line
 
-    def dial(self, *, judged: bool = True, **values: Any) -> tuple[Line, Call]:
+    def dial(self, *, judged: bool = True, **values: Any) -> tuple[IncomingConnection, Call]:
         """Let it connect, up to the connection itself.
 
         Args:
@@ -193,12 +193,12 @@ class Subject:
                     raise NoReply("connect was ordered, and no connection came")
         return self._connected(link, judged=judged), call
 
-    def _connected(self, link: Link, *, judged: bool) -> Line:
-        line = Line(str(next(self._connections)), link, self, judged=judged)
+    def _connected(self, link: Link, *, judged: bool) -> IncomingConnection:
+        line = IncomingConnection(str(next(self._connections)), link, self, judged=judged)
         self._lines.append(line)
         return line
 
-    def _next(self, line: Line, *, judged: bool) -> Line | None:
+    def _next(self, line: IncomingConnection, *, judged: bool) -> IncomingConnection | None:
         """Another connection, if one follows on one that was only to show that somebody listens."""
         silent = line.over and not (line.heard or line.noise)
         link = self.access.accept(self.access.now_s + _VAIN_S) if silent else None
@@ -215,7 +215,7 @@ class Subject:
                 "the client has opened a further connection; one is served (A-2-2)"
             )
 
-    def _open_line(self) -> Line | None:
+    def _open_line(self) -> IncomingConnection | None:
         return next((line for line in self._lines if not line.over), None)
 
     def pump_others(self, line: Connection, /) -> list[Link]:
@@ -528,7 +528,7 @@ class Subject:
 
     # ------------------------------------------------------------------ what it can do
 
-    def concurrent(self, line: Line) -> None:
+    def concurrent(self, line: IncomingConnection) -> None:
         """Go on only where it does a second thing while a first one lasts.
 
         Raises:

@@ -10,8 +10,8 @@ from typing import Any, Final, NamedTuple
 
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.client.harness.operations import OPENINGS, VALUES, arguments
 from scaraspec.suite.engine.expectations import (
     CaseSkipped,
@@ -63,14 +63,14 @@ _KNOWN_S: Final = 0.1  # until a client knows that something executes
 _SOME: Final = b"content"
 
 
-def ordered(subject: Subject, line: Line, order: Order) -> Call:
+def ordered(subject: ClientUnderTest, line: IncomingConnection, order: Order) -> Call:
     """Give an order, and await its request."""
     call = subject.begin(order.name, **order.values)
     line.request(order.name, call)
     return call
 
 
-def executing(subject: Subject, line: Line, order: Order) -> Call:
+def executing(subject: ClientUnderTest, line: IncomingConnection, order: Order) -> Call:
     """Give an order, and accept it."""
     call = ordered(subject, line, order)
     line.reply(order.name, data=b"1")
@@ -78,7 +78,7 @@ def executing(subject: Subject, line: Line, order: Order) -> Call:
     return call
 
 
-def run_at_will(subject: Subject, line: Line, order: Order) -> None:
+def run_at_will(subject: ClientUnderTest, line: IncomingConnection, order: Order) -> None:
     """Give an order to run a program, and see it through unless the client declines the name.
 
     Raises:
@@ -93,25 +93,25 @@ def run_at_will(subject: Subject, line: Line, order: Order) -> None:
         finished(subject, call)
 
 
-def is_idle(subject: Subject, line: Line) -> None:
+def is_idle(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Tell it that the robot is idle: none that it takes for faulty need be moved."""
     call = subject.begin("get_status")
     line.serve(call, "00")
     subject.settled(call)
 
 
-def renewed(subject: Subject, line: Line) -> Line:
+def renewed(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnection:
     """A new connection in place of one that the client may end, at its leisure, after nonsense."""
     line.close()
     return subject.open()
 
 
-def still(subject: Subject, line: Line) -> Line:
+def still(subject: ClientUnderTest, line: IncomingConnection) -> IncomingConnection:
     """This connection, or another one where the client has ended it for what it was sent."""
     return subject.open() if line.over else line
 
 
-def beside(subject: Subject, line: Line) -> None:
+def beside(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Go on only where it takes another order while one executes.
 
     Raises:
@@ -134,7 +134,7 @@ def beside(subject: Subject, line: Line) -> None:
         raise CaseSkipped("the client takes no order while another one executes")
 
 
-def goes_beside(subject: Subject, line: Line, name: str) -> None:
+def goes_beside(subject: ClientUnderTest, line: IncomingConnection, name: str) -> None:
     """Go on only where it begins this, too, while a program runs; found out once.
 
     What is no query is refused.
@@ -171,7 +171,7 @@ def goes_beside(subject: Subject, line: Line, name: str) -> None:
         raise CaseSkipped(f"the client begins no {name} while another command executes")
 
 
-def finished(subject: Subject, call: Call, *, requirement: str = "") -> None:
+def finished(subject: ClientUnderTest, call: Call, *, requirement: str = "") -> None:
     """An order has to be said to have been accepted and done.
 
     Raises:
@@ -181,7 +181,7 @@ def finished(subject: Subject, call: Call, *, requirement: str = "") -> None:
     _expect_said(call, {"accepted": True, "outcome": "11"}, requirement)
 
 
-def refused(subject: Subject, call: Call, code: str = "", *, requirement: str = "") -> None:
+def refused(subject: ClientUnderTest, call: Call, code: str = "", *, requirement: str = "") -> None:
     """An order has to be said to have been refused; a code that is told has to be this one.
 
     Raises:
@@ -192,7 +192,7 @@ def refused(subject: Subject, call: Call, code: str = "", *, requirement: str = 
     _expect_code(call, code, requirement)
 
 
-def failed(subject: Subject, call: Call, code: str = "", *, requirement: str = "") -> None:
+def failed(subject: ClientUnderTest, call: Call, code: str = "", *, requirement: str = "") -> None:
     """An order has to be said to have been accepted and to have failed; so has its code.
 
     Raises:
@@ -203,7 +203,7 @@ def failed(subject: Subject, call: Call, code: str = "", *, requirement: str = "
     _expect_code(call, code, requirement)
 
 
-def fails_in_the_end(subject: Subject, call: Call, why: str) -> None:
+def fails_in_the_end(subject: ClientUnderTest, call: Call, why: str) -> None:
     """An order whose own result tells of a failure has to be said to have failed.
 
     Raises:

@@ -14,10 +14,10 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, chunks_of
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.chunks import chunk_of, expect_next
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
 from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.traffic.events import FrameSeen
@@ -32,8 +32,12 @@ _GRACE_S: Final = 0.5  # until what it has given up is told
 
 
 def reaction(
-    subject: Subject, line: Line, call: Call, command: str, within_s: float | None = None
-) -> Answer | None:
+    subject: ClientUnderTest,
+    line: IncomingConnection,
+    call: Call,
+    command: str,
+    within_s: float | None = None,
+) -> ReceivedFrame | None:
     """Wait for a request; None if it does not come, or not soon after the operation is said over.
 
     The network may still carry the rest of what the client sent before it said so.
@@ -51,7 +55,7 @@ def reaction(
         left_s -= _SLICE_S
 
 
-def _settled(subject: Subject, call: Call, within_s: float, requirement: str) -> None:
+def _settled(subject: ClientUnderTest, call: Call, within_s: float, requirement: str) -> None:
     """Wait for what the client says of an order; an operator is asked later.
 
     Raises:
@@ -65,7 +69,7 @@ def _settled(subject: Subject, call: Call, within_s: float, requirement: str) ->
             raise
 
 
-def expect_done(subject: Subject, call: Call) -> None:
+def expect_done(subject: ClientUnderTest, call: Call) -> None:
     """A transfer of which everything has come has to be over, and done.
 
     Raises:
@@ -75,7 +79,7 @@ def expect_done(subject: Subject, call: Call) -> None:
     subject.done(call, requirement="5.2/19")
 
 
-def expect_failed(subject: Subject, call: Call, requirement: str = "5.2/19") -> None:
+def expect_failed(subject: ClientUnderTest, call: Call, requirement: str = "5.2/19") -> None:
     """A transfer has to fail, at once or when the client has waited in vain (A-5-14).
 
     Raises:
@@ -85,12 +89,12 @@ def expect_failed(subject: Subject, call: Call, requirement: str = "5.2/19") -> 
     subject.fails(call, requirement=requirement)
 
 
-def transfer_frames(line: Line) -> list[FrameSeen]:
+def transfer_frames(line: IncomingConnection) -> list[FrameSeen]:
     """The frames of clause 5 that came and that nobody has taken."""
     return [seen for seen in line.heard if seen.frame.opcode in _TRANSFER]
 
 
-def gives_up(seen: FrameSeen | Answer) -> bool:
+def gives_up(seen: FrameSeen | ReceivedFrame) -> bool:
     """Whether this is the signal that ends an upload, which wants no answer (L787; A-5-10)."""
     if seen.frame.opcode != BY_NAME["upload_chunk"].opcode:
         return False
@@ -98,7 +102,7 @@ def gives_up(seen: FrameSeen | Answer) -> bool:
 
 
 def expect_no_transfer(
-    line: Line,
+    line: IncomingConnection,
     message: str,
     requirement: str,
     for_s: float = 0.0,
@@ -131,7 +135,7 @@ def expect_no_transfer(
     )
 
 
-def serving(subject: Subject, line: Line, what: str) -> Line:
+def serving(subject: ClientUnderTest, line: IncomingConnection, what: str) -> IncomingConnection:
     """The connection, once it has served another command; a new one where only that does (A-5-26).
 
     Raises:
@@ -152,14 +156,14 @@ def serving(subject: Subject, line: Line, what: str) -> Line:
     return line
 
 
-def _ask_status(subject: Subject, line: Line) -> None:
+def _ask_status(subject: ClientUnderTest, line: IncomingConnection) -> None:
     call = subject.begin("get_status")
     line.serve(call, "00")
     _settled(subject, call, subject.answer_s, "5.4/6")
     subject.gives(call, "00")
 
 
-def _expect_named(line: Line, call: Call, remote: str, requirement: str) -> None:
+def _expect_named(line: IncomingConnection, call: Call, remote: str, requirement: str) -> None:
     asked = line.request(f"{call.name}_name", call)
     sent = asked.frame.data.removesuffix(b"\0")  # which some end a text with (A-T-3)
     expect_equal(sent, remote.encode(), "the name sent", requirement=requirement)
@@ -185,7 +189,9 @@ class Upload:
         CaseFailed: Another name comes, or none.
     """
 
-    def __init__(self, subject: Subject, line: Line, content: bytes, remote: str = "") -> None:
+    def __init__(
+        self, subject: ClientUnderTest, line: IncomingConnection, content: bytes, remote: str = ""
+    ) -> None:
         self._subject, self._line, self._content = subject, line, content
         self.received_bytes = 0
         local = subject.file(content)
@@ -198,7 +204,7 @@ class Upload:
         """Answer the name: the file has been created."""
         self._line.reply("upload_name")
 
-    def frames(self) -> Iterator[Answer]:
+    def frames(self) -> Iterator[ReceivedFrame]:
         """The chunk frames, right or wrong; each is answered 1 when the next one is wanted.
 
         They end where a sound client has sent the whole content.
@@ -268,14 +274,14 @@ class Upload:
         """The upload has to fail; see `expect_failed`."""
         expect_failed(self._subject, self.call, requirement)
 
-    def _frame(self, requirement: str) -> Answer:
+    def _frame(self, requirement: str) -> ReceivedFrame:
         try:
             return self._line.request("upload_chunk", self.call)
         except CaseFailed as error:
             error.requirement = requirement
             raise
 
-    def _right(self, frame: Answer) -> Chunk:
+    def _right(self, frame: ReceivedFrame) -> Chunk:
         """A chunk that is what is due."""
         chunk, due = chunk_of(frame), self.received_bytes
         expect_next(chunk, due, len(self._content))
@@ -290,7 +296,9 @@ class Upload:
         return chunk
 
 
-def give_back(subject: Subject, line: Line, call: Call, content: bytes) -> None:
+def give_back(
+    subject: ClientUnderTest, line: IncomingConnection, call: Call, content: bytes
+) -> None:
     """Serve a client that fetches what it has just sent, to compare it (A-5-21)."""
     deadline_s = subject.access.now_s + subject.answer_s
     while not (subject.access.attended or line.over or subject.speaks(call, _SLICE_S)):
@@ -304,7 +312,9 @@ def give_back(subject: Subject, line: Line, call: Call, content: bytes) -> None:
                 line.request("download_chunk")
 
 
-def take(subject: Subject, line: Line, content: bytes, remote: str = "") -> None:
+def take(
+    subject: ClientUnderTest, line: IncomingConnection, content: bytes, remote: str = ""
+) -> None:
     """Let the client upload a file, and take all of it.
 
     Raises:
@@ -343,7 +353,9 @@ class Download:
         CaseFailed: Another name comes, or none.
     """
 
-    def __init__(self, subject: Subject, line: Line, remote: str = "") -> None:
+    def __init__(
+        self, subject: ClientUnderTest, line: IncomingConnection, remote: str = ""
+    ) -> None:
         self._subject, self._line = subject, line
         self.local = Path(subject.no_file())
         self.received = b""
@@ -461,7 +473,7 @@ class Download:
         self._subject.tolerate("5.3/11", "A-5-12", "keep", message)
 
 
-def fetch(subject: Subject, line: Line, remote: str = "") -> Download:
+def fetch(subject: ClientUnderTest, line: IncomingConnection, remote: str = "") -> Download:
     """Order a download, and promise the file.
 
     Raises:
@@ -473,7 +485,11 @@ def fetch(subject: Subject, line: Line, remote: str = "") -> Download:
 
 
 def serve(
-    subject: Subject, line: Line, content: bytes, requirement: str = "5.3/11", remote: str = ""
+    subject: ClientUnderTest,
+    line: IncomingConnection,
+    content: bytes,
+    requirement: str = "5.3/11",
+    remote: str = "",
 ) -> None:
     """Let the client download a file, and compare what it has then.
 

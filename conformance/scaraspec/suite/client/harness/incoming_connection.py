@@ -15,7 +15,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.suite.client.harness.auto_responder import FETCHES, REPLIES, AutoResponder
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.engine.connection import Answer, Connection
+from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import (
     CaseInconclusive,
     CaseSkipped,
@@ -31,7 +31,7 @@ from scaraspec.transports.link import Link
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from scaraspec.suite.client.harness.client_under_test import Subject
+    from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 
 PASSWORD: Final = b"password"  # the document's own example (L108)
 
@@ -47,15 +47,15 @@ _CUTS: Final = (1, 3)  # behind the start byte, and behind the length
 _OF_FILES: Final = frozenset({"upload_name", "upload_chunk", "download_name", "download_chunk"})
 
 
-class Line(Connection):
-    """One connection; made by `Subject.open`.
+class IncomingConnection(Connection):
+    """One connection; made by `ClientUnderTest.open`.
 
     Attributes:
         polls: What the client asks of its own accord.
         cut_s: How long to wait between the pieces of a frame; 0 to send each as a whole.
     """
 
-    def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
+    def __init__(self, name: str, link: Link, subject: "ClientUnderTest", *, judged: bool) -> None:
         self.polls = AutoResponder(subject.awaits)
         self.cut_s = 0.0
         self._behind: list[bytes] = []
@@ -69,7 +69,7 @@ class Line(Connection):
 
     def request(
         self, name: str, call: Call | None = None, *, within_s: float | None = None
-    ) -> Answer:
+    ) -> ReceivedFrame:
         """Wait for a request of the table.
 
         Args:
@@ -156,7 +156,7 @@ class Line(Connection):
         """Go on only where since then no silence of ours was as long as to end a transfer.
 
         Raises:
-            CaseInconclusive: One was. This machine is too slow, or the client left nothing to answer.
+            CaseInconclusive: This machine was too slow, or the client left nothing to answer.
         """
         self.pump()
         due = [self._subject.now_ns] if any(seen.name in _OF_FILES for seen in self.heard) else []
@@ -241,7 +241,7 @@ class Line(Connection):
 
     def serve(
         self, call: Call, value: Any = YES, *, data: bytes | None = None, sent: bytes | None = None
-    ) -> Answer:
+    ) -> ReceivedFrame:
         """Await the request of an operation, and answer it, whatever it carries.
 
         Args:

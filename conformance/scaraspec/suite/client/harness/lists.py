@@ -5,8 +5,8 @@ from typing import Final
 
 from scaraspec.suite.client.harness.auto_responder import FETCHES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.expectations import NoReply
 
 _FETCH_S: Final = 1.0
@@ -27,8 +27,8 @@ def list_of(*names: str | bytes, per_part: int, bar: bytes = b"|") -> list[bytes
 
 
 def serve_list(
-    subject: Subject,
-    line: Line,
+    subject: ClientUnderTest,
+    line: IncomingConnection,
     call: Call,
     parts: list[bytes],
     ahead: Callable[[], None] = lambda: None,
@@ -56,7 +56,7 @@ def serve_list(
         line.reply("list_programs", data=part)
 
 
-def fetches_parts(subject: Subject, line: Line) -> bool:
+def fetches_parts(subject: ClientUnderTest, line: IncomingConnection) -> bool:
     """Whether a client asks for each part of a list by itself; found out once, by a list of two."""
     if FETCHES not in subject.known:
         call = subject.begin("list_programs")
@@ -65,7 +65,7 @@ def fetches_parts(subject: Subject, line: Line) -> bool:
     return bool(subject.known[FETCHES])
 
 
-def _await_fetching(subject: Subject, line: Line) -> None:
+def _await_fetching(subject: ClientUnderTest, line: IncomingConnection) -> None:
     """Await that the next part is asked for; whether a client does is found out once."""
     patience_s = {None: _FETCH_S, False: 0.0, True: subject.answer_s}
     known = subject.known.get(FETCHES)

@@ -28,14 +28,14 @@ from scaraspec.protocol.payloads import FirstReply, Jog, JogDirection, Record
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.driver_values import spoken
-from scaraspec.suite.client.harness.incoming_connection import PASSWORD, Line
+from scaraspec.suite.client.harness.incoming_connection import PASSWORD, IncomingConnection
 from scaraspec.suite.client.harness.poses import gives_pose
-from scaraspec.suite.engine.connection import Answer as Request
+from scaraspec.suite.engine.connection import ReceivedFrame as Request
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
 from scaraspec.traffic.events import InvalidBytes
 
 if TYPE_CHECKING:
-    from scaraspec.suite.client.harness.client_under_test import Subject
+    from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 
 VALUES: Final[Mapping[str, Any]] = {
     "login": PASSWORD,
@@ -110,13 +110,18 @@ def _json(value: Any) -> Any:
     return f"{value:%Y%m%d%H%M%S}" if isinstance(value, datetime) else value
 
 
-def order(subject: "Subject", name: str, value: Any = None) -> Call:
+def order(subject: "ClientUnderTest", name: str, value: Any = None) -> Call:
     """Order an operation; without a value, with that of the document's example."""
     return subject.begin(name, **arguments(name, VALUES.get(name) if value is None else value))
 
 
 def ask(
-    subject: "Subject", line: Line, name: str, value: Any = None, *, requirement: str = ""
+    subject: "ClientUnderTest",
+    line: IncomingConnection,
+    name: str,
+    value: Any = None,
+    *,
+    requirement: str = "",
 ) -> tuple[Call, Request]:
     """Order an operation and await its request, which has to carry what was ordered.
 
@@ -148,7 +153,7 @@ def ask(
     return call, request
 
 
-def awaited(line: Line, name: str, call: Call) -> Request:
+def awaited(line: IncomingConnection, name: str, call: Call) -> Request:
     """The request of an operation; bytes that are none are blamed for what is wrong with them.
 
     Raises:
@@ -163,7 +168,7 @@ def awaited(line: Line, name: str, call: Call) -> Request:
         raise
 
 
-def blame(line: Line, *, of_length: str = "3/7") -> None:
+def blame(line: IncomingConnection, *, of_length: str = "3/7") -> None:
     """Fail the client for the first bytes that are no frame, or for an undefined opcode.
 
     Args:
@@ -204,7 +209,7 @@ def _violated(noise: InvalidBytes, diagnosis: Diagnosis, of_length: str) -> str:
 
 
 def expect_carries(
-    subject: "Subject", request: Request, name: str, value: Any, *, requirement: str = ""
+    subject: "ClientUnderTest", request: Request, name: str, value: Any, *, requirement: str = ""
 ) -> None:
     """A request has to carry this value, written as the document wants it.
 
@@ -272,7 +277,7 @@ def _fixed_decimals(command: Command, data: bytes, value: Any) -> int:
     return counts.pop() if len(counts) == 1 else 0
 
 
-def answer(line: Line, name: str, request: Request) -> None:
+def answer(line: IncomingConnection, name: str, request: Request) -> None:
     """Answer a request so that it is over: a query with its example, anything else with a no."""
     command = BY_NAME[name]
     if name in REPLIES:
@@ -284,8 +289,8 @@ def answer(line: Line, name: str, request: Request) -> None:
 
 
 def tells(  # noqa: PLR0913 - an answer, and what is thought of it
-    subject: "Subject",
-    line: Line,
+    subject: "ClientUnderTest",
+    line: IncomingConnection,
     name: str,
     data: bytes | None = None,
     *,
@@ -317,7 +322,7 @@ def tells(  # noqa: PLR0913 - an answer, and what is thought of it
 
 
 def expect_told(
-    subject: "Subject", call: Call, name: str, data: bytes, *, requirement: str = ""
+    subject: "ClientUnderTest", call: Call, name: str, data: bytes, *, requirement: str = ""
 ) -> None:
     """A query that was answered with these data has to be told with what they say.
 
@@ -331,7 +336,7 @@ def expect_told(
         subject.gives(call, spoken(value), requirement=requirement)
 
 
-def accomplished(subject: "Subject", call: Call, *, requirement: str = "") -> None:
+def accomplished(subject: "ClientUnderTest", call: Call, *, requirement: str = "") -> None:
     """A two-stage operation has to have been done, in both of its stages.
 
     Raises:
@@ -350,7 +355,12 @@ def accomplished(subject: "Subject", call: Call, *, requirement: str = "") -> No
 
 
 def refuses(
-    subject: "Subject", line: Line, name: str, value: Any, *, requirement: str = ""
+    subject: "ClientUnderTest",
+    line: IncomingConnection,
+    name: str,
+    value: Any,
+    *,
+    requirement: str = "",
 ) -> None:
     """Order what must not be sent: the client has to say that it failed, and to send nothing.
 
@@ -361,7 +371,9 @@ def refuses(
     refused(subject, line, subject.begin(name, **arguments(name, value)), requirement=requirement)
 
 
-def refused(subject: "Subject", line: Line, call: Call, *, requirement: str = "") -> None:
+def refused(
+    subject: "ClientUnderTest", line: IncomingConnection, call: Call, *, requirement: str = ""
+) -> None:
     """An order that was given must fail without anything being sent; see `refuses`."""
     sent = sent_or_settled(subject, line, call)
     if sent is None:
@@ -375,7 +387,7 @@ def refused(subject: "Subject", line: Line, call: Call, *, requirement: str = ""
     )
 
 
-def sent_or_settled(subject: "Subject", line: Line, call: Call) -> str | None:
+def sent_or_settled(subject: "ClientUnderTest", line: IncomingConnection, call: Call) -> str | None:
     """Wait until an order is answered or brings its request about; that, or None for an answer.
 
     What else the client may ask meanwhile is left alone.
@@ -397,7 +409,7 @@ def sent_or_settled(subject: "Subject", line: Line, call: Call) -> str | None:
     return None
 
 
-def _brought_about(line: Line, call: Call) -> list[str]:
+def _brought_about(line: IncomingConnection, call: Call) -> list[str]:
     """What has come that may be of an order: its request, and whatever no client should send."""
     opcode = BY_NAME[OPENINGS.get(call.name, call.name)].opcode
     due = [

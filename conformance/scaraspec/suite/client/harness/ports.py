@@ -3,13 +3,18 @@
 from hypothesis import example
 from hypothesis import strategies as st
 
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.examples import given
 
 
 def expect_ports(
-    subject: Subject, line: Line, name: str, bits: str, *, requirement: str = ""
+    subject: ClientUnderTest,
+    line: IncomingConnection,
+    name: str,
+    bits: str,
+    *,
+    requirement: str = "",
 ) -> None:
     """Have the client ask for them, without data, and give back what it is told.
 
@@ -22,7 +27,7 @@ def expect_ports(
 
 
 def expect_each_port(
-    subject: Subject, line: Line, name: str, count: int, *, requirement: str
+    subject: ClientUnderTest, line: IncomingConnection, name: str, count: int, *, requirement: str
 ) -> None:
     """Try each of so many ports alone, all, none, and what hypothesis draws.
 

@@ -9,10 +9,10 @@ from typing import Any, Final
 
 from scaraspec.protocol.commands import Pose
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.driver_values import same
 from scaraspec.suite.client.harness.request_checks import near, numbers_of
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect, told
 
 USEFUL: Final = ("x", "y", "z", "theta_x")
@@ -20,7 +20,7 @@ USEFUL: Final = ("x", "y", "z", "theta_x")
 
 
 def expect_pose(
-    subject: Subject, answer: Answer, ordered: Pose, *, speed: int | None = None
+    subject: ClientUnderTest, answer: ReceivedFrame, ordered: Pose, *, speed: int | None = None
 ) -> None:
     """Fail the client unless a request carries this pose, behind this speed if there is one.
 
@@ -46,7 +46,7 @@ def expect_pose(
         subject.tolerate("7/2", "A-4.21-3", "0", message)
 
 
-def gives_pose(subject: Subject, call: Call, due: Pose, *, requirement: str = "") -> None:
+def gives_pose(subject: ClientUnderTest, call: Call, due: Pose, *, requirement: str = "") -> None:
     """The pose that a client tells has to be this one, whatever it tells of thetaY and thetaZ.
 
     Raises:

@@ -11,9 +11,9 @@ from decimal import Decimal
 from typing import Final
 
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import OperationRefused, expect, told
 
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
@@ -21,7 +21,7 @@ _NEAR: Final = 5e-4  # nobody need write more than three decimals (A-T-5)
 _SINGLE: Final = 1e-7  # the relative error of 32 bits
 
 
-def numbers_of(answer: Answer) -> list[float] | None:
+def numbers_of(answer: ReceivedFrame) -> list[float] | None:
     """The numbers between the bars of a request; None where one of them is none."""
     texts = answer.seen.text.removesuffix(b"|").split(b"|")  # a bar may end them (A-T-4)
     if not all(_DECIMAL.fullmatch(text) for text in texts):
@@ -39,7 +39,9 @@ def plain(number: float) -> str:
     return f"{Decimal(f'{number:.15g}'):f}"
 
 
-def expect_numbers(answer: Answer, ordered: Sequence[float], *, requirement: str = "") -> None:
+def expect_numbers(
+    answer: ReceivedFrame, ordered: Sequence[float], *, requirement: str = ""
+) -> None:
     """Fail the client unless a request carries these numbers, in this order.
 
     Raises:
@@ -56,8 +58,8 @@ def expect_numbers(answer: Answer, ordered: Sequence[float], *, requirement: str
 
 
 def request_unless_refused(
-    line: Line, call: Call, *, within_s: float | None = None
-) -> Answer | None:
+    line: IncomingConnection, call: Call, *, within_s: float | None = None
+) -> ReceivedFrame | None:
     """The request of an order that the client had better not carry out; None where it does not.
 
     Args:
@@ -75,7 +77,7 @@ def request_unless_refused(
         return None
 
 
-def expect_no_value(subject: Subject, call: Call, *, requirement: str = "") -> None:
+def expect_no_value(subject: ClientUnderTest, call: Call, *, requirement: str = "") -> None:
     """Fail the client unless it says that there is no value, by an error or by none at all.
 
     Raises:

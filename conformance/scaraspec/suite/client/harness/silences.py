@@ -6,8 +6,8 @@ from typing import Final
 
 from scaraspec.suite.client.harness.auto_responder import REPLIES
 from scaraspec.suite.client.harness.call import Call
-from scaraspec.suite.client.harness.client_under_test import Subject
-from scaraspec.suite.client.harness.incoming_connection import Line
+from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
+from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -22,7 +22,11 @@ _GRACE_S: Final = 0.5  # until a client that has given up says so
 
 
 def survived(
-    subject: Subject, call: Call, requirement: str, go_on: Callable[[], None], share: float = 1.0
+    subject: ClientUnderTest,
+    call: Call,
+    requirement: str,
+    go_on: Callable[[], None],
+    share: float = 1.0,
 ) -> None:
     """Keep silent for 25 s, or a share of them, and then go on.
 
@@ -53,7 +57,7 @@ def survived(
         raise
 
 
-def given_up(subject: Subject, call: Call, requirement: str) -> None:
+def given_up(subject: ClientUnderTest, call: Call, requirement: str) -> None:
     """Keep silent until the client gives up, which it has to do after 25 s and within 60 s.
 
     Raises:
@@ -81,7 +85,9 @@ def given_up(subject: Subject, call: Call, requirement: str) -> None:
         subject.tolerate(requirement, "xfer_timeout", option, message)
 
 
-def given_up_meanwhile(subject: Subject, line: Line, call: Call, requirement: str) -> None:
+def given_up_meanwhile(
+    subject: ClientUnderTest, line: IncomingConnection, call: Call, requirement: str
+) -> None:
     """Let the client ask for other things until it gives a silent transfer up, in the same time.
 
     Raises:

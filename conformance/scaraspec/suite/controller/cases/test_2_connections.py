@@ -5,8 +5,12 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.port import DEFAULT_PORT
-from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import (
+    MOMENT_S,
+    SILENCE_S,
+    ControllerUnderTest,
+)
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -24,7 +28,7 @@ _ASKED: Final = 5
 
 
 @case("2/1")
-def test_listens(subject: Subject) -> None:
+def test_listens(subject: ControllerUnderTest) -> None:
     """A connection that the client opens is taken, and served for more than one request."""
     line = subject.open()
     line.ask("get_status")
@@ -32,7 +36,7 @@ def test_listens(subject: Subject) -> None:
 
 
 @case("2/2")
-def test_port(subject: Subject) -> None:
+def test_port(subject: ControllerUnderTest) -> None:
     """The subject takes connections on port 8877, or on the one that the tester named."""
     port = subject.access.port
     if port is None:
@@ -46,7 +50,7 @@ def test_port(subject: Subject) -> None:
 
 
 @case("2/13")
-def test_one_after_the_other(subject: Subject) -> None:
+def test_one_after_the_other(subject: ControllerUnderTest) -> None:
     """A hundred clients connect one after the other, ask something, and close."""
     subject.notices_leaving()
     for _ in range(_TIMES):
@@ -56,7 +60,7 @@ def test_one_after_the_other(subject: Subject) -> None:
 
 
 @case("2/13", name="leaving")
-def test_ways_of_leaving(subject: Subject) -> None:
+def test_ways_of_leaving(subject: ControllerUnderTest) -> None:
     """A hundred clients leave in ways that are not orderly; the next is served all the same."""
     subject.notices_leaving()
     for number in range(_TIMES):
@@ -64,7 +68,7 @@ def test_ways_of_leaving(subject: Subject) -> None:
     _connect(subject).ask("get_status")
 
 
-def _leave(line: Line, way: int) -> None:
+def _leave(line: OutgoingConnection, way: int) -> None:
     """End a connection in one of five ways."""
     match way:
         case 0:  # as if its cable were cut
@@ -84,7 +88,7 @@ def _leave(line: Line, way: int) -> None:
             line.close()
 
 
-def _connect(subject: Subject) -> Line:
+def _connect(subject: ControllerUnderTest) -> OutgoingConnection:
     """Log in; where one client is served at a time, its end may take a moment to be noticed."""
     for _ in range(_AGAIN):
         try:
@@ -100,7 +104,7 @@ def _connect(subject: Subject) -> Line:
 
 
 @case("2/12", hazards=(Hazard.READ_ONLY,))
-def test_second_client(subject: Subject) -> None:
+def test_second_client(subject: ControllerUnderTest) -> None:
     """A client connects while a request of another is half sent and answered; none is disturbed.
 
     What a robot tells of itself (A-3-16) is not told as often as another client asks.
@@ -144,7 +148,9 @@ def _nothing_of_the_other(*, alone: bool) -> None:
     )
 
 
-def _displaced(subject: Subject, first: Line, second: Line) -> bool:
+def _displaced(
+    subject: ControllerUnderTest, first: OutgoingConnection, second: OutgoingConnection
+) -> bool:
     """Whether the newcomer has taken the place of the one before (A-2-2)."""
     second.pump()
     if first.ends(within_s=SILENCE_S / subject.statement.time_scale) is None:
@@ -155,7 +161,9 @@ def _displaced(subject: Subject, first: Line, second: Line) -> bool:
     return True
 
 
-def _admitted(subject: Subject, first: Line, second: Line) -> bool:
+def _admitted(
+    subject: ControllerUnderTest, first: OutgoingConnection, second: OutgoingConnection
+) -> bool:
     """Whether the newcomer is served beside the one before; if not, the latter still is."""
     try:
         if subject.access.needs_login:

@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Mapping
 from typing import Final
 
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.delivery import (
     SEGMENT_S,
     SLOWEST_S,
@@ -19,7 +19,7 @@ from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     GET_TIME,
     GET_VERSION,
 )
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.queries import Query, known_to, some_queries
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
@@ -30,7 +30,7 @@ _CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
 
 
 @case("2/5", slow=True)
-def test_cut_at_every_byte(subject: Subject) -> None:
+def test_cut_at_every_byte(subject: ControllerUnderTest) -> None:
     """Every carrier, and the login, is cut at every byte into two segments; a login at all."""
     line = subject.open()
     for name in ("get_time", "get_version", "get_status"):
@@ -51,7 +51,7 @@ def test_cut_at_every_byte(subject: Subject) -> None:
 
 
 @case("2/5", name="slowly", slow=True)
-def test_slowly(subject: Subject) -> None:
+def test_slowly(subject: ControllerUnderTest) -> None:
     """A request comes byte by byte, and a login in three pieces, with almost 1 s between them."""
     parts = {subject.open(): ("get_status", pieces(GET_STATUS, (1, 1, 1)))}
     if not subject.takes_several:
@@ -64,7 +64,9 @@ def test_slowly(subject: Subject) -> None:
     _send_slowly(subject, parts)
 
 
-def _send_slowly(subject: Subject, parts: Mapping[Line, tuple[str, list[bytes]]]) -> None:
+def _send_slowly(
+    subject: ControllerUnderTest, parts: Mapping[OutgoingConnection, tuple[str, list[bytes]]]
+) -> None:
     """Send on several connections at once, piece by piece; await each reply."""
     for number, now in enumerate(itertools.zip_longest(*(each for _, each in parts.values()))):
         if number:
@@ -77,7 +79,7 @@ def _send_slowly(subject: Subject, parts: Mapping[Line, tuple[str, list[bytes]]]
 
 @case("2/5", name="random")
 @given(queries=some_queries, sizes=some_cuts)
-def test_random_cuts(subject: Subject, queries: list[Query], sizes: list[int]) -> None:
+def test_random_cuts(subject: ControllerUnderTest, queries: list[Query], sizes: list[int]) -> None:
     """Queries that follow each other come in segments of random sizes."""
     line = subject.open()
     if takes_one_at_a_time(subject):
@@ -89,7 +91,7 @@ def test_random_cuts(subject: Subject, queries: list[Query], sizes: list[int]) -
 
 
 @case("2/5", "2/6", name="across", slow=True)
-def test_segments_across_frames(subject: Subject, line: Line) -> None:
+def test_segments_across_frames(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each segment ends one frame and begins the next, at every byte."""
     for cut in examples(range(1, 4)):
         parts = pieces(b"".join(_CARRIERS * 2), (cut, *[4] * 5))
@@ -100,7 +102,7 @@ def test_segments_across_frames(subject: Subject, line: Line) -> None:
 
 @case("2/6")
 @given(queries=some_queries)
-def test_several_in_one_segment(subject: Subject, queries: list[Query]) -> None:
+def test_several_in_one_segment(subject: ControllerUnderTest, queries: list[Query]) -> None:
     """One segment brings several queries, and each is answered."""
     line = subject.open()
     _served_together(subject, line, queries)
@@ -108,7 +110,7 @@ def test_several_in_one_segment(subject: Subject, queries: list[Query]) -> None:
 
 
 @case("2/6", name="burst")
-def test_burst(subject: Subject, line: Line) -> None:
+def test_burst(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment brings hundreds of requests, and each is answered.
 
     The first one is longer by half of another: a buffer of 256 bytes, or of any power of two, ends
@@ -120,7 +122,7 @@ def test_burst(subject: Subject, line: Line) -> None:
 
 
 @case("2/6", name="login")
-def test_login_and_more(subject: Subject) -> None:
+def test_login_and_more(subject: ControllerUnderTest) -> None:
     """One segment brings the login and a query, which is served because the login comes first."""
     line = subject.open(login=False)
     login = _login(subject, line) if subject.access.needs_login else b""
@@ -130,11 +132,13 @@ def test_login_and_more(subject: Subject) -> None:
     _or_one_at_a_time(subject, line, "get_status")
 
 
-def _login(subject: Subject, line: Line) -> bytes:
+def _login(subject: ControllerUnderTest, line: OutgoingConnection) -> bytes:
     return line.request("login", subject.password).encode()
 
 
-def _served_together(subject: Subject, line: Line, queries: list[Query]) -> None:
+def _served_together(
+    subject: ControllerUnderTest, line: OutgoingConnection, queries: list[Query]
+) -> None:
     """Each of these is answered, or only the first where the subject claims so (A-3-14)."""
     if not takes_one_at_a_time(subject):
         ask_together(subject, line, queries)
@@ -146,7 +150,7 @@ def _served_together(subject: Subject, line: Line, queries: list[Query]) -> None
     subject.tolerate("2/6", "pipelining", "one", "only the first request of a segment is served")
 
 
-def _or_one_at_a_time(subject: Subject, line: Line, name: str) -> None:
+def _or_one_at_a_time(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     try:
         line.reply(name)
     except NoReply:

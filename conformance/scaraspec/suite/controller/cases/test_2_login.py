@@ -14,8 +14,8 @@ from scaraspec.protocol.commands import PasswordChange, Point, PortValue
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, JogDirection
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import shifted
 from scaraspec.suite.controller.harness.requests.files import begin, upload
 from scaraspec.suite.controller.harness.requests.motion import (
@@ -57,7 +57,7 @@ class _Stranger:
         granted: What was answered with yes.
     """
 
-    def __init__(self, subject: Subject, *, wrong_logins: int = 0) -> None:
+    def __init__(self, subject: ControllerUnderTest, *, wrong_logins: int = 0) -> None:
         if not subject.access.needs_login:
             raise CaseSkipped("on this link no login is needed (L83)")
         self.granted: list[FrameSeen] = []
@@ -78,7 +78,7 @@ class _Stranger:
         self._hear(line, MOMENT_S)
         line.close()
 
-    def _connect(self) -> Line:
+    def _connect(self) -> OutgoingConnection:
         line = self._subject.open(login=False)
         wrong_logins, self._wrong_logins = self._wrong_logins, 0  # no more than these (A-4.1-2)
         for _ in range(wrong_logins):
@@ -91,7 +91,7 @@ class _Stranger:
             expect(said.accepted is False, "a wrong password opens", requirement="4.1/3")
         return line
 
-    def _hear(self, line: Line, for_s: float) -> None:
+    def _hear(self, line: OutgoingConnection, for_s: float) -> None:
         line.wait(for_s)
         self.granted += [seen for seen in line.heard if _grants(seen.value)]
         line.heard.clear()
@@ -116,7 +116,9 @@ def _grants(value: Any) -> bool:
 
 
 @contextmanager
-def _unchanged(subject: Subject, *settings: tuple[str, str]) -> Iterator[dict[str, Any]]:
+def _unchanged(
+    subject: ControllerUnderTest, *settings: tuple[str, str]
+) -> Iterator[dict[str, Any]]:
     """See that values stay as they are; what has changed is put back.
 
     Args:
@@ -134,7 +136,7 @@ def _unchanged(subject: Subject, *settings: tuple[str, str]) -> Iterator[dict[st
     expect_equal(after, before, "settings were changed without a login")
 
 
-def _values(subject: Subject, settings: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+def _values(subject: ControllerUnderTest, settings: tuple[tuple[str, str], ...]) -> dict[str, Any]:
     line = subject.open()
     values = {name: line.ask(name).value for name, _ in settings}
     line.close()
@@ -148,7 +150,7 @@ _HOME: Final = ("get_initial_tool_position", "set_initial_tool_position")
 
 
 @contextmanager
-def _settings_tried(subject: Subject) -> Iterator[Requests]:
+def _settings_tried(subject: ControllerUnderTest) -> Iterator[Requests]:
     """Give what sets positions, the clock and a file; see that none of it happens."""
     name = subject.new_name()
     with _unchanged(subject, _GRIPPER, _HOME) as before, _clock_kept(subject) as time:
@@ -165,7 +167,7 @@ def _settings_tried(subject: Subject) -> Iterator[Requests]:
 
 
 @case("2/11", hazards=(Hazard.STATE,))
-def test_settings(subject: Subject) -> None:
+def test_settings(subject: ControllerUnderTest) -> None:
     """Positions, the clock and files are set without a login; none of it happens."""
     stranger = _Stranger(subject)
     with _settings_tried(subject) as settings:
@@ -174,7 +176,7 @@ def test_settings(subject: Subject) -> None:
 
 
 @contextmanager
-def _clock_kept(subject: Subject) -> Iterator[datetime]:
+def _clock_kept(subject: ControllerUnderTest) -> Iterator[datetime]:
     """Give the subject's time; see that it is not set, and if it is, put it back."""
     line = subject.open()
     before: datetime | None = line.ask("get_time").value
@@ -192,7 +194,7 @@ def _clock_kept(subject: Subject) -> Iterator[datetime]:
 
 
 @case("2/11", "4.1/3", name="wrong-login", hazards=(Hazard.STATE,))
-def test_wrong_login(subject: Subject) -> None:
+def test_wrong_login(subject: ControllerUnderTest) -> None:
     """After a wrong password settings are tried; they do not take effect.
 
     Nor do they after a second one, where things may be lost (A-4.1-2).
@@ -205,7 +207,7 @@ def test_wrong_login(subject: Subject) -> None:
 
 
 @case("2/11", name="beside", hazards=(Hazard.STATE,))
-def test_beside_another(subject: Subject) -> None:
+def test_beside_another(subject: ControllerUnderTest) -> None:
     """While one client is logged in, another one that is not tries settings."""
     subject.several()
     subject.open()
@@ -216,7 +218,7 @@ def test_beside_another(subject: Subject) -> None:
 
 
 @case("2/11", name="behind", hazards=(Hazard.STATE,))
-def test_behind_another(subject: Subject) -> None:
+def test_behind_another(subject: ControllerUnderTest) -> None:
     """Another client leaves in the midst of an upload, or is cut off; the next tries a setting."""
     stranger = _Stranger(subject)
     with _unchanged(subject, _GRIPPER):
@@ -229,7 +231,7 @@ def test_behind_another(subject: Subject) -> None:
 
 
 @case("2/11", name="motion", hazards=(Hazard.MOTION, Hazard.STATE))
-def test_motion(subject: Subject) -> None:
+def test_motion(subject: ControllerUnderTest) -> None:
     """All that moves, and an output, is asked for without a login; nothing happens.
 
     So it is while a program of another client runs.
@@ -270,7 +272,7 @@ def test_motion(subject: Subject) -> None:
 
 
 @case("2/11", name="loss", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE))
-def test_loss(subject: Subject) -> None:
+def test_loss(subject: ControllerUnderTest) -> None:
     """A file is deleted, password, network and default are set without a login; all stays.
 
     So does the file behind a wrong login.
@@ -301,7 +303,7 @@ def test_loss(subject: Subject) -> None:
 
 
 @case("2/11", name="shutdown", hazards=(Hazard.DESTRUCTIVE,), last=True)
-def test_shutdown(subject: Subject) -> None:
+def test_shutdown(subject: ControllerUnderTest) -> None:
     """A shutdown is asked for without a login; the subject goes on."""
     stranger = _Stranger(subject)
     stranger.ask(("shutdown", None))

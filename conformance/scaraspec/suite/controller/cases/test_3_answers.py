@@ -7,12 +7,12 @@ from hypothesis import settings
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import expect_round_trip
 from scaraspec.suite.controller.harness.requests.queries import Query, known_to, some_queries
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
@@ -38,7 +38,7 @@ _SETTINGS: Final = (
 
 
 @case("3/11")
-def test_opcodes_of_queries(subject: Subject, line: Line) -> None:
+def test_opcodes_of_queries(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every query is answered under the opcode that it has."""
     for query in examples(known_to(subject)):
         _ask_under_its_opcode(line, *query)
@@ -46,7 +46,7 @@ def test_opcodes_of_queries(subject: Subject, line: Line) -> None:
 
 
 @case("3/11", name="settings", hazards=_STATE)
-def test_opcodes_of_settings(subject: Subject, line: Line) -> None:
+def test_opcodes_of_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Settings, which are set to what they are, and an upload are answered under their opcodes."""
     for name, setter in examples(_SETTINGS):
         value = line.ask(name).value
@@ -58,12 +58,14 @@ def test_opcodes_of_settings(subject: Subject, line: Line) -> None:
 
 
 @case("3/11", name="loss", hazards=(Hazard.DESTRUCTIVE,))
-def test_opcode_of_a_deletion(subject: Subject, line: Line) -> None:
+def test_opcode_of_a_deletion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The deletion of a file that is not there is answered under its opcode."""
     _ask_under_its_opcode(line, "delete_program", subject.new_name())
 
 
-def _ask_under_its_opcode(line: Line, name: str, value: object = None) -> Answer:
+def _ask_under_its_opcode(
+    line: OutgoingConnection, name: str, value: object = None
+) -> ReceivedFrame:
     """Ask, and where the reply is not found, say whether it came under another opcode.
 
     Raises:
@@ -89,7 +91,7 @@ def _ask_under_its_opcode(line: Line, name: str, value: object = None) -> Answer
 
 @case("3/31")
 @given(queries=some_queries)
-def test_queries_one_by_one(subject: Subject, queries: list[Query]) -> None:
+def test_queries_one_by_one(subject: ControllerUnderTest, queries: list[Query]) -> None:
     """Queries in any order, with others before and behind, are answered one by one."""
     line = subject.open()
     for query in known_to(subject, queries):
@@ -98,7 +100,7 @@ def test_queries_one_by_one(subject: Subject, queries: list[Query]) -> None:
 
 
 @case("3/31", name="twice")
-def test_queries_twice(subject: Subject, line: Line) -> None:
+def test_queries_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every query is asked twice in a row, and is answered twice."""
     for query in examples(known_to(subject)):
         line.ask(*query)
@@ -106,7 +108,7 @@ def test_queries_twice(subject: Subject, line: Line) -> None:
 
 
 @case("3/31", name="after-refusals")
-def test_behind_refusals(subject: Subject, line: Line) -> None:
+def test_behind_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Behind each of many requests that are refused, valid ones are answered."""
     missing = subject.new_name()
     for _ in range(50):
@@ -115,7 +117,7 @@ def test_behind_refusals(subject: Subject, line: Line) -> None:
 
 
 @case("3/31", name="long-session")
-def test_long_session(subject: Subject, line: Line) -> None:
+def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Thousands of queries on one connection are all answered, the last ones as the first."""
     queries = known_to(subject)
     rounds = settings().max_examples * _LONG // len(queries)
@@ -133,7 +135,7 @@ def test_long_session(subject: Subject, line: Line) -> None:
 
 
 @case("3/31", name="many-files", hazards=_STATE)
-def test_many_files(subject: Subject, line: Line) -> None:
+def test_many_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """File after file is sent, fetched and deleted on one connection, the last as the first."""
     content = content_of(_FILE_BYTES)
     for _ in range(settings().max_examples * _FILES):

@@ -12,7 +12,11 @@ from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.controller_under_test import (
+    MOMENT_S,
+    SILENCE_S,
+    ControllerUnderTest,
+)
 from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     GET_STATUS,
     GET_TIME,
@@ -20,7 +24,7 @@ from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     OPCODES,
     harmless,
 )
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
     expect_round_trip,
     expect_stored,
@@ -61,7 +65,7 @@ _LENGTHS: Final = (
 
 
 @case("3/1", "3/4", "3/5", "3/6", "3/7", "3/8", "3/32")
-def test_replies_are_frames(subject: Subject, line: Line) -> None:
+def test_replies_are_frames(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every query is answered with a frame: its bytes, its length, and nothing around it."""
     for query in examples(known_to(subject)):
         with _told_apart(line, query.name):
@@ -71,7 +75,7 @@ def test_replies_are_frames(subject: Subject, line: Line) -> None:
 
 
 @contextmanager
-def _told_apart(line: Line, name: str) -> Iterator[None]:
+def _told_apart(line: OutgoingConnection, name: str) -> Iterator[None]:
     """Where no frame came, find out what came: a wrong length waits for what follows it."""
     try:
         yield
@@ -85,7 +89,7 @@ def _told_apart(line: Line, name: str) -> Iterator[None]:
         raise
 
 
-def _no_noise(line: Line, name: str) -> None:
+def _no_noise(line: OutgoingConnection, name: str) -> None:
     """Say what is wrong with bytes that are no frame."""
     line.pump()
     for noise in line.noise:
@@ -102,7 +106,7 @@ def _no_noise(line: Line, name: str) -> None:
 
 
 @case("3/8", name="empty")
-def test_reply_without_data(subject: Subject, line: Line) -> None:
+def test_reply_without_data(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The default program is asked for, of which there may be none; its frame is a frame."""
     command = line.send("get_default_program")
     came = [seen for seen in line.sync() if seen.frame.opcode in (command.opcode, command.also)]
@@ -114,7 +118,7 @@ def test_reply_without_data(subject: Subject, line: Line) -> None:
 
 
 @case("3/6", "3/5", "3/7", name="long", hazards=(Hazard.STATE,))
-def test_long_replies(subject: Subject, line: Line) -> None:
+def test_long_replies(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Long names make a program list that does not fit one frame, and a download fills chunks."""
     content = short_program(subject)
     stem = "n" * (_LONG_NAME_BYTES - len(subject.new_name()) - 1)
@@ -136,7 +140,7 @@ def test_long_replies(subject: Subject, line: Line) -> None:
 
 
 @case("3/32", "3/10", "3/26", name="idle")
-def test_nothing_while_idle(subject: Subject) -> None:
+def test_nothing_while_idle(subject: ControllerUnderTest) -> None:
     """A connection is silent before the login, behind it, and behind a query."""
     lines = [subject.open(login=False)]
     if subject.takes_several:
@@ -157,7 +161,7 @@ def test_nothing_while_idle(subject: Subject) -> None:
     _no_noise(line, "get_status")
 
 
-def _is_silent(subject: Subject, line: Line) -> None:
+def _is_silent(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A frame of another kind than the document knows fails; others are only warned of (A-3-16)."""
     _no_noise(line, "nothing")
     for seen in line.heard:
@@ -180,7 +184,7 @@ def _is_silent(subject: Subject, line: Line) -> None:
 
 
 @case("3/10")
-def test_opcodes_of_replies(subject: Subject, line: Line) -> None:
+def test_opcodes_of_replies(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No query is answered with an opcode that the document does not define."""
     answers = [answer.seen for answer in ask_all(subject, line)]
     for seen in (*answers, *line.heard):
@@ -204,7 +208,7 @@ def test_opcodes_of_replies(subject: Subject, line: Line) -> None:
     | st.integers(0, 127).map(lambda n: b"\xcc\xaa" * n)
 )
 @example(data=b"\xcc" + GET_VERSION)  # who looks for the end in small frames alone finds one
-def test_data_on_a_query(subject: Subject, data: bytes) -> None:
+def test_data_on_a_query(subject: ControllerUnderTest, data: bytes) -> None:
     """A query has up to 255 bytes of data; it is answered or not, and none of them is a frame."""
     frame = Frame(A2C, 0x07, data).encode()
     assume(harmless(frame + GET_STATUS))
@@ -221,7 +225,7 @@ def test_data_on_a_query(subject: Subject, data: bytes) -> None:
 
 
 @case("3/6", name="lengths")
-def test_every_length(subject: Subject, line: Line) -> None:
+def test_every_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A query has up to 255 bytes of data, and none of them is a frame, however many there are."""
     pushed = OPCODES - {GET_TIME[1]}  # some send such things unasked (A-3-16)
     for length_bytes in examples(_LENGTHS):
@@ -233,7 +237,7 @@ def test_every_length(subject: Subject, line: Line) -> None:
             line = subject.open()
 
 
-def _came(subject: Subject, line: Line) -> list[FrameSeen]:
+def _came(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameSeen]:
     """What a query with data brought about; closing is a reading (A-3-9)."""
     try:
         return line.sync()
@@ -254,7 +258,7 @@ _FULL_OF_MARKS: Final = (
 
 
 @case("3/9", name="content", hazards=(Hazard.STATE,))
-def test_marks_in_files(subject: Subject, line: Line) -> None:
+def test_marks_in_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Files full of start and end bytes are sent, and come back as they are."""
     expect_round_trip(subject, line, b"plain" * 50)
     for content in examples(_FULL_OF_MARKS):
@@ -263,7 +267,7 @@ def test_marks_in_files(subject: Subject, line: Line) -> None:
 
 
 @case("3/9", name="name", hazards=(Hazard.STATE,))
-def test_marks_in_names(line: Line) -> None:
+def test_marks_in_names(line: OutgoingConnection) -> None:
     """A name with 0xAA and 0xCC in it is asked for; it is refused or served, in one frame."""
     for data in examples((b"\xaa.rob", b"\xcc.rob", b"a\xcc\xaab.rob", b"\xb0\xcc\xaa\xcc.rob")):
         answer = line.ask("download_name", data=data)

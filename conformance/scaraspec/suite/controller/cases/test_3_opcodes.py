@@ -10,9 +10,9 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import MAX_DATA_BYTES, TAG, Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import BUFFER_BYTES, chunks_of
-from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import again, begin, expect_stored, send
 from scaraspec.suite.controller.harness.requests.motion import await_rest, joints_of
 from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, outputs_kept, set_output
@@ -44,7 +44,7 @@ _RESTLESS: Final = (
 
 
 @case("3/21", undefined=True)
-def test_undefined_opcodes(subject: Subject) -> None:
+def test_undefined_opcodes(subject: ControllerUnderTest) -> None:
     """Every undefined opcode is sent; nothing happens, and no other opcode answers."""
     subject.moved = True
     before = _state(subject)
@@ -58,7 +58,7 @@ def test_undefined_opcodes(subject: Subject) -> None:
 
 
 @case("3/21", name="alone", undefined=True)
-def test_undefined_opcodes_alone(subject: Subject) -> None:
+def test_undefined_opcodes_alone(subject: ControllerUnderTest) -> None:
     """Undefined opcodes are the first that a connection brings, and one segment brings them all."""
     subject.moved = True
     before = _state(subject)
@@ -71,7 +71,9 @@ def test_undefined_opcodes_alone(subject: Subject) -> None:
 
 
 @case("3/21", name="settings", hazards=_MOTION, undefined=True)
-def test_settings_behind_undefined_opcodes(subject: Subject, line: Line) -> None:
+def test_settings_behind_undefined_opcodes(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A gripper centre, a default program and outputs that are on stay behind all of them."""
     for name in ("set_gripper_center", "set_default_program", "set_digital_output"):
         has(subject, name)
@@ -93,7 +95,7 @@ def test_settings_behind_undefined_opcodes(subject: Subject, line: Line) -> None
 
 
 @case("3/21", name="in-an-upload", hazards=(Hazard.STATE,), undefined=True)
-def test_undefined_opcodes_in_an_upload(subject: Subject) -> None:
+def test_undefined_opcodes_in_an_upload(subject: ControllerUnderTest) -> None:
     """Between two chunks of a file all of them are sent, and it arrives whole."""
     name, opcodes = subject.new_name(), list(_UNDEFINED)
     content = content_of(BUFFER_BYTES * math.ceil(len(opcodes) / _A_CHUNK))
@@ -113,7 +115,9 @@ def test_undefined_opcodes_in_an_upload(subject: Subject) -> None:
 
 
 @case("3/21", name="running", hazards=_MOTION, undefined=True)
-def test_undefined_opcodes_beside_a_program(subject: Subject, line: Line) -> None:
+def test_undefined_opcodes_beside_a_program(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A program that runs goes on behind all of them, which another client sends at once."""
     subject.several()
     other = subject.open(judged=False)
@@ -131,7 +135,7 @@ def test_undefined_opcodes_beside_a_program(subject: Subject, line: Line) -> Non
         )
 
 
-def _send(subject: Subject, frames: Iterable[Frame]) -> None:
+def _send(subject: ControllerUnderTest, frames: Iterable[Frame]) -> None:
     """Send each, on a new connection where the subject closes."""
     line = subject.open(judged=False)
     for frame in examples(frames):
@@ -141,7 +145,7 @@ def _send(subject: Subject, frames: Iterable[Frame]) -> None:
     line.close()
 
 
-def _send_one(subject: Subject, line: Line, frame: Frame) -> None:
+def _send_one(subject: ControllerUnderTest, line: OutgoingConnection, frame: Frame) -> None:
     """Send a request with an undefined opcode, and a query behind it."""
     line.send_frame(frame)
     try:
@@ -157,7 +161,9 @@ def _send_one(subject: Subject, line: Line, frame: Frame) -> None:
     _only_themselves(subject, line, frozenset({frame.opcode}))
 
 
-def _only_themselves(subject: Subject, line: Line, opcodes: frozenset[int]) -> None:
+def _only_themselves(
+    subject: ControllerUnderTest, line: OutgoingConnection, opcodes: frozenset[int]
+) -> None:
     """An undefined opcode is answered under itself or not at all."""
     if line.ending is not None:
         subject.tolerate("3/21", "on_unknown", "close", "the connection was closed")
@@ -180,7 +186,7 @@ def _only_themselves(subject: Subject, line: Line, opcodes: frozenset[int]) -> N
 # ---------------------------------------------------------------------- what must not change
 
 
-def _state(subject: Subject) -> dict[str, Any]:
+def _state(subject: ControllerUnderTest) -> dict[str, Any]:
     line = subject.open()
     state: dict[str, Any] = {
         query.name: line.ask(*query).frame.data
@@ -192,7 +198,7 @@ def _state(subject: Subject) -> dict[str, Any]:
     return state
 
 
-def _expect_unchanged(subject: Subject, before: dict[str, Any]) -> None:
+def _expect_unchanged(subject: ControllerUnderTest, before: dict[str, Any]) -> None:
     subject.pause(MOMENT_S)
     after = _state(subject)
     joints = before.pop("joints")

@@ -12,9 +12,9 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import shifted
 from scaraspec.suite.controller.harness.requests.files import CHUNK_S, expect_stored
 from scaraspec.suite.controller.harness.requests.motion import (
@@ -31,7 +31,7 @@ from scaraspec.suite.controller.harness.requests.queries import (
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import finish, has, jog_somewhere
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.expectations import CaseInconclusive, CaseSkipped, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
@@ -46,7 +46,7 @@ _CHUNKS: Final = 3
 
 @case("3/24")
 @given(queries=some_queries)
-def test_replies_in_order(subject: Subject, queries: list[Query]) -> None:
+def test_replies_in_order(subject: ControllerUnderTest, queries: list[Query]) -> None:
     """Queries are sent without waiting; none of their replies is missing, and they keep order."""
     _takes_several(subject)
     line = subject.open()
@@ -56,7 +56,7 @@ def test_replies_in_order(subject: Subject, queries: list[Query]) -> None:
     line.close()
 
 
-def _takes_several(subject: Subject) -> None:
+def _takes_several(subject: ControllerUnderTest) -> None:
     """Go on only where requests may follow each other without waiting.
 
     Raises:
@@ -66,14 +66,14 @@ def _takes_several(subject: Subject) -> None:
         raise CaseSkipped("the subject serves one request at a time (pipelining)")
 
 
-def _tell_order(subject: Subject, answers: list[Answer]) -> None:
+def _tell_order(subject: ControllerUnderTest, answers: list[ReceivedFrame]) -> None:
     places = [answer.seen.place.offset_bytes for answer in answers]
     if any(later < earlier for earlier, later in pairwise(places)):
         subject.tolerate("3/24", "pipelining", "any-order", "replies came in another order")
 
 
 @case("3/24", name="same")
-def test_same_opcode(subject: Subject) -> None:
+def test_same_opcode(subject: ControllerUnderTest) -> None:
     """Twenty requests for the status, twenty replies: no more and no fewer."""
     _takes_several(subject)
     line = subject.open()
@@ -87,7 +87,7 @@ def test_same_opcode(subject: Subject) -> None:
 
 
 @case("3/30", hazards=_STATE)
-def test_last_setting_stays(subject: Subject, line: Line) -> None:
+def test_last_setting_stays(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment sets the gripper centre eight times; the last one stays."""
     _takes_several(subject)
     has(subject, "set_gripper_center", "get_gripper_center")
@@ -106,7 +106,7 @@ def test_last_setting_stays(subject: Subject, line: Line) -> None:
 
 
 @case("3/30", name="queries", hazards=_STATE)
-def test_queries_between_settings(subject: Subject, line: Line) -> None:
+def test_queries_between_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment sets and asks in turn; each question is answered as of its place."""
     _takes_several(subject)
     has(subject, "set_gripper_center", "get_gripper_center")
@@ -126,7 +126,7 @@ def test_queries_between_settings(subject: Subject, line: Line) -> None:
 
 
 @case("3/30", name="clock", hazards=_STATE)
-def test_last_time_stays(subject: Subject, line: Line) -> None:
+def test_last_time_stays(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment sets the clock ahead and back; the last time stays."""
     _takes_several(subject)
     has(subject, "set_time", "get_time")
@@ -149,7 +149,7 @@ def test_last_time_stays(subject: Subject, line: Line) -> None:
 
 
 @case("3/30", name="upload", hazards=_STATE)
-def test_upload_in_one_segment(subject: Subject, line: Line) -> None:
+def test_upload_in_one_segment(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment brings a name and the chunks of its file, which is stored as it was sent."""
     _takes_several(subject)
     has(subject, "upload_name", "upload_chunk")
@@ -164,7 +164,7 @@ def test_upload_in_one_segment(subject: Subject, line: Line) -> None:
 
 
 @case("3/30", "4/6", name="stop", hazards=_MOTION)
-def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
+def test_stop_behind_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment brings a jog, a lock and an emergency stop: it moves, is busy, and stands."""
     _takes_several(subject)
     has(subject, "jog", "emergency_stop")
@@ -201,7 +201,7 @@ def test_stop_behind_a_jog(subject: Subject, line: Line) -> None:
         )
 
 
-def _locked_between(line: Line, jog: Answer, stopped: Answer) -> bool:
+def _locked_between(line: OutgoingConnection, jog: ReceivedFrame, stopped: ReceivedFrame) -> bool:
     """Whether a lock was accepted between a jog and its stop, and before anything had ended."""
     between = range(jog.seen.place.offset_bytes, stopped.seen.place.offset_bytes)
     for seen in line.heard:
@@ -209,10 +209,10 @@ def _locked_between(line: Line, jog: Answer, stopped: Answer) -> bool:
             continue
         if seen.frame.tagged:
             return False
-        if seen.name == "lock_joints" and Answer(seen, seen.value).accepted:
+        if seen.name == "lock_joints" and ReceivedFrame(seen, seen.value).accepted:
             return True
     return False
 
 
-def _send_together(line: Line, requests: Sequence[tuple[str, object]]) -> None:
+def _send_together(line: OutgoingConnection, requests: Sequence[tuple[str, object]]) -> None:
     line.send_bytes(b"".join(line.request(*request).encode() for request in requests))

@@ -13,8 +13,8 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import TAG
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import FinalResult
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     begin_step_somewhere,
     listens,
@@ -55,7 +55,9 @@ _FAR: Final = MoveTarget(1, 9e5, 9e5, 9e5, 0.0, 0.0, 0.0)
 
 @pytest.mark.parametrize("name", TWO_STAGE)
 @case("3/12", "3/14", "3/16", "3/18", hazards=_MOTION)
-def test_one_tagged_result(subject: Subject, line: Line, name: str) -> None:
+def test_one_tagged_result(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> None:
     """A command ends with one final result, behind the tag and behind its first reply."""
     try:
         performed = perform(subject, line, name)
@@ -77,7 +79,7 @@ def test_one_tagged_result(subject: Subject, line: Line, name: str) -> None:
 
 
 @case("3/18", name="twice", hazards=_MOTION)
-def test_no_second_result(subject: Subject, line: Line) -> None:
+def test_no_second_result(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every command ends once; time passes, and none of them ends again."""
     names = [name for name in TWO_STAGE if name not in subject.statement.lacks]
     for name in names:
@@ -88,7 +90,7 @@ def test_no_second_result(subject: Subject, line: Line) -> None:
         _no_result(line, name, f"{name} ended a second time", "3/18")
 
 
-def _expect_tagged(subject: Subject, name: str) -> None:
+def _expect_tagged(subject: ControllerUnderTest, name: str) -> None:
     """Look among what has just passed for a final result that came without its tag."""
     opcode = BY_NAME[name].opcode
     for seen in subject.observer.recent:
@@ -115,7 +117,7 @@ def _says_how_it_ended(data: bytes) -> bool:
     return FinalResult().decode(data).value is not None
 
 
-def _no_result(line: Line, name: str, message: str, requirement: str) -> None:
+def _no_result(line: OutgoingConnection, name: str, message: str, requirement: str) -> None:
     for seen in line.heard:
         if _is_result(seen, name):
             raise CaseFailed(
@@ -128,7 +130,7 @@ def _is_result(seen: FrameSeen, name: str) -> bool:
 
 
 @case("3/14")
-def test_queries_bear_no_tag(subject: Subject, line: Line) -> None:
+def test_queries_bear_no_tag(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The replies of queries bear no tag; one that does is undocumented (A-3-6)."""
     try:
         ask_all(subject, line)
@@ -144,7 +146,7 @@ def test_queries_bear_no_tag(subject: Subject, line: Line) -> None:
 
 
 @case("3/18", "3/16", name="again", hazards=_MOTION)
-def test_again_and_again(subject: Subject, line: Line) -> None:
+def test_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program runs a dozen times, asked about meanwhile; each run has its one result."""
     find_out_whether_it_listens(subject, line)
     program = start_program(subject, line, RUN, 0).program
@@ -165,7 +167,7 @@ def test_again_and_again(subject: Subject, line: Line) -> None:
 
 
 @case("3/18", name="own-connection", hazards=_MOTION)
-def test_result_for_whom_asked(subject: Subject, line: Line) -> None:
+def test_result_for_whom_asked(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While another client is connected, the result comes to the one that asked."""
     subject.several()
     other = subject.open()
@@ -183,7 +185,9 @@ def test_result_for_whom_asked(subject: Subject, line: Line) -> None:
 
 
 @case("3/17", hazards=_MOTION, slow=True)
-def test_no_result_of_what_is_refused(subject: Subject, line: Line) -> None:
+def test_no_result_of_what_is_refused(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """Programs that are not there, a pose out of reach and a jog nowhere are refused, and end."""
     subject.moved = True
     missing = subject.new_name()
@@ -206,7 +210,9 @@ def test_no_result_of_what_is_refused(subject: Subject, line: Line) -> None:
 
 
 @case("3/17", name="busy", hazards=_MOTION, slow=True)
-def test_no_result_of_what_came_while_busy(subject: Subject, line: Line) -> None:
+def test_no_result_of_what_came_while_busy(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """While a program runs, other commands are refused, and none of them has a result."""
     if subject.dialect["busy_reply"] == "queue":
         raise CaseSkipped("the subject claims to execute afterwards what comes while it is busy")
@@ -222,7 +228,7 @@ def test_no_result_of_what_came_while_busy(subject: Subject, line: Line) -> None
     _stay_without_result(line, refused)
 
 
-def _stay_without_result(line: Line, names: list[str]) -> None:
+def _stay_without_result(line: OutgoingConnection, names: list[str]) -> None:
     line.wait(_LATER_S)
     for name in names:
         _no_result(line, name, f"a final result of {name} came, which was refused", "3/17")

@@ -16,7 +16,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS
-from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     FLOOD,
     GET_STATUS,
@@ -31,7 +31,7 @@ from scaraspec.suite.controller.harness.malformed.mutation_targets import (
     strays,
     survives,
 )
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply, expect
@@ -59,7 +59,7 @@ _DAMAGED: Final = (
 """One of each way to be no frame."""
 
 
-def _tell(subject: Subject, requirement: str, how: Recovery) -> None:
+def _tell(subject: ControllerUnderTest, requirement: str, how: Recovery) -> None:
     """Closing is the one reading that shows beyond doubt."""
     if how is Recovery.ANEW:
         subject.tolerate(requirement, "resync", "close", "the connection was closed")
@@ -69,7 +69,7 @@ def _tell(subject: Subject, requirement: str, how: Recovery) -> None:
 
 
 @case("3/19", name="start")
-def test_wrong_start(subject: Subject) -> None:
+def test_wrong_start(subject: ControllerUnderTest) -> None:
     """A request begins with every byte that is no start byte."""
     line = subject.open(judged=False)
     for start in {*range(256)} - {A2C.start, C2A.start}:
@@ -89,7 +89,7 @@ def test_wrong_start(subject: Subject) -> None:
 
 @case("3/19")
 @given(garbage=strays, carrier=carriers)
-def test_stray_bytes(subject: Subject, garbage: bytes, carrier: bytes) -> None:
+def test_stray_bytes(subject: ControllerUnderTest, garbage: bytes, carrier: bytes) -> None:
     """Stray bytes come before, between and behind requests, in segments of their own."""
     assume(harmless((garbage + carrier) * 2 + FLOOD))
     line = subject.open(judged=False)
@@ -106,7 +106,7 @@ def test_stray_bytes(subject: Subject, garbage: bytes, carrier: bytes) -> None:
 
 @case("3/19", name="joined")
 @given(garbage=strays, carrier=carriers)
-def test_joined_with_requests(subject: Subject, garbage: bytes, carrier: bytes) -> None:
+def test_joined_with_requests(subject: ControllerUnderTest, garbage: bytes, carrier: bytes) -> None:
     """Stray bytes come in one segment with the requests around them."""
     data = (garbage + carrier) * 2
     assume(harmless(data + FLOOD))
@@ -114,7 +114,7 @@ def test_joined_with_requests(subject: Subject, garbage: bytes, carrier: bytes) 
 
 
 @case("3/19", name="long")
-def test_much_garbage(subject: Subject) -> None:
+def test_much_garbage(subject: ControllerUnderTest) -> None:
     """Thousands of bytes come none of which begins a frame, and then text as a person types it."""
     line = subject.open(judged=False)
     for data in examples(
@@ -134,13 +134,13 @@ def test_much_garbage(subject: Subject) -> None:
 
 @case("3/20", slow=True)
 @given(frame=spoiled)
-def test_spoiled_frames(subject: Subject, frame: bytes) -> None:
+def test_spoiled_frames(subject: ControllerUnderTest, frame: bytes) -> None:
     """A request has a wrong end byte, or a length that is not the number of its data bytes."""
     _tell(subject, "3/20", survives(subject, frame, requirement="3/20"))
 
 
 @case("3/20", name="end")
-def test_every_wrong_end(subject: Subject) -> None:
+def test_every_wrong_end(subject: ControllerUnderTest) -> None:
     """A request ends with each of many wrong bytes; that it is answered is only warned of."""
     for end in examples((0x00, 0x0D, 0x33, 0xAB, 0xAC, 0xCB, 0xCD, 0xEC, 0xFF)):
         data = GET_STATUS[:-1] + bytes((end,))
@@ -154,7 +154,7 @@ def test_every_wrong_end(subject: Subject) -> None:
 
 
 @case("3/20", name="length")
-def test_wrong_lengths(subject: Subject) -> None:
+def test_wrong_lengths(subject: ControllerUnderTest) -> None:
     """The length is one too small or too great, or that which counts the whole frame."""
     for size_bytes, wrong in examples(product((0, 1, 8), (-1, 1, 3, 4))):
         declared = (size_bytes + wrong) % 256
@@ -163,14 +163,14 @@ def test_wrong_lengths(subject: Subject) -> None:
 
 
 @case("3/20", name="ascii-length")
-def test_length_in_digits(subject: Subject) -> None:
+def test_length_in_digits(subject: ControllerUnderTest) -> None:
     """The length is an ASCII digit, as a reader of the document's table may take it (A-0-4)."""
     data = b"\xaa\x09\x30\xcc" + b"\xaa\x08\x31\x30\xcc"
     _tell(subject, "3/20", survives(subject, data, requirement="3/20"))
 
 
 @case("3/20", name="printed", hazards=(Hazard.STATE, Hazard.MOTION, Hazard.DESTRUCTIVE))
-def test_printed_lengths(subject: Subject) -> None:
+def test_printed_lengths(subject: ControllerUnderTest) -> None:
     """Requests have lengths that are as wrong as the document prints them (register, section 11).
 
     What they would do, if they were taken for whole, changes nothing.
@@ -195,7 +195,7 @@ def test_printed_lengths(subject: Subject) -> None:
 
 
 @case("3/20", name="truncated", slow=True)
-def test_truncated(subject: Subject) -> None:
+def test_truncated(subject: ControllerUnderTest) -> None:
     """A request with data stops at every byte, and the next one follows at once."""
     frame = Frame(A2C, 0x08, b"0123456").encode()
     for cut in examples(range(1, len(frame))):
@@ -205,7 +205,7 @@ def test_truncated(subject: Subject) -> None:
 @case("3/20", name="inside")
 @given(frame=carriers, before=strays, behind=strays)
 def test_frames_inside_garbage(
-    subject: Subject, frame: bytes, before: bytes, behind: bytes
+    subject: ControllerUnderTest, frame: bytes, before: bytes, behind: bytes
 ) -> None:
     """A whole request stands in the data of a spoilt one; it is served or not."""
     inner = before + frame + behind
@@ -215,13 +215,13 @@ def test_frames_inside_garbage(
 
 
 @case("3/20", name="tag")
-def test_tag_from_the_client(subject: Subject) -> None:
+def test_tag_from_the_client(subject: ControllerUnderTest) -> None:
     """A request bears the tag of a final result."""
     _tell(subject, "3/20", survives(subject, b"\xaa\x90\x08\x00\xcc", requirement="3/20"))
 
 
 @case("3/20", name="often")
-def test_often(subject: Subject) -> None:
+def test_often(subject: ControllerUnderTest) -> None:
     """One connection brings two hundred spoilt requests; each time the next request is served."""
     line = subject.open(judged=False)
     for number in range(200):
@@ -240,7 +240,7 @@ def test_often(subject: Subject) -> None:
 
 @case("3/23", slow=True)
 @given(opcode=st.sampled_from((0x07, 0x08, 0x09)), data=st.binary(max_size=20))
-def test_wrong_direction(subject: Subject, opcode: int, data: bytes) -> None:
+def test_wrong_direction(subject: ControllerUnderTest, opcode: int, data: bytes) -> None:
     """A frame comes in the controller's own form; it is garbage, or is answered in that form."""
     frame = Frame(C2A, opcode, data.replace(b"\xaa", b"\x55")).encode()
     line = subject.open(judged=False)
@@ -257,7 +257,7 @@ def test_wrong_direction(subject: Subject, opcode: int, data: bytes) -> None:
 
 
 @case("3/23", name="reply")
-def test_own_reply(subject: Subject) -> None:
+def test_own_reply(subject: ControllerUnderTest) -> None:
     """The subject's own replies come back to it, as from a loop in the wiring."""
     replies = b"".join(
         Frame(C2A, opcode, data).encode()
@@ -267,7 +267,7 @@ def test_own_reply(subject: Subject) -> None:
 
 
 @case("3/20", "3/19", name="bystander")
-def test_bystander(subject: Subject) -> None:
+def test_bystander(subject: ControllerUnderTest) -> None:
     """No damage on one connection ends another, as it would where the program dies and restarts."""
     subject.several()
     bystander = subject.open()
@@ -287,7 +287,7 @@ def test_bystander(subject: Subject) -> None:
 
 
 @case("3/29")
-def test_half_frames(subject: Subject) -> None:
+def test_half_frames(subject: ControllerUnderTest) -> None:
     """A connection stops in the middle of a frame; the next is served, and gets none of it."""
     subject.notices_leaving()
     for part in examples(_PARTS):
@@ -303,7 +303,7 @@ def test_half_frames(subject: Subject) -> None:
 
 
 @case("3/29", name="reset")
-def test_cut_off_in_a_frame(subject: Subject) -> None:
+def test_cut_off_in_a_frame(subject: ControllerUnderTest) -> None:
     """A connection is cut off in the middle of a frame; the next is served."""
     subject.notices_leaving()
     for part in examples(_PARTS):
@@ -314,7 +314,7 @@ def test_cut_off_in_a_frame(subject: Subject) -> None:
 
 
 @case("3/29", name="half-close")
-def test_half_close_in_a_frame(subject: Subject) -> None:
+def test_half_close_in_a_frame(subject: ControllerUnderTest) -> None:
     """A client in the middle of a frame sends no more but listens on; the next is served."""
     if subject.access.port is None:
         raise CaseSkipped("only a network link can be half closed")
@@ -329,14 +329,14 @@ def test_half_close_in_a_frame(subject: Subject) -> None:
 
 
 @case("3/29", name="several")
-def test_several_half_frames(subject: Subject) -> None:
+def test_several_half_frames(subject: ControllerUnderTest) -> None:
     """Several connections stop in the middle of a frame; later ones are served."""
     _hang(subject)
     _serves(subject)
 
 
 @case("3/29", name="silence", slow=True)
-def test_silent_half_frames(subject: Subject) -> None:
+def test_silent_half_frames(subject: ControllerUnderTest) -> None:
     """Where they are silent for long the subject serves all the same, and them too or no more."""
     lines = _hang(subject)
     subject.pause(_GIVEN_UP_S)
@@ -348,7 +348,7 @@ def test_silent_half_frames(subject: Subject) -> None:
             nothing_else(line, requirement="3/29")
 
 
-def _hang(subject: Subject) -> list[Line]:
+def _hang(subject: ControllerUnderTest) -> list[OutgoingConnection]:
     """Several connections, each in the middle of a frame."""
     subject.several()
     lines = [subject.open(judged=False)]
@@ -361,7 +361,7 @@ def _hang(subject: Subject) -> list[Line]:
     return lines
 
 
-def _serves(subject: Subject) -> None:
+def _serves(subject: ControllerUnderTest) -> None:
     """See that a new connection is served, and that nothing of others reaches it."""
     line = subject.open()
     line.ask("get_time")

@@ -1,13 +1,13 @@
 """Clause 4.1: the login (0x01, L102-119)."""
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.passwords import altered, change, expect_changed
 from scaraspec.suite.controller.harness.state.preserve import needs_login, password_kept
 from scaraspec.suite.controller.harness.suite_passwords import LONG_PASSWORD
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 
@@ -17,7 +17,7 @@ _LOGINS = 5
 # may change, and five where things may be lost: these, and the old one in clause 4.2.
 
 
-def _expect_flag(answer: Answer) -> None:
+def _expect_flag(answer: ReceivedFrame) -> None:
     expect(
         answer.accepted is not None,
         "the reply to a login is not one flag",
@@ -27,13 +27,17 @@ def _expect_flag(answer: Answer) -> None:
     )
 
 
-def _expect_open(subject: Subject, line: Line, message: str, requirement: str = "4.1/2") -> None:
+def _expect_open(
+    subject: ControllerUnderTest, line: OutgoingConnection, message: str, requirement: str = "4.1/2"
+) -> None:
     answer = line.ask("login", subject.password)
     _expect_flag(answer)
     expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
 
 
-def _expect_refused(subject: Subject, wrong: bytes, what: str, right: bytes | None = None) -> Line:
+def _expect_refused(
+    subject: ControllerUnderTest, wrong: bytes, what: str, right: bytes | None = None
+) -> OutgoingConnection:
     """Try one wrong password, behind the right one if need be; the connection on which it was."""
     line = subject.open(login=False)
     if right is not None:
@@ -51,7 +55,7 @@ def _expect_refused(subject: Subject, wrong: bytes, what: str, right: bytes | No
 
 
 @case("4.1/2", "4.1/4")
-def test_right_password(subject: Subject) -> None:
+def test_right_password(subject: ControllerUnderTest) -> None:
     """The right password is answered 1, with nothing more, also when it is sent again."""
     needs_login(subject)
     line = subject.open(login=False)
@@ -68,7 +72,7 @@ def test_right_password(subject: Subject) -> None:
 
 
 @case("4.1/6")
-def test_again(subject: Subject) -> None:
+def test_again(subject: ControllerUnderTest) -> None:
     """The password opens one new connection after another, and one beside another."""
     needs_login(subject)
     beside = subject.takes_several
@@ -81,7 +85,7 @@ def test_again(subject: Subject) -> None:
 
 
 @case("4.1/3", "4.1/4", "4.1/7", "4.1/2", hazards=(Hazard.STATE,))
-def test_wrong_password(subject: Subject) -> None:
+def test_wrong_password(subject: ControllerUnderTest) -> None:
     """A wrong password is answered 0, and the right one still opens this and a new connection."""
     needs_login(subject)
     line = _expect_refused(subject, altered(subject.password), "another password")
@@ -105,7 +109,7 @@ def test_wrong_password(subject: Subject) -> None:
 
 
 @case("4.1/3", "4.1/4", name="near-misses", hazards=(Hazard.STATE, Hazard.DESTRUCTIVE))
-def test_near_misses(subject: Subject) -> None:
+def test_near_misses(subject: ControllerUnderTest) -> None:
     """A password that is the right one but for its end, and no password, are no right password.
 
     Two of them are tried with a long one, as far as it may be set: what compares its beginning

@@ -2,9 +2,9 @@
 
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.fields import show
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.passwords import (
     altered,
     change,
@@ -23,7 +23,12 @@ _TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
 
 
 def _expect_login(
-    subject: Subject, password: bytes, message: str, requirement: str, *, opens: bool = True
+    subject: ControllerUnderTest,
+    password: bytes,
+    message: str,
+    requirement: str,
+    *,
+    opens: bool = True,
 ) -> None:
     """Log in on a new connection, or be refused."""
     line = subject.open(login=False)
@@ -39,7 +44,7 @@ def _expect_login(
 
 
 @case("4.2/4", "4.2/2")
-def test_changed(subject: Subject) -> None:
+def test_changed(subject: ControllerUnderTest) -> None:
     """A new password opens the next login and the old one does not, change after change."""
     first = old = subject.password
     with password_kept(subject):
@@ -58,7 +63,9 @@ def test_changed(subject: Subject) -> None:
             old = new
 
 
-def _expect_refused(subject: Subject, line: Line, wrong: bytes, new: bytes, right: bytes) -> None:
+def _expect_refused(
+    subject: ControllerUnderTest, line: OutgoingConnection, wrong: bytes, new: bytes, right: bytes
+) -> None:
     """Offer a wrong old password, in vain: the right one still opens the next login."""
     answer = change(line, wrong, new)
     expect(
@@ -73,7 +80,7 @@ def _expect_refused(subject: Subject, line: Line, wrong: bytes, new: bytes, righ
 
 
 @case("4.2/3", "4.2/5")
-def test_wrong_old_password(subject: Subject, line: Line) -> None:
+def test_wrong_old_password(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """With a wrong old password the change is refused and the password remains."""
     right = subject.password
     with password_kept(subject):
@@ -83,7 +90,7 @@ def test_wrong_old_password(subject: Subject, line: Line) -> None:
 
 
 @case("4.2/3", "4.2/5", name="after-a-change")
-def test_former_password(subject: Subject) -> None:
+def test_former_password(subject: ControllerUnderTest) -> None:
     """Who has changed the password, and who was there meanwhile, gives the former one; refused."""
     former, tried = subject.password, False
     with password_kept(subject):
@@ -103,7 +110,7 @@ def test_former_password(subject: Subject) -> None:
 
 
 @case("4.2/6", "4.2/5", name="malformed")
-def test_malformed(subject: Subject, line: Line) -> None:
+def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A pair without separator or with an empty field changes nothing."""
     right = subject.password
     with password_kept(subject):

@@ -1,14 +1,14 @@
 """Clause 4.3: the network settings as they are read (0x04, L143-153)."""
 
 from scaraspec.protocol.commands import Network
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect, expect_equal
 
 
 @case("4.3/2", "4.3/3", "4.3/4")
-def test_network(subject: Subject, line: Line) -> None:
+def test_network(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The network is three IPv4 values between bars, the same for every connection that asks."""
     first = line.ask("get_network")
     expect(

@@ -13,9 +13,9 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import Network
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.preserve import alive, kept
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
@@ -47,7 +47,7 @@ def _networks(draw: st.DrawFn) -> Network:
     return Network(str(net[ip]), str(net.netmask), str(net[gateway]))
 
 
-def _read(line: Line) -> Network:
+def _read(line: OutgoingConnection) -> Network:
     answer = line.ask("get_network")
     if not isinstance(answer.value, Network):
         message = "the network is not three IPv4 values between bars"
@@ -63,7 +63,9 @@ def _others(now: Network) -> tuple[Network, Network]:
     return Network(now.ip, mask, first), Network(now.ip, mask, second)
 
 
-def _set(subject: Subject, line: Line, wanted: Network, *, again: bool) -> Line:
+def _set(
+    subject: ControllerUnderTest, line: OutgoingConnection, wanted: Network, *, again: bool
+) -> OutgoingConnection:
     """Set a network; a connection on which it can be read.
 
     A request whose connection ended may not have been heard, where a setting before it may have
@@ -98,7 +100,9 @@ def _set(subject: Subject, line: Line, wanted: Network, *, again: bool) -> Line:
     return alive(subject, line)
 
 
-def _shown(subject: Subject, line: Line) -> tuple[Network, Line]:
+def _shown(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> tuple[Network, OutgoingConnection]:
     """The network, and where it is read: elsewhere if setting it ends the connection only now."""
     try:
         return _read(line), line
@@ -109,7 +113,9 @@ def _shown(subject: Subject, line: Line) -> tuple[Network, Line]:
     return _read(line), line
 
 
-def _expect_set(subject: Subject, line: Line, wanted: Network, *, again: bool) -> Line:
+def _expect_set(
+    subject: ControllerUnderTest, line: OutgoingConnection, wanted: Network, *, again: bool
+) -> OutgoingConnection:
     """Set a network, as `_set` does, and read it back; the connection that is in use then."""
     line = _set(subject, line, wanted, again=again)
     if subject.statement.network_applies == "after-restart":
@@ -127,7 +133,7 @@ def _expect_set(subject: Subject, line: Line, wanted: Network, *, again: bool) -
 
 
 @contextmanager
-def _network_kept(subject: Subject, line: Line) -> Iterator[None]:
+def _network_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
     """Put the network back, and let it take effect where that needs a restart."""
     try:
         with kept(subject, line, "network"):
@@ -139,7 +145,7 @@ def _network_kept(subject: Subject, line: Line) -> Iterator[None]:
 
 
 @case("4.4/4", "4.4/2", "4.4/3")
-def test_mask_and_gateway(subject: Subject, line: Line) -> None:
+def test_mask_and_gateway(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Another mask and another gateway are set and shown, the address remains."""
     others = _others(_read(line))
     with _network_kept(subject, line):
@@ -148,7 +154,7 @@ def test_mask_and_gateway(subject: Subject, line: Line) -> None:
 
 
 @case("4.4/4", "4.4/2", name="address")
-def test_address(subject: Subject, line: Line) -> None:
+def test_address(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Any address, mask and gateway that can be are set and shown in this order."""
     if not subject.access.readdressable:
         raise CaseSkipped("another address would cut us off from a subject on another machine")
@@ -164,7 +170,7 @@ def test_address(subject: Subject, line: Line) -> None:
 
 
 @case("4.4/5", "4.4/2")
-def test_malformed(subject: Subject, line: Line) -> None:
+def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An address that cannot be is not answered 1, and what was refused changes nothing."""
     before = _read(line)
     other = _others(before)[1]

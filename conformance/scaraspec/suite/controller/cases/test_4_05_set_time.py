@@ -6,9 +6,9 @@ from typing import Final
 from hypothesis import example
 
 from scaraspec.protocol.commands import BY_NAME
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import (
     Reading,
     expect_ran,
@@ -75,7 +75,7 @@ _LATER_S: Final = 2.1
 
 
 @case("4.5/4", "4.5/3")
-def test_set(subject: Subject, line: Line) -> None:
+def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock shows the time that was set, whatever it showed before."""
     with kept(subject, line, "clock"):
         for time in examples((_NOON, _NOON - timedelta(days=400))):
@@ -85,7 +85,7 @@ def test_set(subject: Subject, line: Line) -> None:
 
 
 @case("4.5/4", "4.5/3", name="while-running", hazards=PROGRAMS)
-def test_set_while_running(subject: Subject, line: Line) -> None:
+def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
     with kept(subject, line, "clock"), running(subject, line):
         first, asked_s = read(subject, line), subject.now_ns / _NS
@@ -99,7 +99,7 @@ def test_set_while_running(subject: Subject, line: Line) -> None:
 
 
 @case("4.5/6", "4.5/4")
-def test_every_moment(subject: Subject, line: Line) -> None:
+def test_every_moment(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every moment of the years 2000 to 2099 can be set and is shown."""
 
     @given(payload_values(BY_NAME["set_time"].request))
@@ -114,7 +114,9 @@ def test_every_moment(subject: Subject, line: Line) -> None:
         each()
 
 
-def _expect_rollover(subject: Subject, line: Line, time: datetime) -> Reading:
+def _expect_rollover(
+    subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
+) -> Reading:
     first = set_to(subject, line, time - _SECOND)
     line.wait(_AFTER_S / subject.statement.time_scale)
     message = f"the clock does not go over to {time}"
@@ -123,7 +125,7 @@ def _expect_rollover(subject: Subject, line: Line, time: datetime) -> Reading:
 
 
 @case("4.5/6", "4.5/4", name="new-year", slow=True)
-def test_new_year(subject: Subject, line: Line) -> None:
+def test_new_year(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock goes over into a new year, onto 29 February, past 28 February, and goes on."""
     with kept(subject, line, "clock"):
         for time in examples(_GRAVEST):
@@ -134,7 +136,7 @@ def test_new_year(subject: Subject, line: Line) -> None:
 
 
 @case("4.5/6", name="rollovers")
-def test_rollovers(subject: Subject, line: Line) -> None:
+def test_rollovers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The clock goes over into minutes, hours, days and months of every kind."""
     patient(subject, len(_OTHERS) * _AFTER_S)
     with kept(subject, line, "clock"):
@@ -143,7 +145,7 @@ def test_rollovers(subject: Subject, line: Line) -> None:
 
 
 @case("4.5/5")
-def test_malformed(subject: Subject, line: Line) -> None:
+def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A time that no calendar has, or that is none, is not answered 1, and the clock goes on."""
     with kept(subject, line, "clock"):
         first = set_to(subject, line, _NOON)

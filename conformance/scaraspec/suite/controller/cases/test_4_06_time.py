@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import Reading, expect_ran, read
 from scaraspec.suite.controller.harness.state.preserve import alive, patient
 from scaraspec.suite.engine.case import case
@@ -28,7 +28,7 @@ def _expect_on(first: Reading, then: Reading) -> None:
 
 
 @case("4.6/2", "4.6/3", "4.6/4")
-def test_time(subject: Subject, line: Line) -> None:
+def test_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The time is 14 digits of the calendar, never goes back, and gains a second a second."""
     first = before = read(subject, line)
     for _ in range(_STEPS):
@@ -42,7 +42,7 @@ def test_time(subject: Subject, line: Line) -> None:
 
 
 @case("4.6/4", name="minutes")
-def test_minutes(subject: Subject, line: Line) -> None:
+def test_minutes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """In the course of minutes the clock neither gains nor loses, whether it is read or not."""
     patient(subject, _MINUTES_S)
     first = read(subject, line)
@@ -53,7 +53,7 @@ def test_minutes(subject: Subject, line: Line) -> None:
 
 
 @case("4.6/4", name="days")
-def test_days(subject: Subject, line: Line) -> None:
+def test_days(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """In the course of days the clock passes every noon and every midnight."""
     patient(subject, _PARTS * _HOURS_S)
     first = before = read(subject, line)

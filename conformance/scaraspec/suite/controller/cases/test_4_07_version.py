@@ -1,7 +1,7 @@
 """Clause 4.7: the version of the software (0x08, L191-203)."""
 
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect, expect_equal
 
@@ -9,14 +9,14 @@ _TIMES = 300
 
 
 @case("4.7/2", "4.7/3")
-def test_version(line: Line) -> None:
+def test_version(line: OutgoingConnection) -> None:
     """The version is a text of at least one character."""
     answer = line.ask("get_version")
     expect(answer.value, "the version is empty", expected="1.0.0", observed=f"{answer}")
 
 
 @case("4.7/4")
-def test_constant(subject: Subject, line: Line) -> None:
+def test_constant(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The version is the same however often it is asked for, and on another connection."""
     first = line.ask("get_version").value
     for number in range(2, _TIMES):

@@ -5,8 +5,8 @@ from typing import Final
 
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import status_behind, stop_motion
 from scaraspec.suite.controller.harness.requests.queries import known_to
 from scaraspec.suite.controller.harness.two_stage.executing import (
@@ -34,7 +34,7 @@ _WAIT_S: Final = 1
 _STEP_S: Final = 0.25
 
 
-def _expect_idle(line: Line, message: str) -> None:
+def _expect_idle(line: OutgoingConnection, message: str) -> None:
     answer = status_behind(line)
     code = sound(answer)
     if code is None:
@@ -44,7 +44,7 @@ def _expect_idle(line: Line, message: str) -> None:
 
 
 @case("4.8/2", "4.8/3", "4.8/9")
-def test_idle(subject: Subject, line: Line) -> None:
+def test_idle(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The status of a robot at rest is 00, however often it is asked for, whatever else is."""
     with unless_others_run(subject):
         for _ in range(_TIMES):
@@ -57,7 +57,7 @@ def test_idle(subject: Subject, line: Line) -> None:
 
 
 @case("4.8/3", "4.8/9", name="refused", hazards=(Hazard.MOTION,))
-def test_idle_once_refused(subject: Subject, line: Line) -> None:
+def test_idle_once_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A robot that has refused a program which is not stored is still at rest."""
     missing = subject.new_name()
     subject.moved = True
@@ -69,18 +69,24 @@ def test_idle_once_refused(subject: Subject, line: Line) -> None:
 
 
 @case("4.8/4", "4.8/3", "4.8/10", hazards=_MOTION, slow=True)
-def test_running(subject: Subject, line: Line) -> None:
+def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program runs the status is 01, before and behind it 00."""
     _watch_program(subject, line, "run_program", "01", "4.8/4")
 
 
 @case("4.8/5", "4.8/3", "4.8/10", hazards=_MOTION, slow=True)
-def test_simulating(subject: Subject, line: Line) -> None:
+def test_simulating(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program is simulated the status is 02, before and behind it 00."""
     _watch_program(subject, line, "simulate_program", "02", "4.8/5")
 
 
-def _watch_program(subject: Subject, line: Line, command: str, code: str, requirement: str) -> None:
+def _watch_program(
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    command: str,
+    code: str,
+    requirement: str,
+) -> None:
     name = store_wait_program(subject, line, _WAIT_S)
     _expect_idle(line, "the status of a robot at rest is not 00")
     try:
@@ -98,24 +104,26 @@ def _watch_program(subject: Subject, line: Line, command: str, code: str, requir
 
 
 @case("4.8/6", "4.8/10", "4.9/6", hazards=_MOTION)
-def test_resetting(subject: Subject, line: Line) -> None:
+def test_resetting(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While the robot resets the status is 03."""
     _watch(subject, line, RESET, "4.8/6")
 
 
 @case("4.8/7", "4.8/10", "4.9/6")
-def test_moving(subject: Subject, line: Line) -> None:
+def test_moving(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While the arm moves by a step the status is 04."""
     _watch(subject, line, MOVE, "4.8/7")
 
 
 @case("4.8/7", "4.8/10", "4.9/6", name="jogging")
-def test_jogging(subject: Subject, line: Line) -> None:
+def test_jogging(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While the arm jogs the status is 04, until it is stopped."""
     _watch(subject, line, JOG, "4.8/7")
 
 
-def _watch(subject: Subject, line: Line, command: str, requirement: str) -> None:
+def _watch(
+    subject: ControllerUnderTest, line: OutgoingConnection, command: str, requirement: str
+) -> None:
     with lasting(subject, line, command) as task:
         if not expect_status(subject, line, command, task.state, requirement):
             raise CaseSkipped(f"{command} was over before the status could be asked for")

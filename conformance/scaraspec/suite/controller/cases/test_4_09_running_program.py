@@ -4,8 +4,8 @@ from typing import Final, NamedTuple
 
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import Reading, expect_ran, read
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept
@@ -20,7 +20,7 @@ from scaraspec.suite.controller.harness.two_stage.executing import (
 )
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, finish, start_program
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -44,18 +44,20 @@ _MINUTE_S, _HOUR_S, _DAY_S = 60, 3600, 86_400
 _NS: Final = 1e9
 
 
-def _says_none(answer: Answer) -> bool:
+def _says_none(answer: ReceivedFrame) -> bool:
     """Whether no program is told; NULs may follow the flag, and it may be one (A-T-1, A-T-3)."""
     flag, rest = answer.frame.data[:1], answer.frame.data[1:]
     return flag + rest.rstrip(b"\0") in _NONE
 
 
-def _expect_none(line: Line, message: str) -> None:
+def _expect_none(line: OutgoingConnection, message: str) -> None:
     answer = line.ask("get_running_program")
     expect(_says_none(answer), message, expected="0", observed=f"{answer}", requirement="4.9/6")
 
 
-def _told(subject: Subject, line: Line, command: str, name: bytes) -> RunningProgram | None:
+def _told(
+    subject: ControllerUnderTest, line: OutgoingConnection, command: str, name: bytes
+) -> RunningProgram | None:
     """What is told of a program while it runs; None where it has ended.
 
     Raises:
@@ -80,7 +82,7 @@ def _told(subject: Subject, line: Line, command: str, name: bytes) -> RunningPro
     return told
 
 
-def _expect_form(answer: Answer) -> None:
+def _expect_form(answer: ReceivedFrame) -> None:
     """Eight digits, of which hours, minutes and seconds are such (A-4.9-3); T/4 is for more."""
     text = answer.frame.data.rstrip(b"\0|").rpartition(b"|")[2]
     carried = text[2:4] < b"24" and text[4:6] < b"60" and text[6:] < b"60"
@@ -101,13 +103,13 @@ class _Reading(NamedTuple):
     told_s: float
 
 
-def _read(subject: Subject, line: Line, name: bytes) -> _Reading | None:
+def _read(subject: ControllerUnderTest, line: OutgoingConnection, name: bytes) -> _Reading | None:
     asked_s = _now_s(subject)
     told = _told(subject, line, "run_program", name)
     return told and _Reading(told.run_time_s, asked_s, _now_s(subject))
 
 
-def _expect_grown(subject: Subject, first: _Reading, then: _Reading, what: str) -> None:
+def _expect_grown(subject: ControllerUnderTest, first: _Reading, then: _Reading, what: str) -> None:
     """Hold two run times against the time between them."""
     scale = subject.statement.time_scale
     least_s = (then.asked_s - first.told_s) * scale
@@ -122,12 +124,12 @@ def _expect_grown(subject: Subject, first: _Reading, then: _Reading, what: str) 
     )
 
 
-def _now_s(subject: Subject) -> float:
+def _now_s(subject: ControllerUnderTest) -> float:
     return subject.now_ns / _NS
 
 
 @case("4.9/6", "4.9/7")
-def test_none(subject: Subject, line: Line) -> None:
+def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While no program runs the reply is 0, without name and time, on every connection."""
     with unless_others_run(subject):
         _expect_none(line, "a program is told although none runs")
@@ -139,7 +141,7 @@ def test_none(subject: Subject, line: Line) -> None:
     *("4.9/2", "4.9/3", "4.9/4", "4.9/5", "4.9/6", "4.9/8", "4.9/9", "4.9/10"),
     *("4.6/4", "4.8/4", "4.10/11"),
 )
-def test_running(subject: Subject, line: Line) -> None:
+def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One of two programs runs: it is told, all 30 bytes of its name, and its run time grows.
 
     So does the time of the clock. The other one is the default program, as far as there is one.
@@ -155,7 +157,9 @@ def test_running(subject: Subject, line: Line) -> None:
         _expect_told(subject, line, name, other)
 
 
-def _expect_told(subject: Subject, line: Line, name: bytes, other: bytes) -> None:
+def _expect_told(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
+) -> None:
     beside = subject.open() if subject.takes_several else line
     try:
         begin(subject, line, "run_program", name)
@@ -183,7 +187,9 @@ def _expect_told(subject: Subject, line: Line, name: bytes, other: bytes) -> Non
         stop_motion(subject, line)
 
 
-def _expect_listed_beside(subject: Subject, line: Line, other: bytes, running: bytes) -> None:
+def _expect_listed_beside(
+    subject: ControllerUnderTest, line: OutgoingConnection, other: bytes, running: bytes
+) -> None:
     """The program that runs is in a list that has another one."""
     try:
         names = program_names(subject, line)
@@ -198,7 +204,7 @@ def _expect_listed_beside(subject: Subject, line: Line, other: bytes, running: b
     )
 
 
-def _clock(subject: Subject, line: Line) -> Reading | None:
+def _clock(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading | None:
     """What the clock shows; None where that is not told, as while it executes (A-4-3)."""
     if "get_time" in subject.statement.lacks:
         return None
@@ -208,13 +214,15 @@ def _clock(subject: Subject, line: Line) -> Reading | None:
         return None
 
 
-def _expect_clock_on(subject: Subject, first: Reading | None, then: Reading | None) -> None:
+def _expect_clock_on(
+    subject: ControllerUnderTest, first: Reading | None, then: Reading | None
+) -> None:
     if first is not None and then is not None:
         message = "the clock does not go on while a program runs"
         expect_ran(subject, first, then, message, "4.6/4")
 
 
-def _expect_flag_and_status(line: Line, requirement: str) -> None:
+def _expect_flag_and_status(line: OutgoingConnection, requirement: str) -> None:
     """The flag is 1 between two statuses 01, whoever has begun the program."""
     before = line.ask("get_status").value
     answer = line.ask("get_running_program")
@@ -229,7 +237,7 @@ def _expect_flag_and_status(line: Line, requirement: str) -> None:
 
 
 @case("4.9/4", "4.9/6", "4.9/10", name="simulated", hazards=PROGRAMS)
-def test_simulated(subject: Subject, line: Line) -> None:
+def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program is simulated it is told by its name, or not at all, whatever ran before."""
     if RUN not in subject.statement.lacks:
         start_program(subject, line, RUN, seconds=0)
@@ -244,19 +252,21 @@ def test_simulated(subject: Subject, line: Line) -> None:
 
 
 @case("4.9/3", "4.9/5", name="minute", hazards=PROGRAMS)
-def test_minute(subject: Subject, line: Line) -> None:
+def test_minute(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The run time goes over into minutes."""
     _watch_carries(subject, line, (_MINUTE_S,))
 
 
 @case("4.9/3", "4.9/5", name="day", hazards=PROGRAMS)
-def test_day(subject: Subject, line: Line) -> None:
+def test_day(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The run time goes over into minutes, hours and days."""
     marks = (_MINUTE_S, 10 * _MINUTE_S, _HOUR_S, 10 * _HOUR_S, _DAY_S, _DAY_S + _HOUR_S)
     _watch_carries(subject, line, marks)
 
 
-def _watch_carries(subject: Subject, line: Line, marks_s: tuple[int, ...]) -> None:
+def _watch_carries(
+    subject: ControllerUnderTest, line: OutgoingConnection, marks_s: tuple[int, ...]
+) -> None:
     """Run a program past these run times, and look at it just before and just behind each."""
     lasts_s = marks_s[-1] + 5
     patient(subject, lasts_s)

@@ -9,11 +9,11 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import NameRefused, upload
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, expect, expect_in
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
@@ -39,7 +39,7 @@ _TOO_LONG_BYTES: Final = 256
 """A part of this length must have been divided."""
 
 
-def _delete(line: Line, name: bytes) -> None:
+def _delete(line: OutgoingConnection, name: bytes) -> None:
     answer = line.ask("delete_program", name)
     expect(
         answer.accepted,
@@ -50,7 +50,7 @@ def _delete(line: Line, name: bytes) -> None:
     )
 
 
-def _listed(subject: Subject, line: Line) -> list[bytes]:
+def _listed(subject: ControllerUnderTest, line: OutgoingConnection) -> list[bytes]:
     """The names in the list, which is checked as a whole."""
     parts = list_parts(subject, line)
     more = [seen for seen in line.sync() if seen.name == "list_programs"]
@@ -65,7 +65,7 @@ def _listed(subject: Subject, line: Line) -> list[bytes]:
     return names_of(parts)
 
 
-def _expect_names(parts: list[Answer]) -> None:
+def _expect_names(parts: list[ReceivedFrame]) -> None:
     names = names_of(parts)
     told = "; ".join(f"{part}" for part in parts)
     expect(all(names), "a name in the list is empty", observed=told, requirement="4.10/7")
@@ -109,13 +109,13 @@ def _expect_listed(names: list[bytes], wanted: list[bytes]) -> None:
 
 
 @case("4.10/2", "4.10/3", "4.10/7", "4.10/9")
-def test_list(subject: Subject, line: Line) -> None:
+def test_list(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The list is a flag and names between bars, none of them empty or twice."""
     _listed(subject, line)
 
 
 @case("4.10/8")
-def test_empty(line: Line) -> None:
+def test_empty(line: OutgoingConnection) -> None:
     """The list of an empty store is the flag 0 without any name."""
     answer = line.ask("list_programs")
     if answer.value is not None and any(answer.value.names):
@@ -126,7 +126,7 @@ def test_empty(line: Line) -> None:
 
 
 @case("4.10/4", "4.10/2", "4.10/3", "4.10/5", "4.10/6", "4.10/7", "4.10/9", "4.10/11", name="many")
-def test_many(subject: Subject, line: Line) -> None:
+def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Program after program is uploaded and listed, in as many parts as that takes."""
     mine: list[bytes] = []
     before = _listed(subject, line)
@@ -160,7 +160,7 @@ def test_many(subject: Subject, line: Line) -> None:
         )
 
 
-def _overfilling(subject: Subject, line: Line) -> Iterator[int]:
+def _overfilling(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[int]:
     """The lengths of names that make one part just too long, in whatever order they are listed.
 
     Those behind the first follow from the list that has it: so its bars are counted (A-4.10-2).
@@ -174,7 +174,7 @@ def _overfilling(subject: Subject, line: Line) -> Iterator[int]:
 
 
 @case("4.10/11", name="names")
-def test_names(subject: Subject, line: Line) -> None:
+def test_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program is listed by its name, whatever that is, from its upload to its deletion."""
 
     @example("AZaz09_-")
@@ -199,7 +199,7 @@ def test_names(subject: Subject, line: Line) -> None:
 
 
 @case("4.10/11", "4.10/2", name="another-connection")
-def test_another_connection(subject: Subject, line: Line) -> None:
+def test_another_connection(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What one connection has uploaded another one finds in its list, however long it is.
 
     So it does where the name of one program begins as that of another does.

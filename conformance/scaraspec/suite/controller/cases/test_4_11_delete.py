@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import Malformed, malformed, offer
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import NameRefused, expect_stored, upload
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, offered
@@ -27,7 +27,7 @@ _LONG_BYTES: Final = 25
 _STATE: Final = ("get_network", "get_gripper_center", "get_initial_tool_position", "get_version")
 
 
-def _delete(line: Line, name: bytes) -> None:
+def _delete(line: OutgoingConnection, name: bytes) -> None:
     answer = line.ask("delete_program", name)
     expect(
         answer.accepted,
@@ -38,7 +38,9 @@ def _delete(line: Line, name: bytes) -> None:
     )
 
 
-def _expect_refused(subject: Subject, line: Line, wrong: Malformed, requirement: str) -> Line:
+def _expect_refused(
+    subject: ControllerUnderTest, line: OutgoingConnection, wrong: Malformed, requirement: str
+) -> OutgoingConnection:
     """Fail the subject if it says that it has deleted what is not there.
 
     Returns:
@@ -56,7 +58,7 @@ def _expect_refused(subject: Subject, line: Line, wrong: Malformed, requirement:
 
 
 @case("4.11/3", "4.11/2", hazards=_DESTRUCTIVE)
-def test_gone(subject: Subject, line: Line) -> None:
+def test_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What was deleted is neither listed nor downloadable, and its name is free again."""
     content = short_program(subject)
     other, name = store_program(subject, line), store_program(subject, line)
@@ -87,7 +89,7 @@ def test_gone(subject: Subject, line: Line) -> None:
     _goes_alone(subject, line)
 
 
-def _goes_alone(subject: Subject, line: Line) -> None:
+def _goes_alone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Fail the subject if it takes the name of what it deletes for a pattern or a beginning."""
     try:
         name = store_program(subject, line, subject.new_name(".a"))
@@ -109,7 +111,7 @@ def _goes_alone(subject: Subject, line: Line) -> None:
 
 
 @case("4.11/3", name="run", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
-def test_not_run(subject: Subject, line: Line) -> None:
+def test_not_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What was deleted can be neither run nor simulated."""
     name = store_program(subject, line)
     _delete(line, name)
@@ -130,7 +132,7 @@ def test_not_run(subject: Subject, line: Line) -> None:
 
 
 @case("4.11/3", "4.11/2", name="running", hazards=(*_DESTRUCTIVE, Hazard.MOTION))
-def test_while_it_runs(subject: Subject, line: Line) -> None:
+def test_while_it_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that runs may be deleted or not (A-4.11-1); afterwards the answer holds."""
     with lasting(subject, line, RUN) as task:
         answer = offered(line, "delete_program", task.program)
@@ -157,7 +159,7 @@ def test_while_it_runs(subject: Subject, line: Line) -> None:
 
 
 @case("4.11/4", "4.11/2", hazards=_DESTRUCTIVE)
-def test_missing(subject: Subject, line: Line) -> None:
+def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A name that is not stored is not answered 1, however like a stored one it is."""
     name = store_program(subject, line, long_name(subject, _LONG_BYTES))
     content = short_program(subject)
@@ -184,7 +186,7 @@ def test_missing(subject: Subject, line: Line) -> None:
 
 
 @case("4.11/6", "4.11/4", hazards=_DESTRUCTIVE)
-def test_paths(subject: Subject, line: Line) -> None:
+def test_paths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A name with path elements deletes nothing, and changes nothing else either."""
     name, content = (
         store_program(subject, line),
@@ -216,12 +218,12 @@ def test_paths(subject: Subject, line: Line) -> None:
     )
 
 
-def _state(line: Line) -> list[Any]:
+def _state(line: OutgoingConnection) -> list[Any]:
     return [line.ask(name).value for name in _STATE]
 
 
 @case("4.11/4", name="malformed", hazards=_DESTRUCTIVE)
-def test_malformed(subject: Subject, line: Line) -> None:
+def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Names that are none delete nothing, and what is stored remains."""
     name, content = (
         store_program(subject, line),

@@ -2,8 +2,8 @@
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.defaults import (
     OPCODES,
     ask_default,
@@ -18,14 +18,14 @@ from scaraspec.suite.program_files.listed import store_program
 from scaraspec.traffic.events import FrameSeen
 
 
-def _told(subject: Subject, line: Line) -> list[FrameSeen]:
+def _told(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameSeen]:
     """What is told when asked with either opcode; of a 0 and something else the latter."""
     replies = [reply for opcode in OPCODES if (reply := ask_default(subject, line, opcode))]
     return [reply for reply in replies if not says_nothing(reply)] or replies
 
 
 @case("4.12/2", "4.12/4")
-def test_both_opcodes(subject: Subject, line: Line) -> None:
+def test_both_opcodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Asked with either opcode, the default program is told with the same, or not at all."""
     told = _told(subject, line)
     if not told:
@@ -41,7 +41,7 @@ def test_both_opcodes(subject: Subject, line: Line) -> None:
 
 
 @case("4.12/5", "4.12/2", "4.12/3", hazards=(Hazard.STATE,))
-def test_told(subject: Subject, line: Line) -> None:
+def test_told(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Where one of two programs is the default one, 0x0D or 0x13 or both tell its name."""
     with default_kept(subject, line):
         store_program(subject, line)
@@ -74,7 +74,7 @@ def test_told(subject: Subject, line: Line) -> None:
 
 
 @case("4.12/4", "4.13/3", hazards=(Hazard.DESTRUCTIVE, Hazard.STATE), name="deleted")
-def test_none(subject: Subject, line: Line) -> None:
+def test_none(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Once the default program is deleted there is none, or as before; another's end is nothing.
 
     It is the default one again where it is stored and named again.

@@ -3,9 +3,9 @@
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import IDLE, joints_of, listens, stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
 from scaraspec.suite.controller.harness.two_stage.tasks import (
@@ -22,7 +22,7 @@ from scaraspec.suite.program_files.listed import long_name, program_names, store
 _SOON_S = 0.3
 
 
-def _set(line: Line, name: bytes) -> None:
+def _set(line: OutgoingConnection, name: bytes) -> None:
     answer = line.ask("set_default_program", name)
     expect(
         answer.accepted,
@@ -34,7 +34,7 @@ def _set(line: Line, name: bytes) -> None:
 
 
 @case("4.13/3", "4.13/2", "4.10/11")
-def test_set(subject: Subject, line: Line) -> None:
+def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The program that was named last is the default one, not one that was uploaded since."""
     with default_kept(subject, line):
         names = [subject.new_name(), long_name(subject, NAME_MAX_BYTES), subject.new_name("a")]
@@ -58,7 +58,7 @@ def test_set(subject: Subject, line: Line) -> None:
 
 
 @case("4.13/5", "4.13/4")
-def test_missing(subject: Subject, line: Line) -> None:
+def test_missing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that is not stored does not become the default one, and the former one stays."""
     with default_kept(subject, line):
         name = store_program(subject, line)
@@ -73,7 +73,7 @@ def test_missing(subject: Subject, line: Line) -> None:
 
 
 @case("4.13/5", "4.13/2", name="malformed")
-def test_malformed(subject: Subject, line: Line) -> None:
+def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A name that is none and was refused leaves the default program as it was."""
     with default_kept(subject, line):
         name = store_program(subject, line)
@@ -88,7 +88,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
 
 
 @case("4.13/6", "4.13/2", "4.13/3", "4.13/5", hazards=(Hazard.STATE, Hazard.MOTION))
-def test_moves_nothing(subject: Subject, line: Line) -> None:
+def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """To name a default program starts nothing, and to run another names none.
 
     While that runs the default program is named as ever, or that is refused.

@@ -1,7 +1,7 @@
 """Clause 4.14: the temperatures of the motors (0x0F, L289-302)."""
 
 from scaraspec.protocol.commands import BY_NAME, JointValues
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 
@@ -10,7 +10,7 @@ _PAUSE_S = 0.05
 
 
 @case("4.14/2", "4.14/5")
-def test_temperatures(line: Line) -> None:
+def test_temperatures(line: OutgoingConnection) -> None:
     """The temperatures are four numbers between bars, time after time."""
     for _ in range(_TIMES):
         answer = line.ask("get_motor_temperatures")
@@ -24,7 +24,7 @@ def test_temperatures(line: Line) -> None:
 
 
 @case("4.14/3")
-def test_opcode(line: Line) -> None:
+def test_opcode(line: OutgoingConnection) -> None:
     """The temperatures come with 0x0F, or with 0x0E as printed."""
     command = BY_NAME["get_motor_temperatures"]
     line.send("get_motor_temperatures")

@@ -4,8 +4,8 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import NameRefused
 from scaraspec.suite.controller.harness.requests.motion import BUSY, stop_motion
 from scaraspec.suite.controller.harness.state.defaults import default_kept
@@ -38,7 +38,7 @@ _LONG_BYTES = 25
 
 
 @case("4.15/2", name="missing", hazards=_MOTION)
-def test_checked_before_the_reply(subject: Subject, line: Line) -> None:
+def test_checked_before_the_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A run that cannot be is refused at once: nothing executes behind the reply."""
     has(subject, RUN)
     subject.moved = True
@@ -62,7 +62,7 @@ def test_checked_before_the_reply(subject: Subject, line: Line) -> None:
 
 
 @case("4.15/2", name="fault", needs=("motor_fault", "clear_faults"), hazards=_MOTION)
-def test_not_run_with_a_fault(subject: Subject, line: Line) -> None:
+def test_not_run_with_a_fault(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A robot whose inner arm's motor has failed does not run a program: "0|11"."""
     program = stored(subject, line, 0)
     subject.moved = True
@@ -85,7 +85,7 @@ def test_not_run_with_a_fault(subject: Subject, line: Line) -> None:
 
 
 @case("4.15/3", hazards=_MOTION)
-def test_refusal(subject: Subject, line: Line) -> None:
+def test_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What cannot be run is refused with "0|" and a code of two characters."""
     has(subject, RUN)
     subject.moved = True
@@ -103,7 +103,7 @@ def test_refusal(subject: Subject, line: Line) -> None:
 
 
 @case("4.15/4", hazards=_MOTION)
-def test_stored_programs_run(subject: Subject, line: Line) -> None:
+def test_stored_programs_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A stored program is run, whatever name it has, and again when another was run."""
     extension = start_program(subject, line, RUN, seconds=0).program.rpartition(b".")[2]
     done(subject, line, RUN)
@@ -131,7 +131,7 @@ def test_stored_programs_run(subject: Subject, line: Line) -> None:
 
 
 @case("4.15/5", hazards=_MOTION, slow=True)
-def test_end_of_a_run(subject: Subject, line: Line) -> None:
+def test_end_of_a_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A run ends with "11" when its program does, not before: the status is 01 until then.
 
     Of a stop that came before it nothing is left.
@@ -158,7 +158,7 @@ def test_end_of_a_run(subject: Subject, line: Line) -> None:
 
 
 @case("4.15/7", hazards=_MOTION)
-def test_missing_program(subject: Subject, line: Line) -> None:
+def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program whose name is not in use is not run, however near to it another name is.
 
     Nor is the default program in its place, as far as there is one.
@@ -173,7 +173,9 @@ def test_missing_program(subject: Subject, line: Line) -> None:
         expect_missing(subject, line, RUN, subject.new_name(), "4.15/7")
 
 
-def _expect_near_ones_missing(subject: Subject, line: Line, program: bytes) -> None:
+def _expect_near_ones_missing(
+    subject: ControllerUnderTest, line: OutgoingConnection, program: bytes
+) -> None:
     stem, dot, extension = program.rpartition(b".")
     near = [
         stem,
@@ -198,7 +200,7 @@ def _expect_near_ones_missing(subject: Subject, line: Line, program: bytes) -> N
 
 
 @case("4.15/7", name="deleted", hazards=_MOTION)
-def test_deleted_program(subject: Subject, line: Line) -> None:
+def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that was run and then deleted is not run any more."""
     program = start_program(subject, line, RUN, seconds=0).program
     done(subject, line, RUN)
@@ -207,7 +209,7 @@ def test_deleted_program(subject: Subject, line: Line) -> None:
 
 
 @case("4.15/7", name="not-whole", hazards=_MOTION)
-def test_unfinished_upload(subject: Subject, line: Line) -> None:
+def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program of which nothing but the name was sent never runs to a good end."""
     has(subject, RUN)
     subject.moved = True
@@ -226,7 +228,7 @@ def test_unfinished_upload(subject: Subject, line: Line) -> None:
 
 
 @case("4.15/8", "4/6", hazards=_MOTION)
-def test_second_run(subject: Subject, line: Line) -> None:
+def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """During a run a second one is not accepted, of the same program or of another."""
     other = stored(subject, line, 0)
     if subject.dialect["busy_reply"] == "queue":

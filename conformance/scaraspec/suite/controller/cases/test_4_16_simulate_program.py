@@ -2,8 +2,8 @@
 
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import BUSY, joints_of, stop_motion
 from scaraspec.suite.controller.harness.requests.ports import outputs, outputs_kept, settable
@@ -32,7 +32,7 @@ _MOTION = (Hazard.STATE, Hazard.MOTION)
 
 
 @case("4.16/2", hazards=_MOTION)
-def test_first_reply(subject: Subject, line: Line) -> None:
+def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What can be simulated is answered "1", again and again, also between runs."""
     for name in (SIMULATE, RUN, SIMULATE):
         answer = start_program(subject, line, name, seconds=0).answer
@@ -47,7 +47,7 @@ def test_first_reply(subject: Subject, line: Line) -> None:
 
 
 @case("4.16/2", "8/5", name="missing", hazards=_MOTION)
-def test_missing_program(subject: Subject, line: Line) -> None:
+def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that is not stored is not simulated; code 20 says so."""
     program = stored(subject, line, 0)
     for name in examples((subject.new_name(), program + b"x", program[:-1])):
@@ -57,7 +57,7 @@ def test_missing_program(subject: Subject, line: Line) -> None:
 
 
 @case("4.16/3", hazards=_MOTION)
-def test_end_of_a_simulation(subject: Subject, line: Line) -> None:
+def test_end_of_a_simulation(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A simulation ends with "11", a second one too, and a run afterwards is a run."""
     for _ in range(2):
         start_program(subject, line, SIMULATE, seconds=0)
@@ -74,7 +74,7 @@ def test_end_of_a_simulation(subject: Subject, line: Line) -> None:
 
 
 @case("4.16/5", "4.8/5", hazards=_MOTION)
-def test_simulation_touches_nothing(subject: Subject, line: Line) -> None:
+def test_simulation_touches_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A simulated program that sets an output, and waits, moves no joint and sets none."""
     require_responsive(subject, line)  # which finds the layout, too
     with outputs_kept(line) as before:

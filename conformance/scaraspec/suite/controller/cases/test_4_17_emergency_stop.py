@@ -8,10 +8,10 @@ from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import MoveTarget
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
 from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import again, incoming, send, upload
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
@@ -47,7 +47,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     stored,
 )
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
@@ -60,7 +60,9 @@ _LOOKS_S: Final = (0.05, 0.05, 0.1, 0.8)
 """Between two looks at an arm that was stopped: a slow one needs a while to show."""
 
 
-def expect_stopped(subject: Subject, line: Line, answer: Answer) -> Answer:
+def expect_stopped(
+    subject: ControllerUnderTest, line: OutgoingConnection, answer: ReceivedFrame
+) -> ReceivedFrame:
     """Fail the subject unless the stop was accepted and has succeeded; its result."""
     accepted(STOP, answer)
     expect(
@@ -74,7 +76,7 @@ def expect_stopped(subject: Subject, line: Line, answer: Answer) -> Answer:
 
 
 @case("4.17/2", hazards=(Hazard.MOTION,))
-def test_nothing_to_stop(subject: Subject, line: Line) -> None:
+def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An idle robot answers "0", or follows the reading that it always stops; nothing changes.
 
     What follows it in its segment is served.
@@ -104,7 +106,7 @@ def test_nothing_to_stop(subject: Subject, line: Line) -> None:
     )
 
 
-def _behind_a_stop(subject: Subject, line: Line) -> Answer:
+def _behind_a_stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     """The status that is asked for in one segment with a stop, which is not needed."""
     if takes_one_at_a_time(subject):
         return line.ask("get_status")
@@ -119,7 +121,7 @@ def _behind_a_stop(subject: Subject, line: Line) -> Answer:
 
 @pytest.mark.parametrize("name", STATES)
 @case("4.17/6", "4.17/3", "4.17/4", "4.17/8", "3/18", hazards=_MOTION)
-def test_stop(subject: Subject, line: Line, name: str) -> None:
+def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """Each command is stopped while it executes: "1", "11", and its own result once at most."""
     with lasting(subject, line, name, queries=False) as task:
         answer = line.ask(STOP)
@@ -136,7 +138,7 @@ def test_stop(subject: Subject, line: Line, name: str) -> None:
         _expect_interrupted(line, task)
 
 
-def _interrupts(answer: Answer, task: Task) -> None:
+def _interrupts(answer: ReceivedFrame, task: Task) -> None:
     """Go on only where a simulation had not ended before the stop, which may succeed all the same.
 
     Who simulates takes what time he likes (A-4.16-1, A-4.17-1).
@@ -148,7 +150,7 @@ def _interrupts(answer: Answer, task: Task) -> None:
         task.lasts()
 
 
-def _expect_interrupted(line: Line, task: Task) -> None:
+def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
     own = interrupted(line, task.name)
     expect(
         own is None or not own.done or task.name == JOG,
@@ -170,7 +172,9 @@ def _expect_interrupted(line: Line, task: Task) -> None:
 
 @pytest.mark.parametrize("name", [RUN, SIMULATE, MOVE])
 @case("4.17/6", "4.17/3", "4.17/8", name="at-once", hazards=_MOTION)
-def test_stop_behind_the_start(subject: Subject, line: Line, name: str) -> None:
+def test_stop_behind_the_start(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> None:
     """A stop that is sent before the start was answered stops what has been started."""
     perform(subject, line, name)
     with returning(subject, line):
@@ -193,7 +197,7 @@ def test_stop_behind_the_start(subject: Subject, line: Line, name: str) -> None:
         _expect_interrupted(line, task)
 
 
-def _step_there_and_back(subject: Subject, line: Line) -> MoveTarget:
+def _step_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection) -> MoveTarget:
     """A step that the arm can go, found by going it."""
     with returning(subject, line):
         there, answer = begin_step_somewhere(subject, line)
@@ -203,7 +207,7 @@ def _step_there_and_back(subject: Subject, line: Line) -> MoveTarget:
 
 
 @case("4.17/6", "4.17/3", "4.17/4", name="in-transfers", hazards=_MOTION)
-def test_stop_within_a_transfer(subject: Subject, line: Line) -> None:
+def test_stop_within_a_transfer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program is stopped between two chunks of a file, of one sent and of one fetched."""
     name, tried = subject.new_name(), False
     upload(line, name, content_of(_FILE_BYTES))
@@ -233,7 +237,7 @@ def test_stop_within_a_transfer(subject: Subject, line: Line) -> None:
 
 
 @case("4.17/4", "3/18", name="twice", hazards=_MOTION)
-def test_stop_twice(subject: Subject, line: Line) -> None:
+def test_stop_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Two stops at once are two answers, and one result for each that says "1".
 
     What is run behind them ends once.
@@ -264,7 +268,7 @@ def test_stop_twice(subject: Subject, line: Line) -> None:
 
 
 @case("4.17/3", name="again", hazards=_MOTION)
-def test_stop_again_and_again(subject: Subject, line: Line) -> None:
+def test_stop_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program is stopped as often as it is run; each time it begins anew."""
     with lasting(subject, line, RUN, queries=False):  # which finds the layout
         pass
@@ -285,7 +289,7 @@ def test_stop_again_and_again(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("name", [MOVE, JOG])
 @case("4.17/7", hazards=_MOTION)
-def test_standstill(subject: Subject, line: Line, name: str) -> None:
+def test_standstill(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """Behind the stop's "11" the joints stand still where the stop has met them."""
     with lasting(subject, line, name, queries=False) as task:
         line.wait(_BARELY_S)
@@ -306,7 +310,7 @@ def test_standstill(subject: Subject, line: Line, name: str) -> None:
 
 
 @case("4.17/8", name="results", hazards=_MOTION, slow=True)
-def test_interrupted_results(subject: Subject, line: Line) -> None:
+def test_interrupted_results(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What a stop interrupts fails, or has no result; time passes and none comes as success."""
     for name in examples((RUN, RESET, MOVE)):
         with lasting(subject, line, name, queries=False) as task:

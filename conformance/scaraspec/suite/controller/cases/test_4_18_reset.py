@@ -3,8 +3,8 @@
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     IDLE,
     returning,
@@ -37,7 +37,7 @@ _REST_S = 0.3
 
 
 @case("4.18/2", hazards=_MOTION)
-def test_refused_during_a_run(subject: Subject, line: Line) -> None:
+def test_refused_during_a_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program runs the reset is refused with "0|01", however often, and changes nothing."""
     has(subject, RESET)
     if subject.dialect["busy_reply"] == "queue":
@@ -62,7 +62,9 @@ def test_refused_during_a_run(subject: Subject, line: Line) -> None:
 
 
 @case("4.18/2", "4/15", name="simulation", hazards=_MOTION)
-def test_refused_during_a_simulation(subject: Subject, line: Line) -> None:
+def test_refused_during_a_simulation(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """While a program is simulated the reset is refused, with that state."""
     has(subject, RESET)
     if subject.dialect["busy_reply"] != "queue":
@@ -71,7 +73,7 @@ def test_refused_during_a_simulation(subject: Subject, line: Line) -> None:
 
 
 @case("4.18/3", hazards=_MOTION)
-def test_idle_robot_is_reset(subject: Subject, line: Line) -> None:
+def test_idle_robot_is_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An idle robot accepts the reset with "1", at first and when something was stopped before."""
     has(subject, RESET)
     with returning(subject, line):
@@ -92,7 +94,7 @@ def test_idle_robot_is_reset(subject: Subject, line: Line) -> None:
 
 
 @case("4.18/4", "4/7", hazards=_MOTION)
-def test_end_of_a_reset(subject: Subject, line: Line) -> None:
+def test_end_of_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A reset that has a way to go ends with "11": the way is gone, and the robot can be used."""
     with lasting(subject, line, RESET):
         done(subject, line, RESET)
@@ -116,7 +118,9 @@ def test_end_of_a_reset(subject: Subject, line: Line) -> None:
     hazards=_MOTION,
     needs=("position_fault", "angle_fault", "motor_fault", "clear_faults"),
 )
-def test_reset_from_a_fault(subject: Subject, line: Line, fault: str) -> None:
+def test_reset_from_a_fault(
+    subject: ControllerUnderTest, line: OutgoingConnection, fault: str
+) -> None:
     """A reset does not succeed while a fault lasts; when its cause is gone the robot is idle."""
     has(subject, RESET)
     with returning(subject, line), home_at(subject, line):

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import joints_of
 from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
@@ -35,7 +35,7 @@ _tenths = st.integers(-1000, 1000).map(lambda tenths: tenths / 10)
 _thousandths = st.integers(-100_000, 100_000).map(lambda thousandths: thousandths / 1000)
 
 
-def _set(subject: Subject, line: Line, wanted: Point) -> None:
+def _set(subject: ControllerUnderTest, line: OutgoingConnection, wanted: Point) -> None:
     """Set it; who runs a program may refuse (A-4.20-1)."""
     answer = line.ask("set_gripper_center", wanted)
     with unless_others_run(subject, line):
@@ -48,13 +48,13 @@ def _set(subject: Subject, line: Line, wanted: Point) -> None:
         )
 
 
-def _expect_shown(line: Line, wanted: Point) -> None:
+def _expect_shown(line: OutgoingConnection, wanted: Point) -> None:
     message = "0x34 does not give the gripper centre that was set"
     expect_numbers(gripper_of(line), wanted, message, "4.20/3")
 
 
 @case("4.20/3", "4.20/2")
-def test_set(subject: Subject, line: Line) -> None:
+def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The gripper centre that was set is read back, sign and first decimal included."""
 
     @example(Point(0, 0, 0))
@@ -75,7 +75,7 @@ def test_set(subject: Subject, line: Line) -> None:
 
 
 @case("4.20/3", name="decimals")
-def test_decimals(subject: Subject, line: Line) -> None:
+def test_decimals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Numbers with more digits, and the example of the document, are read back as set."""
 
     @example(_EXAMPLE)
@@ -95,7 +95,7 @@ def test_decimals(subject: Subject, line: Line) -> None:
 
 
 @case("4.20/3", "4.20/2", name="while-running", hazards=PROGRAMS)
-def test_set_while_running(subject: Subject, line: Line) -> None:
+def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
     with kept(subject, line, "gripper centre"), running(subject, line):
         for wanted in examples((_PLAIN, _OTHER)):
@@ -108,7 +108,7 @@ def test_set_while_running(subject: Subject, line: Line) -> None:
 
 
 @case("4.20/3", "4.21/3", "4.13/3", name="behind-resets", hazards=PROGRAMS)
-def test_behind_resets(subject: Subject, line: Line) -> None:
+def test_behind_resets(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Gripper centre, initial position and default program stay behind a reset, and another."""
     has(subject, RESET)
     program = store_program(subject, line)
@@ -129,7 +129,7 @@ def test_behind_resets(subject: Subject, line: Line) -> None:
 
 
 @case("4.20/4", "4.20/3")
-def test_malformed(subject: Subject, line: Line) -> None:
+def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What is not three numbers is not answered 1, and changes nothing."""
     with kept(subject, line, "gripper centre"):
         _set(subject, line, _PLAIN)
@@ -150,7 +150,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
 
 
 @case("4.20/5", "4.20/2", hazards=(Hazard.STATE, Hazard.MOTION))
-def test_moves_nothing(subject: Subject, line: Line) -> None:
+def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """To set the gripper centre moves no joint."""
     with kept(subject, line, "gripper centre"):
         for wanted in examples((Point(0, 0, 50), Point(20, -20, 0))):

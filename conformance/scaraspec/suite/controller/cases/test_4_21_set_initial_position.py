@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point, Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import malformed, offer
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import joints_of, pose_of
 from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gripper_of, initial_of
 from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, running
@@ -34,7 +34,7 @@ def _at(pose: Pose, decimals: int) -> Pose:
     return Pose(x, y, z, theta_x, 0, 0)
 
 
-def _near(line: Line) -> Pose:
+def _near(line: OutgoingConnection) -> Pose:
     """Make where the arm stands the initial position, and the gripper's centre that of the tool.
 
     Then both are the same, whichever of them 0x38 gives (A-4.23-1). At an end of the travel what is
@@ -53,7 +53,7 @@ def _near(line: Line) -> Pose:
     raise CaseFailed(message, expected="1", observed=f"{answer}", requirement="4.21/2")
 
 
-def _set(line: Line, wanted: Pose) -> Answer:
+def _set(line: OutgoingConnection, wanted: Pose) -> ReceivedFrame:
     answer = line.ask("set_initial_tool_position", wanted)
     expect(
         answer.accepted is not None,
@@ -65,12 +65,14 @@ def _set(line: Line, wanted: Pose) -> Answer:
     return answer
 
 
-def _expect_shown(line: Line, wanted: Pose, message: str, requirement: str = "4.21/3") -> None:
+def _expect_shown(
+    line: OutgoingConnection, wanted: Pose, message: str, requirement: str = "4.21/3"
+) -> None:
     expect_numbers(initial_of(line)[:_MEANT], wanted[:_MEANT], message, requirement)
 
 
 @case("4.21/3", "4.21/2")
-def test_set(subject: Subject, line: Line) -> None:
+def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The position that was set is read back, and the gripper centre remains what it was."""
     reach = round(subject.statement.motion.step_mm * 10)
     steps = st.integers(-reach, reach).map(lambda tenths: tenths / 10)
@@ -102,7 +104,7 @@ def test_set(subject: Subject, line: Line) -> None:
 
 
 @case("4.21/3", "4.21/2", name="while-running", hazards=PROGRAMS)
-def test_set_while_running(subject: Subject, line: Line) -> None:
+def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
     with kept(subject, line, "gripper centre", "initial tool position"):
         near = _near(line)
@@ -115,7 +117,7 @@ def test_set_while_running(subject: Subject, line: Line) -> None:
 
 
 @case("4.21/4", "4.21/3")
-def test_malformed(subject: Subject, line: Line) -> None:
+def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What is not six numbers is not answered 1, and changes nothing."""
     with kept(subject, line, "gripper centre", "initial tool position"):
         near = _near(line)
@@ -137,7 +139,7 @@ def test_malformed(subject: Subject, line: Line) -> None:
 
 
 @case("4.21/5", "4.21/2", hazards=(Hazard.STATE, Hazard.MOTION))
-def test_moves_nothing(subject: Subject, line: Line) -> None:
+def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """To set the initial tool position moves no joint."""
     with kept(subject, line, "gripper centre", "initial tool position"):
         near = _near(line)

@@ -1,14 +1,14 @@
 """Clause 4.22: the initial tool position as it is read (0x37, L457-467)."""
 
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.poses import initial_of
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect_equal
 
 
 @case("4.22/2")
-def test_initial_position(subject: Subject, line: Line) -> None:
+def test_initial_position(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The initial tool position is six numbers between bars, the same for every connection."""
     first = initial_of(line)
     line.close()

@@ -6,8 +6,8 @@ from typing import Final
 from scaraspec.judge.tolerances import STANDSTILL, farthest, turned
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     begin_step_somewhere,
     pose_of,
@@ -27,7 +27,7 @@ _OFFSETS: Final = (Point(0, 0, 30), Point(20, 0, 0))
 
 
 @case("4.23/2", "4.23/5")
-def test_coordinates(subject: Subject, line: Line) -> None:
+def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The coordinates are six numbers between bars, which do not change while the robot is idle."""
     if line.ask("get_status").value != "00":
         raise CaseSkipped("the robot is not idle")
@@ -53,7 +53,7 @@ def test_coordinates(subject: Subject, line: Line) -> None:
 
 
 @case("4.23/5", name="behind-a-move", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
-def test_rest_behind_a_move(subject: Subject, line: Line) -> None:
+def test_rest_behind_a_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Where a move has ended the tool stays: a second later it stands there still."""
     has(subject, MOVE)
     with returning(subject, line):
@@ -64,7 +64,7 @@ def test_rest_behind_a_move(subject: Subject, line: Line) -> None:
 
 
 @case("4.23/3", hazards=(Hazard.STATE,))
-def test_screw_end(subject: Subject, line: Line) -> None:
+def test_screw_end(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The gripper centre is not part of the coordinates, or the coordinates are those of it."""
     with kept(subject, line, "gripper centre"):
         if not line.ask("set_gripper_center", Point(0, 0, 0)).accepted:

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, Subject
+from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import malformed
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     AXES,
     BUSY,
@@ -41,7 +41,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     offered,
 )
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
 
@@ -61,13 +61,15 @@ def _far(pose: Pose) -> list[Pose]:
     return [*beyond, pose._replace(x=pose.x + _WRAPPED_MM)]
 
 
-def _told(subject: Subject, line: Line, answer: Answer) -> Answer:
+def _told(
+    subject: ControllerUnderTest, line: OutgoingConnection, answer: ReceivedFrame
+) -> ReceivedFrame:
     """What is said of a move in the end: its refusal, or its result."""
     return finish(subject, line, MOVE) if answer.accepted else answer
 
 
 @case("4.24/3", "4.24/4", hazards=_MOTION)
-def test_impossible_moves(subject: Subject, line: Line) -> None:
+def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An impossible move is refused with "0|code", four bytes in a frame of that length."""
     has(subject, MOVE)
     with returning(subject, line) as pose:
@@ -98,7 +100,7 @@ def test_impossible_moves(subject: Subject, line: Line) -> None:
 
 
 @case("4.24/9", hazards=_MOTION)
-def test_beyond_all_reach(subject: Subject, line: Line) -> None:
+def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A target a kilometre away is refused or fails, with 05 or 06, and the arm stays."""
     has(subject, MOVE)
     with returning(subject, line) as pose:
@@ -121,7 +123,7 @@ def test_beyond_all_reach(subject: Subject, line: Line) -> None:
 
 
 @case("4.24/5", "4.24/6", "4.24/8", hazards=_MOTION)
-def test_every_speed(subject: Subject, line: Line) -> None:
+def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A move to where the arm stands is accepted at every speed from 1 to 100 %, and ends there."""
     has(subject, MOVE)
     gripper = line.ask("get_gripper_center").value
@@ -145,7 +147,7 @@ def test_every_speed(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("axis", AXES)
 @case("4.24/8", "4.24/5", "4.24/6", "4.27/6", hazards=_MOTION)
-def test_there_and_back(subject: Subject, line: Line, axis: str) -> None:
+def test_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection, axis: str) -> None:
     """A step along one axis ends at the pose that was commanded, and so does the way back."""
     has(subject, MOVE)
     find_out_whether_it_listens(subject, line)
@@ -170,7 +172,10 @@ def test_there_and_back(subject: Subject, line: Line, axis: str) -> None:
 
 
 def _expect_reached(
-    subject: Subject, line: Line, wanted: Pose, gripper: tuple[float, ...] | None
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    wanted: Pose,
+    gripper: tuple[float, ...] | None,
 ) -> None:
     now = pose_of(line)
     off = off_by(now, wanted)
@@ -188,7 +193,7 @@ def _expect_reached(
 
 
 @case("4.24/8", name="in-between", hazards=_MOTION, slow=True)
-def test_fractions(subject: Subject, line: Line) -> None:
+def test_fractions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Targets with decimals are reached as they are, one after the other."""
     has(subject, MOVE)
     find_out_whether_it_listens(subject, line)
@@ -205,7 +210,7 @@ def test_fractions(subject: Subject, line: Line) -> None:
 
 
 @case("4.24/3", name="malformed", hazards=_MOTION)
-def test_malformed_requests(subject: Subject, line: Line) -> None:
+def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A request that is not seven numbers moves nothing; it is refused, or not answered."""
     has(subject, MOVE)
     subject.moved = True
@@ -240,7 +245,7 @@ def test_malformed_requests(subject: Subject, line: Line) -> None:
     perform(subject, alive(subject, line), MOVE)
 
 
-def _expect_unmoved(line: Line, pose: Pose, here: Pose, message: str) -> None:
+def _expect_unmoved(line: OutgoingConnection, pose: Pose, here: Pose, message: str) -> None:
     now = pose_of(line)
     expect(
         same_place(now, pose) or off_by(now, here) <= STANDSTILL,

@@ -3,8 +3,8 @@
 import pytest
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.performing import perform
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import (
@@ -27,7 +27,7 @@ _MOTION = (Hazard.STATE, Hazard.MOTION)
 
 
 @case("4.25/2", "4.25/3", hazards=_MOTION)
-def test_first_reply(subject: Subject, line: Line) -> None:
+def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A release is answered "1", and one of released joints with "1" or "0|code"; each "1" ends."""
     has(subject, RELEASE, LOCK)
     with locked_again(subject, line):
@@ -49,7 +49,7 @@ def test_first_reply(subject: Subject, line: Line) -> None:
 
 
 @case("4.25/3", hazards=_MOTION)
-def test_end_of_a_release(subject: Subject, line: Line) -> None:
+def test_end_of_a_release(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A release ends with "11": at once, or when the joints are locked again (A-4.25-2)."""
     has(subject, RELEASE, LOCK)
     for _ in range(2):
@@ -66,7 +66,9 @@ def test_end_of_a_release(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("name", STATES)
 @case("4.25/5", hazards=_MOTION)
-def test_not_during_motion(subject: Subject, line: Line, name: str) -> None:
+def test_not_during_motion(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> None:
     """While a program or a move executes a release is refused, and does not happen later."""
     has(subject, RELEASE, LOCK)
     if subject.dialect["busy_reply"] == "queue":

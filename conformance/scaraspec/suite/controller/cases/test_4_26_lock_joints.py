@@ -2,8 +2,8 @@
 
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import joints_of
 from scaraspec.suite.controller.harness.two_stage.performing import perform
 from scaraspec.suite.controller.harness.two_stage.refusals import expect_first_reply, text_of
@@ -25,7 +25,7 @@ _MOTION = (Hazard.MOTION,)
 
 
 @case("4.26/2", hazards=_MOTION)
-def test_first_reply(subject: Subject, line: Line) -> None:
+def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A lock of released joints is answered "1", one of locked joints with "1" or "0|code"."""
     has(subject, LOCK, RELEASE)
     subject.moved = True
@@ -48,7 +48,7 @@ def test_first_reply(subject: Subject, line: Line) -> None:
 
 
 @case("4.26/3", hazards=_MOTION)
-def test_end_of_a_lock(subject: Subject, line: Line) -> None:
+def test_end_of_a_lock(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A lock ends with "11", and behind it the arm can be moved again."""
     has(subject, LOCK, RELEASE)
     with locked_again(subject, line):
@@ -60,7 +60,7 @@ def test_end_of_a_lock(subject: Subject, line: Line) -> None:
 
 
 @case("4.26/5", hazards=_MOTION)
-def test_locked_joints_stay(subject: Subject, line: Line) -> None:
+def test_locked_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Behind a lock that ended with "11" the joint angles do not change."""
     has(subject, LOCK, RELEASE)
     with locked_again(subject, line):

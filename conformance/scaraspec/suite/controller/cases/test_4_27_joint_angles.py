@@ -3,8 +3,8 @@
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import JointValues
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     begin_step_somewhere,
     joints_of,
@@ -18,7 +18,7 @@ from scaraspec.suite.engine.expectations import expect
 
 
 @case("4.27/2", "4.27/3")
-def test_four_numbers(subject: Subject, line: Line) -> None:
+def test_four_numbers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The angles are four numbers between bars in a frame of their length, time after time."""
     has(subject, "get_joint_angles")
     for _ in range(10):
@@ -40,7 +40,7 @@ def test_four_numbers(subject: Subject, line: Line) -> None:
 
 
 @case("4.27/2", "4.27/3", name="while-moving", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
-def test_while_moving(subject: Subject, line: Line) -> None:
+def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """They are four numbers while the arm moves too, whatever decimals that brings."""
     with lasting(subject, line, MOVE) as task:
         for _ in range(30):
@@ -57,7 +57,7 @@ def test_while_moving(subject: Subject, line: Line) -> None:
 
 
 @case("4.27/4")
-def test_idle_joints_stay(subject: Subject, line: Line) -> None:
+def test_idle_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While the robot is idle the joint angles do not change."""
     has(subject, "get_joint_angles")
     if line.ask("get_status").value != "00":
@@ -84,7 +84,7 @@ def test_idle_joints_stay(subject: Subject, line: Line) -> None:
 
 
 @case("4.27/6", hazards=(Hazard.MOTION,))
-def test_motion_shows(subject: Subject, line: Line) -> None:
+def test_motion_shows(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A step that changes the tool coordinates changes the joint angles; 4.24/8 tries all axes."""
     has(subject, "get_joint_angles", MOVE)
     with returning(subject, line) as pose:

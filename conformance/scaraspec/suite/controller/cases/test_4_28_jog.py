@@ -8,9 +8,9 @@ from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.payloads import Malformed
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     halt,
@@ -77,7 +77,7 @@ _NO_DIRECTION: Final = tuple(
 )
 
 
-def _jogged(subject: Subject, line: Line) -> None:
+def _jogged(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Let a jog go on until it shows, or for as long as it may."""
     left_s = subject.statement.motion.jog_s
     if not listens(subject, line, jogs=True):
@@ -92,7 +92,9 @@ def _jogged(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("direction", list(JogDirection), ids=str)
 @case("4.28/3", "4.28/4", hazards=_MOTION)
-def test_direction(subject: Subject, line: Line, direction: JogDirection) -> None:
+def test_direction(
+    subject: ControllerUnderTest, line: OutgoingConnection, direction: JogDirection
+) -> None:
     """1 is +Y, 2 is -Y, 3 is +X, 4 is -X; a jog of single joints has no direction (A-4.28-2)."""
     with returning(subject, line) as pose:
         joints = joints_of(line)
@@ -128,7 +130,7 @@ def test_direction(subject: Subject, line: Line, direction: JogDirection) -> Non
 
 
 @case("4.28/4", hazards=_MOTION)
-def test_first_reply(subject: Subject, line: Line) -> None:
+def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog that can be is answered "1", one while it moves "0|04"; another may replace it."""
     with returning(subject, line):
         answer = jog_somewhere(subject, line)
@@ -153,7 +155,7 @@ def test_first_reply(subject: Subject, line: Line) -> None:
 
 
 @case("4.28/5", "4.17/6", hazards=_MOTION, slow=True)
-def test_end_of_a_jog(subject: Subject, line: Line) -> None:
+def test_end_of_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog goes on until it is stopped, and is then told to have ended, once at most."""
     with returning(subject, line):
         for _ in range(2):
@@ -179,7 +181,7 @@ def test_end_of_a_jog(subject: Subject, line: Line) -> None:
 
 
 @case("4.28/5", "4.17/6", name="limit", hazards=(Hazard.MOTION, Hazard.DESTRUCTIVE))
-def test_to_the_limit(subject: Subject, line: Line) -> None:
+def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog that meets the end of the arm's travel ends there, or is stopped there (A-4.28-3)."""
     if subject.access.patience_s < _TO_THE_LIMIT_S:
         raise CaseSkipped(f"it lasts up to {_TO_THE_LIMIT_S:.0f} s: grant them with --patience")
@@ -216,7 +218,7 @@ def test_to_the_limit(subject: Subject, line: Line) -> None:
 
 
 @case("4.28/5", "4.17/6", name="lost-link", hazards=_MOTION)
-def test_lost_link(subject: Subject, line: Line) -> None:
+def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """When its client is gone a jog ends, or the next client can stop it (A-2-8)."""
     subject.notices_leaving()
     require_responsive(subject, line)
@@ -254,7 +256,7 @@ def test_lost_link(subject: Subject, line: Line) -> None:
 
 
 @case("4.28/7", hazards=_MOTION)
-def test_no_direction(subject: Subject, line: Line) -> None:
+def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What is not one byte of 1 to 4 is not answered "1", and moves nothing."""
     has(subject, JOG)
     subject.moved = True
@@ -284,7 +286,7 @@ def test_no_direction(subject: Subject, line: Line) -> None:
 
 
 @case("4.28/4", name="both-notations", hazards=_MOTION, slow=True)
-def test_notations(subject: Subject, line: Line) -> None:
+def test_notations(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The direction is understood as an ASCII digit or as a binary byte, or both (A-4.28-1).
 
     Where both are, each of them means the same.

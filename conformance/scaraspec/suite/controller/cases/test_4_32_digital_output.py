@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
 from scaraspec.suite.controller.harness.malformed.payloads import Malformed, malformed, offer
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import (
     ALL_OUTPUTS,
     Bits,
@@ -46,7 +46,7 @@ _NO_PORTS: Final = (
 
 
 @case("4.32/6", "4.32/4")
-def test_each_output(line: Line) -> None:
+def test_each_output(line: OutgoingConnection) -> None:
     """What is answered "1" shows at once at its port and nowhere else; all else changes nothing."""
     settable(line)
     with outputs_kept(line) as before:
@@ -61,7 +61,7 @@ def test_each_output(line: Line) -> None:
 
 
 @case("4.32/6", name="sequences")
-def test_sequences(line: Line) -> None:
+def test_sequences(line: OutgoingConnection) -> None:
     """After any sequence of settings 0x49 shows the last of each port."""
     ports = settable(line)
     setting = st.tuples(st.sampled_from(ports), st.booleans())
@@ -79,7 +79,7 @@ def test_sequences(line: Line) -> None:
 
 
 @case("4.32/6", "3/30", name="all-at-once")
-def test_all_on_and_off(subject: Subject, line: Line) -> None:
+def test_all_on_and_off(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """All outputs can be on together, and off together, and go on in the order of one segment."""
     ports = settable(line)
     with outputs_kept(line) as before:
@@ -94,7 +94,7 @@ def test_all_on_and_off(subject: Subject, line: Line) -> None:
             _expect_in_order(line, ports, now)
 
 
-def _expect_in_order(line: Line, ports: Sequence[int], now: Bits) -> None:
+def _expect_in_order(line: OutgoingConnection, ports: Sequence[int], now: Bits) -> None:
     """What is asked behind each of many settings is answered as of its place, whenever it comes."""
     due, data = set[str](), b""
     for port in ports:
@@ -111,7 +111,7 @@ def _expect_in_order(line: Line, ports: Sequence[int], now: Bits) -> None:
 
 
 @case("4.32/6", name="held")
-def test_held(subject: Subject, line: Line) -> None:
+def test_held(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An output keeps its value when the connection that set it has ended."""
     port = settable(line)[-1]
     on = not outputs(line)[port - 1]
@@ -127,7 +127,7 @@ def test_held(subject: Subject, line: Line) -> None:
 
 
 @case("4.32/4", "4.32/6", name="while-running", hazards=PROGRAMS)
-def test_while_running(subject: Subject, line: Line) -> None:
+def test_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A setting while a program runs is answered "1" and shows, or "0" and changes nothing."""
     port = settable(line)[-1]
     with running(subject, line):
@@ -135,7 +135,7 @@ def test_while_running(subject: Subject, line: Line) -> None:
 
 
 @case("4.32/4", "4.32/6", name="while-moving", hazards=_MOTION)
-def test_while_moving(subject: Subject, line: Line) -> None:
+def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same while the arm moves, and jogs, and while its joints are released."""
     lacks = subject.statement.lacks
     moves = [name for name in (MOVE, JOG) if name not in lacks]
@@ -153,7 +153,7 @@ def test_while_moving(subject: Subject, line: Line) -> None:
                 _set_meanwhile(line, port, "while the joints were released")
 
 
-def _set_meanwhile(line: Line, port: int, when: str) -> None:
+def _set_meanwhile(line: OutgoingConnection, port: int, when: str) -> None:
     before = outputs(line)
     on = not before[port - 1]
     answer = set_output(line, port, on=on)
@@ -162,7 +162,7 @@ def _set_meanwhile(line: Line, port: int, when: str) -> None:
 
 
 @case("4.32/4", "4.32/6", name="flags")
-def test_flags(subject: Subject, line: Line) -> None:
+def test_flags(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The reply is "1" or "0" and nothing else, for every port of 1 to 40.
 
     Ports that 0x49 does not show are switched off while all outputs are on, so that one shows that
@@ -188,7 +188,7 @@ def test_flags(subject: Subject, line: Line) -> None:
 
 
 @case("4.32/5")
-def test_no_such_port(subject: Subject, line: Line) -> None:
+def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A port 0, or one above 40, is not set, and no output changes in its place."""
     with outputs_kept(line) as before:
         for port in _NO_PORTS:
@@ -201,7 +201,7 @@ def test_no_such_port(subject: Subject, line: Line) -> None:
 
 
 @case("4.32/7")
-def test_malformed(subject: Subject, line: Line) -> None:
+def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No output changes on a payload that is no port and value, nor is one said to be set."""
     ports = settable(line)
     other, port = ports[0], ports[-1]
@@ -223,14 +223,16 @@ def test_malformed(subject: Subject, line: Line) -> None:
             )
 
 
-def _try(subject: Subject, line: Line, wrong: Malformed) -> tuple[bytes | None, Bits, Line]:
+def _try(
+    subject: ControllerUnderTest, line: OutgoingConnection, wrong: Malformed
+) -> tuple[bytes | None, Bits, OutgoingConnection]:
     """What 0x43 is answered, if anything, what 0x49 shows then, and the line to go on with."""
     answer, line = offer(subject, line, "set_digital_output", wrong)
     return (answer.seen.text if answer else None), outputs(line), line
 
 
 @case("4.32/7", name="values")
-def test_other_values(subject: Subject, line: Line) -> None:
+def test_other_values(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A value other than 0 and 1 sets nothing; that it counts for 1 is tolerated (A-4.32-4).
 
     It never switches off what is on.

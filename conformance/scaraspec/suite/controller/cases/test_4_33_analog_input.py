@@ -3,8 +3,8 @@
 import re
 from typing import Final
 
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.controller.harness.two_stage.tasks import offered
 from scaraspec.suite.engine.case import case
@@ -18,7 +18,7 @@ _NO_PORTS: Final = (b"00", b"41", b"42", b"49", b"50", b"88", b"99")
 _VALUES: Final = (0, 1, 2.5, 5)  # a converter may take no more
 
 
-def _value(line: Line, port: int) -> float | None:
+def _value(line: OutgoingConnection, port: int) -> float | None:
     """The value of an analog input; None where the subject says that it has none."""
     answer = line.ask("get_analog_input", port)
     data = answer.seen.text
@@ -34,14 +34,14 @@ def _value(line: Line, port: int) -> float | None:
 
 
 @case("4.33/2")
-def test_form(line: Line) -> None:
+def test_form(line: OutgoingConnection) -> None:
     """Every port from 1 to 40 is answered "1|" and a number, or "0"."""
     for port in examples(range(1, 41)):
         _value(line, port)
 
 
 @case("4.33/2", name="driven", needs=("set_analog",))
-def test_driven(subject: Subject, line: Line) -> None:
+def test_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An analog input that is driven shows it, 0 as "1|0", and the others do not change."""
     before = [_value(line, port) for port in _ANALOG]
     shown = False
@@ -56,7 +56,7 @@ def test_driven(subject: Subject, line: Line) -> None:
             subject.hook("set_analog", port=port, value=value or 0)
 
 
-def _shows(subject: Subject, line: Line, port: int) -> bool:
+def _shows(subject: ControllerUnderTest, line: OutgoingConnection, port: int) -> bool:
     """Values in any unit (A-4.33-1): they differ, and all in the same proportion.
 
     Returns:
@@ -96,7 +96,7 @@ def _shows(subject: Subject, line: Line, port: int) -> bool:
 
 
 @case("4.33/3")
-def test_no_such_port(subject: Subject, line: Line) -> None:
+def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A port 0, or one above 40, is answered "0"; or not, as a wrong argument may be (A-3-9)."""
     for port in examples(_NO_PORTS):
         line = alive(subject, line)

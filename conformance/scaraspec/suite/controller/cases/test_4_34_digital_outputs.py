@@ -1,8 +1,8 @@
 """Clause 4.34: the states of the digital outputs (0x49, L677-687)."""
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import (
     expect_form,
     expect_outputs,
@@ -16,21 +16,21 @@ from scaraspec.suite.program_files.bench import PROGRAMS, running
 
 
 @case("4.34/2", "4.34/4")
-def test_form(subject: Subject, line: Line) -> None:
+def test_form(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The reply is "1|" and sixteen digits, eighteen bytes in all, however often it is asked."""
     for _ in range(3):
         expect_form(subject, line, "get_digital_outputs")
 
 
 @case("4.34/2", "4.34/4", name="while-running", hazards=PROGRAMS)
-def test_form_while_running(subject: Subject, line: Line) -> None:
+def test_form_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The reply is the same while a program runs."""
     with running(subject, line):
         expect_form(subject, line, "get_digital_outputs")
 
 
 @case("4.34/2", name="order", hazards=(Hazard.MOTION,))
-def test_order(line: Line) -> None:
+def test_order(line: OutgoingConnection) -> None:
     """The highest port stands first: the lowest and the highest output show at the two ends."""
     ports = settable(line)
     for port in {ports[0], ports[-1]}:

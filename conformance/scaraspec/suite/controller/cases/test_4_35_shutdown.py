@@ -3,8 +3,8 @@
 from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.refusals import text_of
 from scaraspec.suite.controller.harness.two_stage.tasks import RUN, has, lasting, offered
 from scaraspec.suite.engine.case import case
@@ -24,7 +24,7 @@ _GOING_S: Final = 1.0
 
 
 @case("4.35/2", "4/15", name="busy", hazards=(*_LAST, Hazard.STATE), last=True)
-def test_not_while_a_program_runs(subject: Subject, line: Line) -> None:
+def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program runs the shutdown is refused with "0|01", and the robot stays on."""
     has(subject, _SHUTDOWN)
     if subject.dialect["busy_reply"] == "queue":
@@ -56,7 +56,7 @@ def test_not_while_a_program_runs(subject: Subject, line: Line) -> None:
 
 
 @case("4.35/2", "4.35/5", hazards=_LAST, last=True)
-def test_shutdown(subject: Subject, line: Line) -> None:
+def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An idle robot answers "1" and nothing more, and is gone; the suite waits for its return."""
     has(subject, _SHUTDOWN)
     answer = line.ask(_SHUTDOWN)
@@ -84,7 +84,7 @@ def test_shutdown(subject: Subject, line: Line) -> None:
     _await_return(subject)
 
 
-def _is_gone(subject: Subject, line: Line) -> bool:
+def _is_gone(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
     """Whether the subject ends the connection, or answers no more, before long."""
     left_s = subject.longest_s
     while left_s > 0:
@@ -99,7 +99,7 @@ def _is_gone(subject: Subject, line: Line) -> bool:
     return False
 
 
-def _await_return(subject: Subject) -> None:
+def _await_return(subject: ControllerUnderTest) -> None:
     """Start the subject anew, where a hook can, and wait for it.
 
     Unaided it is given one look, and not at once: what ends its connections and then itself may

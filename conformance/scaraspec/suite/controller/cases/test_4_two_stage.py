@@ -8,8 +8,12 @@ from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Outcome
 from scaraspec.protocol.transfer import BUFFER_BYTES, chunks_of
-from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import (
+    MOMENT_S,
+    SILENCE_S,
+    ControllerUnderTest,
+)
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import incoming, left_behind, send, upload
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
@@ -68,7 +72,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     stored,
 )
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -100,7 +104,9 @@ _NS = 1e9
 
 @pytest.mark.parametrize("name", TWO_STAGE)
 @case("4/1", "4/2", "3/16", "3/18", hazards=_MOTION)
-def test_one_reply_and_one_result(subject: Subject, line: Line, name: str) -> None:
+def test_one_reply_and_one_result(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> None:
     """A command that can be done is answered "1", and ends once, with "11" or a failure."""
     performed = perform(subject, line, name)
     expect_first_reply(name, performed.first)
@@ -117,7 +123,7 @@ def test_one_reply_and_one_result(subject: Subject, line: Line, name: str) -> No
 
 
 @case("4/2", "3/18", name="in-transfers", hazards=_MOTION, slow=True)
-def test_result_in_transfers(subject: Subject, line: Line) -> None:
+def test_result_in_transfers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program ends while a file is sent, and while it is fetched: each time that is told."""
     content = content_of(_LONG_BYTES)
     with bench(subject, line) as robot:
@@ -150,7 +156,7 @@ def test_result_in_transfers(subject: Subject, line: Line) -> None:
 
 
 @case("4/1", "3/17", name="refused", hazards=_MOTION)
-def test_refusals_end_it(subject: Subject, line: Line) -> None:
+def test_refusals_end_it(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What is refused is answered "0|code", the stop with "0", and nothing follows."""
     subject.moved = True
     refused = []
@@ -173,7 +179,7 @@ def test_refusals_end_it(subject: Subject, line: Line) -> None:
 
 
 @case("4/3", "4/5", name="stopped", hazards=_MOTION)
-def test_stopped_commands_fail(subject: Subject, line: Line) -> None:
+def test_stopped_commands_fail(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What an emergency stop has ended fails with "00|code", where it has a result of its own."""
     for name in examples(name for name in STATES if name not in {JOG, *subject.statement.lacks}):
         with lasting(subject, line, name, queries=False) as task:
@@ -192,7 +198,7 @@ def test_stopped_commands_fail(subject: Subject, line: Line) -> None:
 
 
 @case("4/3", "4/5", name="fault", needs=("motor_fault", "clear_faults"), hazards=_MOTION)
-def test_a_fault_fails_the_run(subject: Subject, line: Line) -> None:
+def test_a_fault_fails_the_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A motor that fails during a run ends it with "00|code", and the code names the motor."""
     try:
         with lasting(subject, line, RUN):
@@ -217,14 +223,14 @@ def test_a_fault_fails_the_run(subject: Subject, line: Line) -> None:
         subject.hook("clear_faults")
 
 
-def _mend(subject: Subject, line: Line) -> None:
+def _mend(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Take the faults away, and what the robot remembers of them."""
     subject.hook("clear_faults")
     if line.ask("get_status").value != IDLE and line.ask(RESET).accepted:
         finish(subject, line, RESET)
 
 
-def _at_once(line: Line, name: str) -> Answer | None:
+def _at_once(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
     try:
         return line.result(name, within_s=SILENCE_S)
     except NoReply:
@@ -239,7 +245,9 @@ def _at_once(line: Line, name: str) -> Answer | None:
     hazards=_MOTION,
     needs=("position_fault", "angle_fault", "motor_fault", "clear_faults"),
 )
-def test_faults_refuse(subject: Subject, line: Line, fault: str, code: str) -> None:
+def test_faults_refuse(
+    subject: ControllerUnderTest, line: OutgoingConnection, fault: str, code: str
+) -> None:
     """A robot at fault refuses what would move it, with the code of its fault."""
     values = harmless(subject, line)
     subject.moved = True
@@ -263,7 +271,7 @@ def test_faults_refuse(subject: Subject, line: Line, fault: str, code: str) -> N
 
 
 @case("4/4", name="missing", hazards=_MOTION)
-def test_code_of_a_refusal(subject: Subject, line: Line) -> None:
+def test_code_of_a_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A refusal bears a code of table 8-1 that can refuse."""
     for name in examples((RUN, SIMULATE)):
         answer = line.ask(name, subject.new_name())
@@ -278,7 +286,7 @@ def test_code_of_a_refusal(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("name", STATES)
 @case("4/6", "4/15", "4/4", hazards=_MOTION)
-def test_busy(subject: Subject, line: Line, name: str) -> None:
+def test_busy(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """While one command executes every other is refused, with the state that 0x09 reports.
 
     So it is on another connection.
@@ -294,7 +302,7 @@ def test_busy(subject: Subject, line: Line, name: str) -> None:
 
 
 @case("4/6", "4.24/8", name="afterwards", hazards=_MOTION, slow=True)
-def test_nothing_is_queued(subject: Subject, line: Line) -> None:
+def test_nothing_is_queued(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What a busy robot did not accept does not begin by itself once the robot is free.
 
     Nor does it keep the arm from where it was to go.
@@ -324,7 +332,7 @@ def test_nothing_is_queued(subject: Subject, line: Line) -> None:
 
 
 @case("4/6", name="after-a-run", hazards=_MOTION, slow=True)
-def test_refused_moves_stay_refused(subject: Subject, line: Line) -> None:
+def test_refused_moves_stay_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A move that was refused while a program ran is not made once the program has ended."""
     require_responsive(subject, line)
     if subject.dialect["busy_reply"] == "queue":
@@ -345,7 +353,7 @@ def test_refused_moves_stay_refused(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("name", TWO_STAGE)
 @case("4/7", hazards=_MOTION, slow=True)
-def test_idle_afterwards(subject: Subject, line: Line, name: str) -> None:
+def test_idle_afterwards(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """The status behind a final result "11" is no longer that of a robot that executes."""
     performed = perform(subject, line, name)
     status = performed.status
@@ -359,7 +367,9 @@ def test_idle_afterwards(subject: Subject, line: Line, name: str) -> None:
 
 @pytest.mark.parametrize("name", STATES)
 @case("4/8", "3/31", hazards=_MOTION)
-def test_never_idle_meanwhile(subject: Subject, line: Line, name: str) -> None:
+def test_never_idle_meanwhile(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> None:
     """From the first reply to the final result no status is 00, and every query is answered."""
     with lasting(subject, line, name) as task:
         for _ in range(_POLLS):
@@ -378,7 +388,9 @@ def test_never_idle_meanwhile(subject: Subject, line: Line, name: str) -> None:
                 _answered_late(subject, line, query, name)
 
 
-def _answered_late(subject: Subject, line: Line, query: Query, name: str) -> None:
+def _answered_late(
+    subject: ControllerUnderTest, line: OutgoingConnection, query: Query, name: str
+) -> None:
     """A reply may be overtaken (3/24); no arm jogs on while it is waited for."""
     stop(subject, line)
     try:
@@ -389,20 +401,20 @@ def _answered_late(subject: Subject, line: Line, query: Query, name: str) -> Non
 
 
 @case("4/8", "4/7", "3/18", name="to-the-end", hazards=_MOTION, slow=True)
-def test_results_between_replies(subject: Subject, line: Line) -> None:
+def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A final result that comes between the replies to queries is one frame among whole others."""
     require_responsive(subject, line)
     for name, seconds in examples(((RUN, BRIEFLY_S), (SIMULATE, 0))):
         start_program(subject, line, name, seconds)
         opcode, answered = BY_NAME[name].opcode, 0
-        results: list[Answer] = []
+        results: list[ReceivedFrame] = []
         while not results:
             sent = known_to(subject, [Query("get_status"), Query("get_time")])
             for query in sent:
                 line.send(query.name)
             answered += len(replies_to(line, sent))
             results += [
-                Answer(seen, seen.value)
+                ReceivedFrame(seen, seen.value)
                 for seen in line.heard
                 if seen.frame.tagged and seen.frame.opcode == opcode
             ]
@@ -433,7 +445,7 @@ def test_results_between_replies(subject: Subject, line: Line) -> None:
 
 
 @case("4/8", "3/31", "3/32", "4.7/4", "5.2/12", name="queries", hazards=_MOTION)
-def test_queries_meanwhile(subject: Subject, line: Line) -> None:
+def test_queries_meanwhile(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Queries in any number and order are answered while a program runs, each with its own.
 
     The version is the same before, meanwhile and afterwards, and so is a file that can be fetched.
@@ -469,7 +481,9 @@ def test_queries_meanwhile(subject: Subject, line: Line) -> None:
 
 @pytest.mark.parametrize("name", [RUN, SIMULATE, MOVE])
 @case("4/14", hazards=_MOTION)
-def test_reply_before_execution(subject: Subject, line: Line, name: str) -> None:
+def test_reply_before_execution(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> None:
     """The first reply comes before the execution: it does not wait for what takes seconds."""
     perform(subject, line, name)
     find_out_whether_it_listens(subject, line)
@@ -483,7 +497,9 @@ def test_reply_before_execution(subject: Subject, line: Line, name: str) -> None
     )
 
 
-def _is_replied_to_at_its_end(subject: Subject, line: Line, name: str, program: bytes) -> bool:
+def _is_replied_to_at_its_end(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, program: bytes
+) -> bool:
     with returning(subject, line):
         before = line.ask("get_status")
         if name == MOVE:
@@ -499,7 +515,7 @@ def _is_replied_to_at_its_end(subject: Subject, line: Line, name: str, program: 
 
 
 @case("4/14", name="reset", hazards=_MOTION, slow=True)
-def test_reply_before_a_reset(subject: Subject, line: Line) -> None:
+def test_reply_before_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The first reply to a reset comes before the arm goes its way, not with the final result."""
     has(subject, MOVE, RESET)
     with returning(subject, line), home_at(subject, line):
@@ -512,7 +528,7 @@ def test_reply_before_a_reset(subject: Subject, line: Line) -> None:
         )
 
 
-def _comes_with_its_result(subject: Subject, line: Line) -> bool:
+def _comes_with_its_result(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
     """Whether a reset that moves the arm is answered only when that has been done."""
     accepted(MOVE, begin_step_somewhere(subject, line)[1])
     done(subject, line, MOVE)
@@ -528,7 +544,7 @@ def _comes_with_its_result(subject: Subject, line: Line) -> bool:
 
 
 @case("4/15", "4.15/4", name="free-again", hazards=_MOTION)
-def test_free_again(subject: Subject, line: Line) -> None:
+def test_free_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """After a refusal, a stop and a good end alike an idle robot takes the next command."""
     line.ask(RUN, subject.new_name())
     stop_motion(subject, line)
@@ -542,7 +558,7 @@ def test_free_again(subject: Subject, line: Line) -> None:
 
 
 @case("4/15", "4/6", "4.17/6", name="second-client", hazards=_MOTION, slow=True)
-def test_second_client(subject: Subject, line: Line) -> None:
+def test_second_client(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A second client sees the first one's program run, is refused, can stop it, and leaves."""
     subject.several()
     other = subject.open()
@@ -568,7 +584,7 @@ def test_second_client(subject: Subject, line: Line) -> None:
 
 
 @case("4/15", "4.17/6", "4.15/4", name="lost-link", hazards=_MOTION, slow=True)
-def test_lost_link(subject: Subject, line: Line) -> None:
+def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program whose client is gone can be stopped by the next, and the robot is free again.
 
     So it is where the program has come to its end, and there was nobody to be told so.
@@ -600,7 +616,7 @@ def test_lost_link(subject: Subject, line: Line) -> None:
         subject.close_lines()
 
 
-def _expect_free(line: Line) -> None:
+def _expect_free(line: OutgoingConnection) -> None:
     """A program that waits for a second is over before long, whoever hears of it."""
     left_s = _OVER_S
     while (status := line.ask("get_status")).value in BUSY:
@@ -615,7 +631,7 @@ def _expect_free(line: Line) -> None:
 
 
 @case("4/15", "3/18", "4.15/5", name="many", hazards=_MOTION)
-def test_many_runs(subject: Subject, line: Line) -> None:
+def test_many_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Fifty runs, one behind the other, are accepted and end with success, each once."""
     program = stored(subject, line, 0)
     subject.moved = True

@@ -4,8 +4,8 @@ from hypothesis import example
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, FILE_DATA_BYTES, HEAD_BYTES, Chunk
-from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
     again,
     begin,
@@ -34,7 +34,9 @@ _SIZES = (1, 200, 201, 400, 450)
 _WHOLE = content_of(450)
 
 
-def _chunks(subject: Subject, line: Line, content: bytes = _WHOLE) -> list[Chunk]:
+def _chunks(
+    subject: ControllerUnderTest, line: OutgoingConnection, content: bytes = _WHOLE
+) -> list[Chunk]:
     """What the subject sends of a file, right or wrong."""
     name = subject.new_name()
     upload(line, name, content)
@@ -45,14 +47,14 @@ def _chunks(subject: Subject, line: Line, content: bytes = _WHOLE) -> list[Chunk
 
 
 @case("5.1/1")
-def test_structure(subject: Subject, line: Line) -> None:
+def test_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download is one fileData."""
     for size in examples(_SIZES):
         _chunks(subject, line, content_of(size))
 
 
 @case("5.1/1", name="torn", slow=True)
-def test_torn_structure(subject: Subject, line: Line) -> None:
+def test_torn_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk that says 200 bytes and holds 50, or not even its numbers, is not taken."""
     whole = FILE_DATA.encode(Chunk(200, 0, BUFFER_BYTES, content_of(200)), subject.dialect)
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
@@ -64,7 +66,7 @@ def test_torn_structure(subject: Subject, line: Line) -> None:
 
 
 @case("5.1/2")
-def test_size_of_the_structure(subject: Subject, line: Line) -> None:
+def test_size_of_the_structure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk of a download has 212 data bytes; the last may be cut off behind its content."""
     for size in examples(_SIZES):
         name = subject.new_name()
@@ -86,7 +88,7 @@ def test_size_of_the_structure(subject: Subject, line: Line) -> None:
 
 
 @case("5.1/3")
-def test_file_size(subject: Subject, line: Line) -> None:
+def test_file_size(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download tells the size of the whole file."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
@@ -94,14 +96,14 @@ def test_file_size(subject: Subject, line: Line) -> None:
 
 
 @case("5.1/4")
-def test_position(subject: Subject, line: Line) -> None:
+def test_position(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download stands at the byte offset that it tells."""
     for chunk in _chunks(subject, line):
         expect_position(chunk, _WHOLE)
 
 
 @case("5.1/5")
-def test_length(subject: Subject, line: Line) -> None:
+def test_length(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of a download tells how many bytes of its buffer are the file's: 1 to 200."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
@@ -110,7 +112,7 @@ def test_length(subject: Subject, line: Line) -> None:
 
 
 @case("5.1/6")
-def test_within_the_file(subject: Subject, line: Line) -> None:
+def test_within_the_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No chunk of a download reaches beyond its fileSize."""
     for size in examples(_SIZES):
         for chunk in _chunks(subject, line, content_of(size)):
@@ -118,7 +120,7 @@ def test_within_the_file(subject: Subject, line: Line) -> None:
 
 
 @case("5.1/7", name="download")
-def test_end_of_a_download(subject: Subject, line: Line) -> None:
+def test_end_of_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """With the answer to its last chunk a download is over: nothing follows, another may begin."""
     for size in examples(_SIZES):
         name = subject.new_name()
@@ -135,7 +137,7 @@ def test_end_of_a_download(subject: Subject, line: Line) -> None:
 
 
 @case("5.1/7", name="upload")
-def test_end_of_an_upload(subject: Subject, line: Line) -> None:
+def test_end_of_an_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """With the answer to its last chunk an upload is over: another transfer may begin at once."""
     for size in examples(_SIZES):
         first, second = subject.new_name(), subject.new_name()
@@ -151,7 +153,7 @@ def test_end_of_an_upload(subject: Subject, line: Line) -> None:
 @case("5.1/8")
 @given(size=st.integers(1, 1000))
 @example(size=1000)
-def test_ascending(subject: Subject, line: Line, size: int) -> None:
+def test_ascending(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
     """A download of any size comes in ascending order, without gap or overlap."""
     due = 0
     for chunk in _chunks(subject, line, content_of(size)):
@@ -162,7 +164,7 @@ def test_ascending(subject: Subject, line: Line, size: int) -> None:
 
 
 @case("5.1/9")
-def test_one_byte_order(subject: Subject, line: Line) -> None:
+def test_one_byte_order(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Chunks of all downloads of a session are in one byte order."""
     orders = set()
     for size in examples((1, 450, 70)):
@@ -180,7 +182,7 @@ def test_one_byte_order(subject: Subject, line: Line) -> None:
 
 
 @case("5.1/10")
-def test_existing_file(subject: Subject, line: Line) -> None:
+def test_existing_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An upload to a name that is taken fails, and what is sent nevertheless is not taken."""
     name = subject.new_name()
     upload(line, name, _WHOLE)
@@ -192,7 +194,7 @@ def test_existing_file(subject: Subject, line: Line) -> None:
 
 
 @case("5.1/11")
-def test_content_without_a_name(subject: Subject, line: Line) -> None:
+def test_content_without_a_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Content before any name is not taken, and the subject itself sends none unasked."""
     taken = offer(line, Chunk(3, 0, 3, b"abc"))
     expect(not taken, "content came before any name and was taken", expected="0", observed="1")
@@ -207,7 +209,7 @@ def test_content_without_a_name(subject: Subject, line: Line) -> None:
 @example(lengths=[200, 1], filler=b"\xcc")
 @example(lengths=[1, 199, 1], filler=b"!")
 def test_rest_of_the_buffer(
-    subject: Subject, line: Line, lengths: list[int], filler: bytes
+    subject: ControllerUnderTest, line: OutgoingConnection, lengths: list[int], filler: bytes
 ) -> None:
     """Of chunks of any length the valid bytes are stored, whatever stands behind them."""
     content = content_of(sum(lengths))
@@ -230,7 +232,9 @@ def _pieces(content: bytes, *positions: int) -> list[Chunk]:
     ]
 
 
-def _not_complete(subject: Subject, line: Line, sent: list[int], missing: list[int]) -> None:
+def _not_complete(
+    subject: ControllerUnderTest, line: OutgoingConnection, sent: list[int], missing: list[int]
+) -> None:
     """Send chunks out of order; what is taken so must not be a file before the rest has come.
 
     A subject may refuse them (A-5-8). One that takes them has to wait for what is missing; whether
@@ -260,31 +264,31 @@ def _not_complete(subject: Subject, line: Line, sent: list[int], missing: list[i
 
 
 @case("5.1/13", name="last-first")
-def test_last_chunk_first(subject: Subject, line: Line) -> None:
+def test_last_chunk_first(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file whose last chunk came first is not complete with it."""
     _not_complete(subject, line, [400], [0, 200])
 
 
 @case("5.1/13", name="gap")
-def test_gap(subject: Subject, line: Line) -> None:
+def test_gap(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file with a gap is not complete with its last chunk."""
     _not_complete(subject, line, [0, 400], [200])
 
 
 @case("5.1/13", name="repeated")
-def test_repeated_chunk(subject: Subject, line: Line) -> None:
+def test_repeated_chunk(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file is not complete because a chunk came twice."""
     _not_complete(subject, line, [0, 200, 200], [400])
 
 
 @case("5.1/13", name="overlap")
-def test_overlap(subject: Subject, line: Line) -> None:
+def test_overlap(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file is not complete because chunks overlap."""
     _not_complete(subject, line, [0, 100, 200], [400])
 
 
 @case("5.1/13", name="other-size")
-def test_file_size_changed(subject: Subject, line: Line) -> None:
+def test_file_size_changed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file whose later chunk tells a smaller size is refused, or has that size and no hole."""
     content, name = content_of(600), subject.new_name()
     begin(line, name)

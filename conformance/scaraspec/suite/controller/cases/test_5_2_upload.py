@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, HEAD_BYTES, Chunk, chunks_of
-from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
+from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed import payloads as malformed
 from scaraspec.suite.controller.harness.malformed.delivery import SEGMENT_S, pieces, send_in
 from scaraspec.suite.controller.harness.malformed.payloads import Malformed
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
     NameRefused,
@@ -49,7 +49,7 @@ _BEGINNING_OTHERWISE: Final = ((3, 12, 100), (16, 99), (215,))
 and with the end byte alone."""
 
 
-def _refused(line: Line, name: bytes, message: str) -> None:
+def _refused(line: OutgoingConnection, name: bytes, message: str) -> None:
     answer = line.ask("upload_name", data=name)
     expect(not answer.accepted, message, expected="0", observed=f"{answer}")
 
@@ -62,7 +62,7 @@ def _refused(line: Line, name: bytes, message: str) -> None:
 @example(stem="-._")
 @example(stem=".x.y")
 @example(stem="AZaz09")
-def test_new_name(subject: Subject, line: Line, stem: str) -> None:
+def test_new_name(subject: ControllerUnderTest, line: OutgoingConnection, stem: str) -> None:
     """A name of letters, digits, dots, dashes and underscores that is not taken is answered 1.
 
     One that has more than letters and digits may be refused (A-5-20).
@@ -77,7 +77,7 @@ def test_new_name(subject: Subject, line: Line, stem: str) -> None:
 
 
 @case("5.2/2", name="long")
-def test_long_names(subject: Subject, line: Line) -> None:
+def test_long_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A name of 30 bytes is taken; a longer one is refused, or kept whole."""
     for size in examples((29, 30, 31, 60, 120, 200)):
         short = subject.new_name()
@@ -98,7 +98,7 @@ def test_long_names(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/2", name="none")
-def test_no_name(line: Line) -> None:
+def test_no_name(line: OutgoingConnection) -> None:
     """An upload without a name is not accepted."""
     line.send("upload_name", data=b"")
     came = transfer_frames(line)
@@ -107,7 +107,7 @@ def test_no_name(line: Line) -> None:
 
 
 @case("5.2/2", name="many")
-def test_many_names(subject: Subject, line: Line) -> None:
+def test_many_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Forty new names one after the other are answered 1, each once."""
     for _ in range(40):
         name = subject.new_name()
@@ -117,7 +117,7 @@ def test_many_names(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/3")
-def test_existing_name(subject: Subject, line: Line) -> None:
+def test_existing_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A name that is taken is answered 0 again and again, and its file is left as it is."""
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
@@ -128,7 +128,9 @@ def test_existing_name(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/3", name="elsewhere")
-def test_name_that_another_connection_took(subject: Subject, line: Line) -> None:
+def test_name_that_another_connection_took(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A name that was taken on an earlier connection is answered 0 too, and its file stays."""
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
@@ -139,7 +141,7 @@ def test_name_that_another_connection_took(subject: Subject, line: Line) -> None
 
 
 @case("5.2/15", name="upload", hazards=_DESTRUCTIVE)
-def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
+def test_path_in_a_new_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A new name with a slash or dots that lead elsewhere is not accepted."""
     plain = subject.new_name()
     for path in examples((b"../%s", b"../../%s", b"a/../%s", b"./%s", b"/%s", b"/tmp/%s", b"a/%s")):
@@ -151,7 +153,7 @@ def test_path_in_a_new_name(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/15", name="backslash", hazards=_DESTRUCTIVE)
-def test_backslash_in_a_new_name(subject: Subject, line: Line) -> None:
+def test_backslash_in_a_new_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A new name with a backslash is not accepted, or nothing is stored where it would lead."""
     for path in examples((b".\\%s", b"a\\..\\%s", b"..\\%s")):
         plain = subject.new_name()
@@ -166,7 +168,7 @@ def test_backslash_in_a_new_name(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/15", name="same-file", hazards=_DESTRUCTIVE)
-def test_path_to_a_file(subject: Subject, line: Line) -> None:
+def test_path_to_a_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A path that would lead to a stored file does not fetch it."""
     plain = subject.new_name()
     upload(line, plain, b"!")
@@ -181,7 +183,7 @@ def test_path_to_a_file(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/15", name="system")
-def test_path_to_the_system(subject: Subject, line: Line) -> None:
+def test_path_to_the_system(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A path that would lead out of the store fetches nothing."""
     up = (b"../" * 8, b"/", b"..\\" * 8, b"C:\\", b"/proc/self/cwd/../../../../")
     for name in examples(
@@ -197,7 +199,7 @@ def test_path_to_the_system(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/6")
-def test_every_chunk_is_answered(subject: Subject, line: Line) -> None:
+def test_every_chunk_is_answered(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every chunk of an upload is answered 1, once."""
     for size in examples((1, 200, 1000)):
         begin(line, subject.new_name())
@@ -207,7 +209,9 @@ def test_every_chunk_is_answered(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/6", name="refused")
-def test_refused_chunks_are_answered(subject: Subject, line: Line) -> None:
+def test_refused_chunks_are_answered(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A chunk that cannot be taken is answered 0, or ends the link (A-5-6, A-5-26)."""
     for chunk in examples((Chunk(600, 0, 201, bytes(200)), Chunk(100, 0, 101, bytes(200)))):
         begin(line, subject.new_name())
@@ -233,7 +237,9 @@ def _other_order_is_illegal(length: int) -> bool:
 _too_long = st.integers(BUFFER_BYTES + 1, _MOST).filter(_other_order_is_illegal)
 
 
-def _out_of_bounds(subject: Subject, line: Line, head: Chunk, taken_before: int = 0) -> None:
+def _out_of_bounds(
+    subject: ControllerUnderTest, line: OutgoingConnection, head: Chunk, taken_before: int = 0
+) -> None:
     """Send a chunk that must not be taken, behind others that are in order."""
     subject.clear(line)
     begin(line, subject.new_name())
@@ -254,14 +260,14 @@ def _out_of_bounds(subject: Subject, line: Line, head: Chunk, taken_before: int 
 @example(length=256, before=1)
 @example(length=0xFFFFFF38, before=1)
 @example(length=_MOST, before=0)
-def test_length_over_the_buffer(subject: Subject, length: int, before: int) -> None:
+def test_length_over_the_buffer(subject: ControllerUnderTest, length: int, before: int) -> None:
     """A chunk with a length over 200 is not taken, be it the first or a later one."""
     head = Chunk(1000, 200 * before, length, bytes(BUFFER_BYTES))
     _out_of_bounds(subject, subject.open(), head, before)
 
 
 @case("5.2/10", name="long-frame")
-def test_more_than_the_buffer(subject: Subject) -> None:
+def test_more_than_the_buffer(subject: ControllerUnderTest) -> None:
     """A chunk that really brings more than 200 bytes is not taken."""
     for length in examples((201, 220, 243)):
         line = subject.open()
@@ -279,7 +285,7 @@ def test_more_than_the_buffer(subject: Subject) -> None:
 @example(size=200, over=1)
 @example(size=201, over=1)
 @example(size=399, over=1)
-def test_beyond_the_file(subject: Subject, size: int, over: int) -> None:
+def test_beyond_the_file(subject: ControllerUnderTest, size: int, over: int) -> None:
     """A last chunk that reaches beyond fileSize is not taken."""
     before, rest = divmod(size, BUFFER_BYTES)
     length = min(rest + over, BUFFER_BYTES)
@@ -289,7 +295,7 @@ def test_beyond_the_file(subject: Subject, size: int, over: int) -> None:
 
 
 @case("5.2/10", name="position")
-def test_position_beyond_the_file(subject: Subject) -> None:
+def test_position_beyond_the_file(subject: ControllerUnderTest) -> None:
     """A position at or beyond the end is not taken, also where adding the length overflows.
 
     Nor is one whose lower 16 bits are those of the position that is due.
@@ -301,7 +307,7 @@ def test_position_beyond_the_file(subject: Subject) -> None:
 
 
 @case("5.2/11")
-def test_chunk_without_a_name(subject: Subject, line: Line) -> None:
+def test_chunk_without_a_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk before any name is not taken; nor is one after an upload was over."""
     for content in examples((b"abc", content_of(200))):
         taken = offer(line, Chunk(len(content), 0, len(content), content))
@@ -310,7 +316,7 @@ def test_chunk_without_a_name(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/11", name="after-the-end")
-def test_chunk_after_the_end(subject: Subject, line: Line) -> None:
+def test_chunk_after_the_end(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk behind the last one is not taken, and does not change the file."""
     name, content = subject.new_name(), content_of(250)
     upload(line, name, content)
@@ -321,7 +327,7 @@ def test_chunk_after_the_end(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/11", name="after-refusal")
-def test_chunk_after_a_refused_name(subject: Subject, line: Line) -> None:
+def test_chunk_after_a_refused_name(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk behind a refused name is not taken."""
     name, content = subject.new_name(), content_of(250)
     upload(line, name, content)
@@ -332,7 +338,7 @@ def test_chunk_after_a_refused_name(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/11", name="during-a-download")
-def test_chunk_during_a_download(subject: Subject, line: Line) -> None:
+def test_chunk_during_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk while a file is being fetched is not taken."""
     name = subject.new_name()
     upload(line, name, content_of(450))
@@ -343,7 +349,9 @@ def test_chunk_during_a_download(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/11", name="elsewhere")
-def test_chunk_on_another_connection(subject: Subject, line: Line) -> None:
+def test_chunk_on_another_connection(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A chunk on a connection that named no file is not taken into the upload of another one."""
     subject.several()
     name, content = subject.new_name(), content_of(450)
@@ -357,10 +365,12 @@ def test_chunk_on_another_connection(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/11", name="reconnected")
-def test_chunk_after_the_connection_was_lost(subject: Subject, line: Line) -> None:
+def test_chunk_after_the_connection_was_lost(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A chunk on a new connection is not taken: the upload ended with the old one."""
     subject.notices_leaving()
-    for end in examples((Line.close, Line.reset)):
+    for end in examples((OutgoingConnection.close, OutgoingConnection.reset)):
         begin(line, subject.new_name())
         send(line, Chunk(450, 0, 200, bytes(200)))
         end(line)
@@ -371,7 +381,9 @@ def test_chunk_after_the_connection_was_lost(subject: Subject, line: Line) -> No
 
 
 @case("5.2/13")
-def test_nothing_after_the_last_answer(subject: Subject, line: Line) -> None:
+def test_nothing_after_the_last_answer(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """Behind the answer to the last chunk nothing more is sent, up or down."""
     for size in examples((1, 200, 450)):
         name = subject.new_name()
@@ -387,7 +399,7 @@ def test_nothing_after_the_last_answer(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/12", name="again")
-def test_read_again_and_again(subject: Subject, line: Line) -> None:
+def test_read_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An uploaded file is fetched three times, and on another connection, and is the same."""
     name, content = subject.new_name(), content_of(450)
     upload(line, name, content)
@@ -399,7 +411,7 @@ def test_read_again_and_again(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/12", name="anew")
-def test_uploaded_anew(subject: Subject, line: Line) -> None:
+def test_uploaded_anew(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A name that was deleted brings what was uploaded last: longer, shorter, of the same size."""
     name = subject.new_name()
     for number, size in enumerate((450, 600, 250, 250, 1)):
@@ -410,7 +422,7 @@ def test_uploaded_anew(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/12", name="two-files")
-def test_two_files(subject: Subject, line: Line) -> None:
+def test_two_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Two files of names that begin alike keep their contents apart."""
     first = subject.new_name()
     second = first[:-4] + b"b" + first[-4:]
@@ -422,7 +434,7 @@ def test_two_files(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/12", name="two-connections")
-def test_two_uploads_at_once(subject: Subject, line: Line) -> None:
+def test_two_uploads_at_once(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Two connections upload and then fetch in turns, and each file is what was sent."""
     subject.several()
     lines = (line, subject.open())
@@ -441,7 +453,9 @@ def test_two_uploads_at_once(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/12", name="one-name-twice")
-def test_one_name_on_two_connections(subject: Subject, line: Line) -> None:
+def test_one_name_on_two_connections(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """Where two connections upload under one name, one of them is refused, or one file is whole."""
     subject.several()
     lines = (line, subject.open())
@@ -466,7 +480,7 @@ def test_one_name_on_two_connections(subject: Subject, line: Line) -> None:
 
 
 @case("5.2/14", "2/5", name="bytes")
-def test_delimiters_in_the_content(subject: Subject, line: Line) -> None:
+def test_delimiters_in_the_content(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Files full of AA, CC, 00, 7C and of other bytes that software likes to change are kept."""
     frame = b"\xaa\x09\x00\xcc"
     contents = (
@@ -491,7 +505,9 @@ def test_delimiters_in_the_content(subject: Subject, line: Line) -> None:
         _in_segments(subject, line, b"\xaa\xcc" * 100, sizes)
 
 
-def _in_segments(subject: Subject, line: Line, content: bytes, sizes: tuple[int, ...]) -> None:
+def _in_segments(
+    subject: ControllerUnderTest, line: OutgoingConnection, content: bytes, sizes: tuple[int, ...]
+) -> None:
     """Send a file of one chunk in segments of these sizes, and the rest of it in a last one."""
     name = subject.new_name()
     begin(line, name)
@@ -509,13 +525,15 @@ def _in_segments(subject: Subject, line: Line, content: bytes, sizes: tuple[int,
 
 @case("5.2/14", name="drawn")
 @given(content=st.binary(min_size=1, max_size=700))
-def test_any_content(subject: Subject, line: Line, content: bytes) -> None:
+def test_any_content(
+    subject: ControllerUnderTest, line: OutgoingConnection, content: bytes
+) -> None:
     """Whatever bytes a file has, they are kept."""
     expect_round_trip(subject, line, content, "5.2/14")
 
 
 @case("5.2/16", name="edges")
-def test_sizes_at_the_edges(subject: Subject, line: Line) -> None:
+def test_sizes_at_the_edges(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Files around multiples of 200 and of powers of two arrive intact."""
     for size in examples(_EDGES):
         expect_round_trip(subject, line, content_of(size), "5.2/16")
@@ -523,12 +541,12 @@ def test_sizes_at_the_edges(subject: Subject, line: Line) -> None:
 
 @case("5.2/16", name="drawn")
 @given(size=st.integers(1, 1200))
-def test_any_size(subject: Subject, line: Line, size: int) -> None:
+def test_any_size(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
     """Files of any size arrive intact."""
     expect_round_trip(subject, line, content_of(size), "5.2/16")
 
 
-def _large(subject: Subject, line: Line, size: int) -> None:
+def _large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
     """Send a large file and fetch it; if there is no room for it, the first chunk says so.
 
     It is put between two others, which stay as they are.
@@ -552,7 +570,7 @@ def _large(subject: Subject, line: Line, size: int) -> None:
         expect_stored(line, each, _NEIGHBOUR)
 
 
-def _expect_too_large(subject: Subject, line: Line, size: int) -> None:
+def _expect_too_large(subject: ControllerUnderTest, line: OutgoingConnection, size: int) -> None:
     """Where there is no room for a file, there is none for a larger one (A-5-25)."""
     for larger in (size + 1, _LARGEST + 1, 2 * size + 1):
         begin(line, subject.new_name())
@@ -564,24 +582,24 @@ def _expect_too_large(subject: Subject, line: Line, size: int) -> None:
 
 
 @case("5.2/16", "5.2/12", name="51200")
-def test_size_51200(subject: Subject, line: Line) -> None:
+def test_size_51200(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file of 256 full chunks arrives intact."""
     _large(subject, line, 51_200)
 
 
 @case("5.2/16", "5.2/12", name="65535")
-def test_size_65535(subject: Subject, line: Line) -> None:
+def test_size_65535(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The largest file whose size fits 16 bits arrives intact."""
     _large(subject, line, 65_535)
 
 
 @case("5.2/16", "5.2/12", name="65536")
-def test_size_65536(subject: Subject, line: Line) -> None:
+def test_size_65536(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The smallest file whose size does not fit 16 bits arrives intact."""
     _large(subject, line, 65_536)
 
 
 @case("5.2/16", "5.2/12", name="70000")
-def test_size_70000(subject: Subject, line: Line) -> None:
+def test_size_70000(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file whose positions do not fit 16 bits arrives intact."""
     _large(subject, line, _LARGEST)

@@ -8,13 +8,17 @@ from functools import partial
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
+from scaraspec.suite.controller.harness.controller_under_test import (
+    MOMENT_S,
+    SILENCE_S,
+    ControllerUnderTest,
+)
 from scaraspec.suite.controller.harness.malformed.timeouts import (
     Track,
     downloads_at_once,
     run_tracks,
 )
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
     again,
@@ -51,12 +55,12 @@ from scaraspec.traffic.transfers import refuses_an_answer
 _CONTENT = content_of(650)
 
 
-def _absent(line: Line, name: bytes, message: str) -> None:
+def _absent(line: OutgoingConnection, name: bytes, message: str) -> None:
     answer = line.ask("download_name", data=name)
     expect(not answer.accepted, message, expected="0", observed=f"{answer}")
 
 
-def _ask_for(line: Line, name: bytes) -> Chunk:
+def _ask_for(line: OutgoingConnection, name: bytes) -> Chunk:
     """Ask for a file that is there, and take its first chunk, which is not answered yet."""
     answer = line.ask("download_name", data=name)
     expect(
@@ -84,7 +88,7 @@ def _unless_last(chunk: Chunk) -> Chunk:
 
 
 @case("5.3/2")
-def test_file_that_is_there(subject: Subject, line: Line) -> None:
+def test_file_that_is_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file that is there is answered 1, time and again; one that is not, 0."""
     name = some_file(subject, line, _CONTENT)
     for _ in range(3):
@@ -93,7 +97,7 @@ def test_file_that_is_there(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/3")
-def test_file_that_is_not_there(subject: Subject, line: Line) -> None:
+def test_file_that_is_not_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Names that are nearly those of a file, and no name at all, are answered 0."""
     name = some_file(subject, line, _CONTENT)
     near_ones = [name + b"x", name[:-1], b"x" + name, name[1:], name + b".bak"]
@@ -108,7 +112,7 @@ def test_file_that_is_not_there(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/3", name="deleted", hazards=(Hazard.STATE,))
-def test_deleted_file(subject: Subject, line: Line) -> None:
+def test_deleted_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file that was deleted is answered 0, also where it was fetched before.
 
     One of which the name has the same letters was never there.
@@ -123,7 +127,7 @@ def test_deleted_file(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/3", name="unfinished", hazards=(Hazard.STATE,))
-def test_unfinished_file(subject: Subject, line: Line) -> None:
+def test_unfinished_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file that is still being uploaded elsewhere is not fetched as if it were whole."""
     subject.several()
     name = subject.new_name()
@@ -144,7 +148,7 @@ def test_unfinished_file(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/4")
-def test_content_follows(subject: Subject, line: Line) -> None:
+def test_content_follows(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Behind the 1 the content follows by itself, one fileData in each 0x56."""
     name = some_file(subject, line, _CONTENT)
     line.send("download_name", name)
@@ -167,7 +171,7 @@ def test_content_follows(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/4", name="edges", hazards=(Hazard.STATE,))
-def test_content_at_the_edges(subject: Subject, line: Line) -> None:
+def test_content_at_the_edges(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Files of one byte, of one full chunk and of one more come in as many chunks as they need."""
     for size in examples((1, 200, 201, 400)):
         name, content = subject.new_name(), content_of(size)
@@ -178,7 +182,9 @@ def test_content_at_the_edges(subject: Subject, line: Line) -> None:
         expect(got == content, message, expected=f"{size} bytes", observed=f"{len(got)} bytes")
 
 
-def _fetch_together(subject: Subject, line: Line, names: list[bytes]) -> list[bytes] | None:
+def _fetch_together(
+    subject: ControllerUnderTest, line: OutgoingConnection, names: list[bytes]
+) -> list[bytes] | None:
     """Fetch files on two connections, chunk by chunk in turns; None where only one can be."""
     lines = (line, subject.open())
     for each, name in zip(lines, names, strict=True):
@@ -194,7 +200,9 @@ def _fetch_together(subject: Subject, line: Line, names: list[bytes]) -> list[by
 
 
 @case("5.3/4", name="twice-at-once")
-def test_one_file_on_two_connections(subject: Subject, line: Line) -> None:
+def test_one_file_on_two_connections(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """One file that two connections fetch at the same time comes whole to both."""
     subject.several()
     got = _fetch_together(subject, line, [some_file(subject, line, _CONTENT)] * 2)
@@ -203,7 +211,9 @@ def test_one_file_on_two_connections(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/4", name="two-at-once", hazards=(Hazard.STATE,))
-def test_two_files_on_two_connections(subject: Subject, line: Line) -> None:
+def test_two_files_on_two_connections(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """Two files that two connections fetch at the same time come to each its own."""
     subject.several()
     contents = [content_of(650, number) for number in (0, 1)]
@@ -214,7 +224,7 @@ def test_two_files_on_two_connections(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/6", slow=True)
-def test_one_chunk_at_a_time(subject: Subject, line: Line) -> None:
+def test_one_chunk_at_a_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No chunk comes before the one before it was answered, whatever else is asked meanwhile."""
     name = some_file(subject, line, _CONTENT)
     line.ask("download_name", data=name)
@@ -228,7 +238,7 @@ def test_one_chunk_at_a_time(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/6", name="never-repeated")
-def test_no_chunk_is_repeated(subject: Subject, line: Line) -> None:
+def test_no_chunk_is_repeated(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A chunk that is not answered for some seconds is not sent again."""
     name = some_file(subject, line, _CONTENT)
     _ask_for(line, name)
@@ -237,7 +247,7 @@ def test_no_chunk_is_repeated(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/7")
-def test_silence_of_the_client(subject: Subject, line: Line) -> None:
+def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A download goes on after an answer that took 25 s, twice, and is over after 60 s.
 
     It is over so behind its first chunk and behind its second.
@@ -249,7 +259,7 @@ def test_silence_of_the_client(subject: Subject, line: Line) -> None:
 
     ask, answer = (partial(_begin, name=name, answered=answered) for answered in (0, 1))
 
-    def survived(on: Line, silence: Silence) -> None:
+    def survived(on: OutgoingConnection, silence: Silence) -> None:
         on.pump()
         early = [seen.frame for seen in on.heard if seen.name == "download_chunk"]
         message = "something was sent while the answer to a chunk was awaited"
@@ -259,18 +269,18 @@ def test_silence_of_the_client(subject: Subject, line: Line) -> None:
             message = f"an answer to a chunk after {limits.survived_s:g} s was not taken any more"
             raise CaseFailed(message, expected="the next chunk", observed="none")
 
-    def early(on: Line, silence: Silence) -> None:
+    def early(on: OutgoingConnection, silence: Silence) -> None:
         passed_s = silence.passed_s
         if not _goes_on(on, subject.reply_s) and passed_s < subject.transfer_s:
             message = f"a download is given up before {passed_s:g} s of silence"
             subject.tolerate("5.3/7", "xfer_timeout", "less", message)
 
-    def late(on: Line, _: Silence) -> None:
+    def late(on: OutgoingConnection, _: Silence) -> None:
         if _still_goes_on(on):
             message = f"a download is not given up after {limits.late_s:g} s of silence"
             subject.tolerate("5.3/7", "xfer_timeout", "more", message)
 
-    def over(on: Line, _: Silence) -> None:
+    def over(on: OutgoingConnection, _: Silence) -> None:
         message = f"an answer to a chunk was taken after {limits.over_s:g} s"
         goes_on = _still_goes_on(on)
         expect(not goes_on, message, expected="no further chunk", observed="the next chunk")
@@ -292,7 +302,7 @@ def test_silence_of_the_client(subject: Subject, line: Line) -> None:
     )
 
 
-def _begin(line: Line, name: bytes, answered: int = 0) -> None:
+def _begin(line: OutgoingConnection, name: bytes, answered: int = 0) -> None:
     """Ask for a file, and answer so many of its chunks: another one follows."""
     _unless_last(_ask_for(line, name))
     for _ in range(answered):
@@ -300,13 +310,13 @@ def _begin(line: Line, name: bytes, answered: int = 0) -> None:
         _unless_last(next_chunk(line))
 
 
-def _ask_again(line: Line, name: bytes) -> None:
+def _ask_again(line: OutgoingConnection, name: bytes) -> None:
     """Ask for a file that was just fetched: the time-out of that must not be this one's."""
     download(line, name)
     _begin(line, name)
 
 
-def _goes_on(line: Line, within_s: float) -> bool:
+def _goes_on(line: OutgoingConnection, within_s: float) -> bool:
     """Answer a chunk; whether the next one comes."""
     try:
         line.answer_chunk(accepted=True)
@@ -316,7 +326,9 @@ def _goes_on(line: Line, within_s: float) -> bool:
     return not refuses_an_answer(came.frame) and not gives_up(came)
 
 
-def _after_refusal(subject: Subject, line: Line, name: bytes, refuse_at: int) -> None:
+def _after_refusal(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, refuse_at: int
+) -> None:
     """Refuse one chunk of a download: only the same may come again."""
     chunk = _ask_for(line, name)
     for _ in range(refuse_at):
@@ -348,12 +360,12 @@ def _after_refusal(subject: Subject, line: Line, name: bytes, refuse_at: int) ->
 
 
 @case("5.3/9", name="first")
-def test_first_chunk_refused(subject: Subject, line: Line) -> None:
+def test_first_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """After its first chunk was refused, a download does not go on."""
     _after_refusal(subject, line, some_file(subject, line, _CONTENT), 0)
 
 
-def _still_goes_on(line: Line) -> bool:
+def _still_goes_on(line: OutgoingConnection) -> bool:
     """Answer a chunk; whether the next one comes, where none may."""
     try:
         line.answer_chunk(accepted=True)
@@ -364,13 +376,13 @@ def _still_goes_on(line: Line) -> bool:
 
 
 @case("5.3/9", name="middle")
-def test_middle_chunk_refused(subject: Subject, line: Line) -> None:
+def test_middle_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """After a chunk in its middle was refused, a download does not go on."""
     _after_refusal(subject, line, some_file(subject, line, _CONTENT), 2)
 
 
 @case("5.3/9", name="last", hazards=(Hazard.STATE,))
-def test_last_chunk_refused(subject: Subject, line: Line) -> None:
+def test_last_chunk_refused(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """After its last chunk was refused, a download does not go on, and can be begun anew."""
     name = some_file(subject, line, _CONTENT)
     _after_refusal(subject, line, name, 3)
@@ -379,7 +391,7 @@ def test_last_chunk_refused(subject: Subject, line: Line) -> None:
 
 
 @case("5.3/10")
-def test_nothing_after_a_refusal(line: Line) -> None:
+def test_nothing_after_a_refusal(line: OutgoingConnection) -> None:
     """Behind the 0 to a name no chunk comes."""
     for name in examples((b"absent.rob", b"absent.txt", b"a")):
         _absent(line, name, "a file that is not there was promised")
@@ -389,7 +401,7 @@ def test_nothing_after_a_refusal(line: Line) -> None:
 
 
 @case("5.3/10", name="answered", hazards=(Hazard.STATE,))
-def test_answer_without_a_download(subject: Subject, line: Line) -> None:
+def test_answer_without_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An answer to a chunk that nobody sent brings no chunk, before or after a transfer."""
     name = some_file(subject, line, _CONTENT)
     for _ in range(2):

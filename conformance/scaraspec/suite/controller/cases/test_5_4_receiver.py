@@ -10,11 +10,11 @@ from datetime import timedelta
 from hypothesis import strategies as st
 
 from scaraspec.protocol.transfer import Chunk, chunks_of
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.malformed.delivery import takes_one_at_a_time
 from scaraspec.suite.controller.harness.malformed.mutation_targets import GET_STATUS
 from scaraspec.suite.controller.harness.malformed.timeouts import Track, run_tracks, uploads_at_once
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import read, shifted
 from scaraspec.suite.controller.harness.requests.files import (
     CHUNK_S,
@@ -53,7 +53,7 @@ _AHEAD = timedelta(hours=1)
 
 
 @case("5.4/1")
-def test_name_that_is_not_there(subject: Subject, line: Line) -> None:
+def test_name_that_is_not_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The name of a file that is not there is answered 1: new, deleted, asked for in vain."""
     name = subject.new_name()
     line.ask("download_name", data=name)
@@ -67,7 +67,9 @@ def test_name_that_is_not_there(subject: Subject, line: Line) -> None:
 
 
 @case("5.4/1", name="elsewhere")
-def test_name_on_a_second_connection(subject: Subject, line: Line) -> None:
+def test_name_on_a_second_connection(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A file is created on any connection, also while another one is open."""
     subject.several()
     for on in (line, subject.open(), line):
@@ -81,7 +83,7 @@ def test_name_on_a_second_connection(subject: Subject, line: Line) -> None:
 
 
 @case("5.4/2")
-def test_name_that_is_there(subject: Subject, line: Line) -> None:
+def test_name_that_is_there(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The name of a file that is there is answered 0, on any connection, also after a download."""
     name = subject.new_name()
     upload(line, name, _CONTENT)
@@ -94,7 +96,7 @@ def test_name_that_is_there(subject: Subject, line: Line) -> None:
 
 
 @case("5.4/2", name="among-many")
-def test_each_of_many_names(subject: Subject, line: Line) -> None:
+def test_each_of_many_names(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Of twelve files, or as many as there is room for, each one's name is answered 0."""
     names: list[bytes] = []
     for _ in range(12):
@@ -117,7 +119,7 @@ def test_each_of_many_names(subject: Subject, line: Line) -> None:
 
 
 @case("5.4/3")
-def test_buffer_is_not_exceeded(subject: Subject, line: Line) -> None:
+def test_buffer_is_not_exceeded(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No chunk of a download holds more than 200 bytes."""
     for size in examples((200, 201, 255, 400, 1000)):
         name = subject.new_name()
@@ -132,7 +134,7 @@ def test_buffer_is_not_exceeded(subject: Subject, line: Line) -> None:
 
 
 @case("5.4/4")
-def test_end_is_found(subject: Subject, line: Line) -> None:
+def test_end_is_found(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """With its last chunk a file is there, whatever its size, for every connection."""
     for size in examples((1, 199, 200, 201, 400)):
         name = subject.new_name()
@@ -143,7 +145,9 @@ def test_end_is_found(subject: Subject, line: Line) -> None:
 
 @case("5.4/4", name="short-chunks")
 @given(lengths=st.permutations([1, 7, 64, 128, 200]))
-def test_end_behind_short_chunks(subject: Subject, line: Line, lengths: list[int]) -> None:
+def test_end_behind_short_chunks(
+    subject: ControllerUnderTest, line: OutgoingConnection, lengths: list[int]
+) -> None:
     """A file in chunks of any lengths ends where position + length is fileSize, and not before."""
     content, name = content_of(400), subject.new_name()
     begin(line, name)
@@ -160,7 +164,7 @@ def test_end_behind_short_chunks(subject: Subject, line: Line, lengths: list[int
 
 
 @case("5.4/5", "5.4/6", "5.4/7")
-def test_silence(subject: Subject) -> None:
+def test_silence(subject: ControllerUnderTest) -> None:
     """An upload survives 25 s of silence, twice, is over after 60 s, and leaves the link usable."""
     limits = limits_of(subject)
     run_tracks(
@@ -176,11 +180,13 @@ def test_silence(subject: Subject) -> None:
     )
 
 
-def _sent(subject: Subject, count: int) -> tuple[bytes, Callable[[Line], None]]:
+def _sent(
+    subject: ControllerUnderTest, count: int
+) -> tuple[bytes, Callable[[OutgoingConnection], None]]:
     """A name, and what sends it and the first chunks."""
     name = subject.new_name()
 
-    def start(line: Line) -> None:
+    def start(line: OutgoingConnection) -> None:
         begin(line, name)
         for chunk in _CHUNKS[:count]:
             send(line, chunk)
@@ -188,20 +194,20 @@ def _sent(subject: Subject, count: int) -> tuple[bytes, Callable[[Line], None]]:
     return name, start
 
 
-def _patient(subject: Subject, limits: Limits) -> Track:
+def _patient(subject: ControllerUnderTest, limits: Limits) -> Track:
     """Pauses of 25 s behind the name and behind a chunk, and then the rest.
 
     An upload that has come to its end precedes: its time-out must not be this one's.
     """
     name, start = _sent(subject, 0)
 
-    def after_another(line: Line) -> None:
+    def after_another(line: OutgoingConnection) -> None:
         another = subject.new_name()
         upload(line, another, _CONTENT)
         delete(line, another)
         start(line)
 
-    def survived(line: Line, silence: Silence, chunk: Chunk) -> None:
+    def survived(line: OutgoingConnection, silence: Silence, chunk: Chunk) -> None:
         taken = offer(line, chunk, within_s=CHUNK_S)
         if not taken:
             silence.in_time(limits.early_s + (CHUNK_S if taken is None else 0))
@@ -209,7 +215,7 @@ def _patient(subject: Subject, limits: Limits) -> Track:
             message = f"an upload did not survive {limits.survived_s:g} s of silence"
             raise CaseFailed(message, expected="1", observed="0 or silence", requirement="5.4/5")
 
-    def rest(line: Line, silence: Silence) -> None:
+    def rest(line: OutgoingConnection, silence: Silence) -> None:
         survived(line, silence, _CHUNKS[1])
         for chunk in _CHUNKS[2:]:
             send(line, chunk)
@@ -219,11 +225,11 @@ def _patient(subject: Subject, limits: Limits) -> Track:
     return Track(after_another, (first, (limits.survived_s, rest)))
 
 
-def _reported(subject: Subject, silence_s: float, limits: Limits) -> Track:
+def _reported(subject: ControllerUnderTest, silence_s: float, limits: Limits) -> Track:
     """A pause after which an upload should still, or no longer, be alive."""
     _, start = _sent(subject, 1)
 
-    def look(line: Line, silence: Silence) -> None:
+    def look(line: OutgoingConnection, silence: Silence) -> None:
         passed_s = silence.passed_s
         alive = offer(line, _CHUNKS[1])
         if alive and silence_s >= limits.late_s:
@@ -236,11 +242,11 @@ def _reported(subject: Subject, silence_s: float, limits: Limits) -> Track:
     return Track(start, ((silence_s, look),))
 
 
-def _abandoned(subject: Subject, limits: Limits, sent: int) -> Track:
+def _abandoned(subject: ControllerUnderTest, limits: Limits, sent: int) -> Track:
     """A pause of 60 s, after which the upload must be over."""
     name, start = _sent(subject, sent)
 
-    def over(line: Line, _: Silence) -> None:
+    def over(line: OutgoingConnection, _: Silence) -> None:
         expect(
             not offer(line, _CHUNKS[sent]),
             f"a chunk was taken after {limits.over_s:g} s of silence",
@@ -258,7 +264,9 @@ def _abandoned(subject: Subject, limits: Limits, sent: int) -> Track:
 # What a broken transfer leaves
 
 
-def _serving(subject: Subject, line: Line, what: str) -> Line:
+def _serving(
+    subject: ControllerUnderTest, line: OutgoingConnection, what: str
+) -> OutgoingConnection:
     """The connection, once it has served another command; a new one where only that does."""
     try:
         line.ask("get_status")
@@ -275,7 +283,7 @@ def _serving(subject: Subject, line: Line, what: str) -> Line:
     return line
 
 
-def _transfers(subject: Subject, line: Line, what: str) -> None:
+def _transfers(subject: ControllerUnderTest, line: OutgoingConnection, what: str) -> None:
     """Another transfer works after one has broken off."""
     try:
         expect_round_trip(subject, line, b"next")
@@ -288,7 +296,9 @@ def _transfers(subject: Subject, line: Line, what: str) -> None:
         ) from None
 
 
-def _nothing_left(subject: Subject, line: Line, name: bytes, part: bytes) -> Line:
+def _nothing_left(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, part: bytes
+) -> OutgoingConnection:
     """A broken upload leaves nothing, or of what was sent as much as was written (A-5-12).
 
     Its name serves again. What is told is what was sent; a robot that gathers what comes, or lets
@@ -333,7 +343,7 @@ def _nothing_left(subject: Subject, line: Line, name: bytes, part: bytes) -> Lin
     return line
 
 
-def _broken_off(subject: Subject, end: Callable[[Line], None]) -> None:
+def _broken_off(subject: ControllerUnderTest, end: Callable[[OutgoingConnection], None]) -> None:
     """Let an upload break off at every chunk."""
     for count in examples(range(len(_CHUNKS))):
         name, start = _sent(subject, count)
@@ -345,38 +355,40 @@ def _broken_off(subject: Subject, end: Callable[[Line], None]) -> None:
 
 
 @case("5.4/7", "5.4/1", name="closed")
-def test_connection_closed(subject: Subject) -> None:
+def test_connection_closed(subject: ControllerUnderTest) -> None:
     """An upload whose connection was closed, at any chunk, leaves nothing but what was sent.
 
     It may last until its time-out, and be in the way of others until then (A-5-17).
     """
     subject.notices_leaving()
-    _broken_off(subject, Line.close)
+    _broken_off(subject, OutgoingConnection.close)
     if subject.transfers_outlive:
         message = "an upload whose connection ended is in the way of others until its time-out"
         subject.tolerate("5.4/7", "A-5-17", "outlives", message)
 
 
 @case("5.4/7", "5.4/1", name="reset")
-def test_connection_reset(subject: Subject) -> None:
+def test_connection_reset(subject: ControllerUnderTest) -> None:
     """An upload whose connection was cut off, at any chunk, leaves nothing but what was sent."""
     subject.notices_leaving()
-    _broken_off(subject, Line.reset)
+    _broken_off(subject, OutgoingConnection.reset)
 
 
 @case("5.4/7", "5.4/1", name="refused")
-def test_chunk_refused(subject: Subject) -> None:
+def test_chunk_refused(subject: ControllerUnderTest) -> None:
     """An upload of which a chunk was refused, at any chunk, leaves nothing but what was sent."""
     _broken_off(subject, _offer_bad)
 
 
-def _offer_bad(line: Line) -> None:
+def _offer_bad(line: OutgoingConnection) -> None:
     """A chunk that nobody takes: longer than the buffer, and beyond the end."""
     offer(line, Chunk(650, 500, 201, bytes(200)))
 
 
 @case("5.4/6", name="refused-chunk")
-def test_served_after_a_refused_chunk(subject: Subject, line: Line) -> None:
+def test_served_after_a_refused_chunk(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """After a chunk was refused, other commands are served, and another transfer works."""
     for chunk in examples((Chunk(650, 200, 201, bytes(200)), Chunk(650, 600, 200, bytes(200)))):
         start = _sent(subject, 1)[1]
@@ -386,7 +398,9 @@ def test_served_after_a_refused_chunk(subject: Subject, line: Line) -> None:
 
 
 @case("5.4/6", name="error-signal")
-def test_served_after_the_error_signal(subject: Subject, line: Line) -> None:
+def test_served_after_the_error_signal(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """After a chunk of length 0, with or without numbers, other commands are served."""
     for count in (0, 1, 3):
         for data in examples((None, b"")):
@@ -398,7 +412,7 @@ def test_served_after_the_error_signal(subject: Subject, line: Line) -> None:
 
 
 @case("5.4/6", name="empty-file")
-def test_served_after_an_empty_file(subject: Subject, line: Line) -> None:
+def test_served_after_an_empty_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """After a file of no bytes, whether it is taken or not, other commands are served."""
     name = subject.new_name()
     begin(line, name)
@@ -412,7 +426,9 @@ def test_served_after_an_empty_file(subject: Subject, line: Line) -> None:
         subject.tolerate("5.4/6", "empty_file", "chunk", "an empty file is a chunk of length 0")
 
 
-def _recovered(subject: Subject, line: Line, what: str) -> Line:
+def _recovered(
+    subject: ControllerUnderTest, line: OutgoingConnection, what: str
+) -> OutgoingConnection:
     """A new connection, after the old one has served other commands.
 
     The upload may be open still (A-5-10, A-5-14): the next transfer begins where none is. Where
@@ -434,7 +450,7 @@ def _recovered(subject: Subject, line: Line, what: str) -> Line:
 _OTHERS = ("get_status", "get_time", "get_version", "list_programs", "get_joint_angles")
 
 
-def _others(subject: Subject, line: Line, status: str) -> None:
+def _others(subject: ControllerUnderTest, line: OutgoingConnection, status: str) -> None:
     """Ask for other things; the status has to be this one."""
     for name in examples(each for each in _OTHERS if each not in subject.statement.lacks):
         try:
@@ -448,7 +464,7 @@ def _others(subject: Subject, line: Line, status: str) -> None:
 
 
 @case("5.4/8", "4.8/3", name="upload")
-def test_commands_during_an_upload(subject: Subject, line: Line) -> None:
+def test_commands_during_an_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Between the chunks of an upload other commands are answered, and the file arrives whole.
 
     The clock may be set ahead meanwhile: that is no silence. Another file may be deleted, and the
@@ -462,7 +478,9 @@ def test_commands_during_an_upload(subject: Subject, line: Line) -> None:
     expect_stored(line, name, _CONTENT, "5.4/8")
 
 
-def _upload_among_others(subject: Subject, line: Line, name: bytes, other: bytes) -> None:
+def _upload_among_others(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, other: bytes
+) -> None:
     listed = _listed(subject, line, name, other)
     status = line.ask("get_status").value
     begin(line, name)
@@ -476,14 +494,14 @@ def _upload_among_others(subject: Subject, line: Line, name: bytes, other: bytes
         send(line, chunk, "5.4/8", "a chunk was refused after other commands")
 
 
-def _listed(subject: Subject, line: Line, *but: bytes) -> list[bytes]:
+def _listed(subject: ControllerUnderTest, line: OutgoingConnection, *but: bytes) -> list[bytes]:
     """The programs besides these, sorted; none where none are listed."""
     lacks = "list_programs" in subject.statement.lacks
     return [] if lacks else sorted(set(program_names(subject, line)).difference(but))
 
 
 @case("5.4/8", "2/6", "4.8/3", name="download")
-def test_commands_during_a_download(subject: Subject, line: Line) -> None:
+def test_commands_during_a_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Between the chunks of a download other commands are answered, and the file comes whole."""
     name = some_file(subject, line, _CONTENT)
     listed = _listed(subject, line)
@@ -505,7 +523,7 @@ def test_commands_during_a_download(subject: Subject, line: Line) -> None:
         _answered_among_others(line, name)
 
 
-def _answered_among_others(line: Line, name: bytes) -> None:
+def _answered_among_others(line: OutgoingConnection, name: bytes) -> None:
     """Each answer to a chunk comes in one segment with a question before it and one behind."""
     line.ask("download_name", data=name)
     last = False
@@ -521,7 +539,9 @@ def _answered_among_others(line: Line, name: bytes) -> None:
 
 
 @case("5.4/8", "4.8/3", name="elsewhere")
-def test_commands_on_another_connection(subject: Subject, line: Line) -> None:
+def test_commands_on_another_connection(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """While one connection uploads, another one is served."""
     subject.several()
     other = subject.open()
@@ -534,7 +554,7 @@ def test_commands_on_another_connection(subject: Subject, line: Line) -> None:
     expect_stored(other, name, _CONTENT, "5.4/8")
 
 
-def _second(subject: Subject, line: Line, opcode: str) -> None:
+def _second(subject: ControllerUnderTest, line: OutgoingConnection, opcode: str) -> None:
     """Begin a second transfer within an upload: it is refused, or takes its place (A-5-17)."""
     old, first, second = (subject.new_name() for _ in range(3))
     upload(line, old, content_of(250, 1))
@@ -564,19 +584,19 @@ def _second(subject: Subject, line: Line, opcode: str) -> None:
 
 
 @case("5.4/8", name="second-upload")
-def test_second_upload(subject: Subject, line: Line) -> None:
+def test_second_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A second upload within the first is refused and leaves it alone, or takes its place."""
     _second(subject, line, "upload_name")
 
 
 @case("5.4/8", name="second-download")
-def test_second_download(subject: Subject, line: Line) -> None:
+def test_second_download(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A download within an upload is refused and leaves it alone, or takes its place."""
     _second(subject, line, "download_name")
 
 
 @case("5.4/8", name="one-after-another")
-def test_mixed_transfers(subject: Subject, line: Line) -> None:
+def test_mixed_transfers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Uploads and downloads in turns, whole and broken off, do not get in each other's way."""
     name = subject.new_name()
     upload(line, name, _CONTENT)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from scaraspec.protocol.programs import Opt
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import outputs, set_output
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import CaseSkipped, expect, expect_equal
@@ -39,14 +39,14 @@ def _are(values: dict[int, int]) -> list[Statement]:
 
 
 @case("6.4/5", hazards=PROGRAMS)
-def test_initial_values(subject: Subject, line: Line) -> None:
+def test_initial_values(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each variable begins with the value of the file, whatever its key and its place."""
     with bench(subject, line) as robot:
         robot.performs([*_are(_VALUES), Flip(_GOOD)], _VALUES)
 
 
 @case("6.4/5", name="many", hazards=PROGRAMS)
-def test_many_variables(subject: Subject, line: Line) -> None:
+def test_many_variables(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The last of many variables begins with its value as the first does."""
     values = {key: 3 * key - 7 for key in range(40)}
     few = {key: values[key] for key in (0, 19, 39)}
@@ -55,7 +55,7 @@ def test_many_variables(subject: Subject, line: Line) -> None:
 
 
 @case("6.4/5", "6.5/26", name="again", hazards=PROGRAMS)
-def test_initial_values_again(subject: Subject, line: Line) -> None:
+def test_initial_values_again(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A second run begins with the values of the file again, not with those the first one left.
 
     So it begins with the first node, also where the first run was stopped.
@@ -80,7 +80,7 @@ def test_initial_values_again(subject: Subject, line: Line) -> None:
 
 
 def _expect_anew(
-    line: Line, robot: Bench, block: Sequence[Statement], values: dict[int, int]
+    line: OutgoingConnection, robot: Bench, block: Sequence[Statement], values: dict[int, int]
 ) -> None:
     """A program that was stopped in its midst does the same when it is run again."""
     initial = outputs(line)
@@ -105,7 +105,9 @@ def _expect_anew(
 
 
 @case("6.4/5", name="simulated", hazards=PROGRAMS)
-def test_initial_values_behind_a_simulation(subject: Subject, line: Line) -> None:
+def test_initial_values_behind_a_simulation(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> None:
     """A run begins with the values of the file, not with those that its simulation left."""
     block = [*_are({3: 10}), Flip(_GOOD), Assign(3, number(11))]
     with bench(subject, line) as robot:
@@ -123,7 +125,7 @@ def test_initial_values_behind_a_simulation(subject: Subject, line: Line) -> Non
 
 
 @case("6.4/5", name="of-another", hazards=PROGRAMS)
-def test_values_of_another_program(subject: Subject, line: Line) -> None:
+def test_values_of_another_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program begins with its own values, not with what another left under the same keys."""
     with bench(subject, line) as robot:
         robot.performs([Assign(1, number(77)), Flip(_GOOD)], {1: 70})

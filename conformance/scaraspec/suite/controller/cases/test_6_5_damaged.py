@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.programs import Layout, Node, NodeType, Opt, Variable, detect
 from scaraspec.protocol.programs.layout import FOOTER, MAGIC
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.arm import arm
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
@@ -38,7 +38,7 @@ def _harmless(robot: Bench) -> Node:
     return set_output(port, on=robot.before[port - 1])
 
 
-def _never_run(subject: Subject, robot: Bench, content: bytes, told: str) -> None:
+def _never_run(subject: ControllerUnderTest, robot: Bench, content: bytes, told: str) -> None:
     """Ask for the run of a damaged file: whatever comes of it, it is not 11."""
     with subject.observer.overlooking(CODE_20):
         if not robot.accepts(content):
@@ -60,7 +60,7 @@ def _good(robot: Bench, nodes: Sequence[Node], variables: Sequence[Variable] = (
 
 
 @case("6.5/28", name="marks", hazards=PROGRAMS)
-def test_wrong_marks(subject: Subject, line: Line) -> None:
+def test_wrong_marks(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file that does not begin with SCARA, or does not end with ARACS, is not run."""
     with bench(subject, line) as robot:
         good = _good(robot, [_harmless(robot)])
@@ -76,7 +76,7 @@ def test_wrong_marks(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/28", name="letters", hazards=PROGRAMS)
-def test_one_wrong_letter(subject: Subject, line: Line) -> None:
+def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One wrong bit in either mark is enough."""
     with bench(subject, line) as robot:
         good = _good(robot, [_harmless(robot)])
@@ -93,7 +93,7 @@ def test_one_wrong_letter(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/28", name="sizes", hazards=PROGRAMS)
-def test_wrong_sizes(subject: Subject, line: Line) -> None:
+def test_wrong_sizes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file of a size that no layout gives it is not run, be it cut or stretched."""
     with bench(subject, line) as robot:
         nodes = [_harmless(robot), *wait(0)]
@@ -126,7 +126,7 @@ def _missized(good: bytes, layout: Layout) -> Iterator[tuple[str, bytes]]:
 
 
 @case("6.5/28", name="keys", hazards=PROGRAMS)
-def test_key_twice(subject: Subject, line: Line) -> None:
+def test_key_twice(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file in which two variables have one key is not run, be they neighbours or far apart."""
     with bench(subject, line) as robot:
         nodes = [_harmless(robot)]
@@ -141,7 +141,7 @@ def _keyed(*keys: int) -> list[Variable]:
 
 
 @case("6.5/28", name="markers", hazards=PROGRAMS)
-def test_unbalanced_markers(subject: Subject, line: Line) -> None:
+def test_unbalanced_markers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file in which a marker of a loop or an IF lacks its partner is not run."""
     with bench(subject, line) as robot:
         node = _harmless(robot)
@@ -167,7 +167,7 @@ def test_unbalanced_markers(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/28", name="curves", hazards=PROGRAMS)
-def test_wrong_curves(subject: Subject, line: Line) -> None:
+def test_wrong_curves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A curve of fewer than three points, or of other nodes, is not run."""
     with bench(subject, line) as robot, arm(subject, line, robot) as still:
         speed, home = still.speed_percent, still.home

@@ -6,8 +6,8 @@ from hypothesis import Phase, assume, settings
 
 from scaraspec.protocol.programs import Opt
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import send
 from scaraspec.suite.controller.harness.requests.ports import (
     expect_outputs,
@@ -45,7 +45,7 @@ _LATE_S: Final = 5.0
 
 
 @case("6.5/19", hazards=PROGRAMS)
-def test_output_nodes(subject: Subject, line: Line) -> None:
+def test_output_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An output node sets its port to 1 and to 0, whatever it was, and no other port.
 
     So does a second one for the same port, in the same program.
@@ -60,7 +60,7 @@ def test_output_nodes(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/19", "4.32/6", name="one-by-one", hazards=PROGRAMS)
-def test_output_node_alone(subject: Subject, line: Line) -> None:
+def test_output_node_alone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program of one output node sets that port alone; 0x43 sets it as it was before."""
     with bench(subject, line) as robot:
         for port in examples((OUTPUTS[0], OUTPUTS[-1])):
@@ -74,7 +74,7 @@ def test_output_node_alone(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/19", "6.5/26", name="in-time", hazards=PROGRAMS, slow=True)
-def test_output_node_in_time(subject: Subject, line: Line) -> None:
+def test_output_node_in_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An output changes when the program gets to its node, not before and not at the end.
 
     Another program that is sent meanwhile is without effect on it.
@@ -105,7 +105,7 @@ def test_output_node_in_time(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/23", "6.5/20", hazards=PROGRAMS)
-def test_loop(subject: Subject, line: Line) -> None:
+def test_loop(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The nodes of a loop are executed again, from the first to the last but one; no other is.
 
     Another loop stands ahead of it, in a branch that is not executed.
@@ -194,14 +194,14 @@ _BRANCHES: Final[tuple[Block, ...]] = (
 
 
 @case("6.5/24", hazards=PROGRAMS)
-def test_branches(subject: Subject, line: Line) -> None:
+def test_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The branch of what holds is executed and the other is not, and what follows it is."""
     with bench(subject, line) as robot:
         robot.performs([statement for block in _BRANCHES for statement in block])
 
 
 @case("6.5/24", name="apart", hazards=PROGRAMS)
-def test_branches_apart(subject: Subject, line: Line) -> None:
+def test_branches_apart(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same for each in a program of its own, which the ENDIF ends.
 
     What is not executed may be a loop.
@@ -219,7 +219,7 @@ def test_branches_apart(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/26", hazards=PROGRAMS)
-def test_every_node(subject: Subject, line: Line) -> None:
+def test_every_node(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The last node of a program is executed as the first is, be they one, two or seven."""
     with bench(subject, line) as robot:
         for count in examples((1, 2, len(OUTPUTS))):
@@ -227,7 +227,7 @@ def test_every_node(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/26", name="many", hazards=PROGRAMS)
-def test_many_nodes(subject: Subject, line: Line) -> None:
+def test_many_nodes(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """So it is with each node of a program that has many more than a byte counts."""
     with bench(subject, line) as robot:
         filling = [Calculate(_X, variable(_X), Opt.ADD, number(1))] * _MANY
@@ -246,7 +246,7 @@ def test_many_nodes(subject: Subject, line: Line) -> None:
     name="drawn",
     hazards=PROGRAMS,
 )
-def test_drawn_programs(subject: Subject, line: Line) -> None:
+def test_drawn_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Programs drawn at random leave the outputs that the document makes of them."""
     with bench(subject, line) as robot:
         # Programs are short as they are drawn; to shorten one takes hundreds of runs.

@@ -7,8 +7,8 @@ from itertools import product
 from typing import Final
 
 from scaraspec.judge.tolerances import turned
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.arm import Arm, arm, near
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -38,7 +38,7 @@ def _expect_at(moved: Arm, target: Values) -> None:
 
 
 @case("6.5/27", hazards=PROGRAMS)
-def test_point(subject: Subject, line: Line) -> None:
+def test_point(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that ends at a coordinate node ends where its values say, each in its place."""
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         done = []
@@ -55,7 +55,7 @@ def test_point(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/27", name="curve", hazards=PROGRAMS, slow=True)
-def test_curve(subject: Subject, line: Line) -> None:
+def test_curve(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """So does one whose last move is a curve, of three points and of five."""
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         for share, lift in product((1, -1), repeat=2):  # a limit may be near
@@ -72,7 +72,7 @@ def test_curve(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/25", hazards=PROGRAMS)
-def test_straight_move(subject: Subject, line: Line) -> None:
+def test_straight_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A straight move passes every point that it counts, in their order, and ends at the last."""
     with bench(subject, line) as robot, arm(subject, line, robot) as moved:
         home = moved.home
@@ -111,7 +111,7 @@ def test_straight_move(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/25", name="moves", hazards=PROGRAMS, slow=True)
-def test_several_moves(subject: Subject, line: Line) -> None:
+def test_several_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Points belong to the move before them: two moves of two points end at the fourth.
 
     However many they are, the last is gone to. Behind an emergency stop on the way back the arm
@@ -144,7 +144,7 @@ def test_several_moves(subject: Subject, line: Line) -> None:
         robot.stop()
 
 
-def _expect_standstill(line: Line, moved: Arm) -> None:
+def _expect_standstill(line: OutgoingConnection, moved: Arm) -> None:
     """Stop the program that moves the arm."""
     line.wait(_BEGUN_S)
     if not line.ask("emergency_stop").accepted:

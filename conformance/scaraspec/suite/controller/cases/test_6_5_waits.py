@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 from typing import Final
 
 from scaraspec.protocol.programs import Condition, Node, Opt
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
     expect_outputs,
@@ -59,7 +59,7 @@ _NS: Final = 1e9
 
 
 @case("6.5/20", hazards=PROGRAMS)
-def test_wait(subject: Subject, line: Line) -> None:
+def test_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A wait node holds the program for its seconds, neither less nor much more.
 
     The program by which the layout was found shows it. If it did not, another one has to.
@@ -73,7 +73,7 @@ def test_wait(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/20", name="several", hazards=PROGRAMS, slow=True)
-def test_waits(subject: Subject, line: Line) -> None:
+def test_waits(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Waits add up, those of no time too, and one that only an IF comes to.
 
     Of a long one that was stopped before nothing is left.
@@ -90,7 +90,7 @@ def test_waits(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/20", name="none", hazards=PROGRAMS)
-def test_wait_of_no_time(subject: Subject, line: Line) -> None:
+def test_wait_of_no_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A wait of 0 seconds takes no time."""
     with bench(subject, line) as robot:
         robot.start(wait(0))
@@ -98,7 +98,7 @@ def test_wait_of_no_time(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/20", name="long", hazards=PROGRAMS)
-def test_long_wait(subject: Subject, line: Line) -> None:
+def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A wait of 200 seconds is not over at once, and once stopped nothing of it is left."""
     find_out_whether_it_listens(subject, line)
     with bench(subject, line) as robot:
@@ -116,13 +116,13 @@ def test_long_wait(subject: Subject, line: Line) -> None:
         _lasted(subject, robot, [0])
 
 
-def _lasted(subject: Subject, robot: Bench, waits: Sequence[int]) -> None:
+def _lasted(subject: ControllerUnderTest, robot: Bench, waits: Sequence[int]) -> None:
     """Check how long a program takes that waits for so many seconds and does nothing else."""
     ended_s = robot.finish(lasts_s=sum(waits)).time_s
     _expect_lasted(subject, Trial(robot.started_s, robot.replied_s, ended_s), waits)
 
 
-def _expect_lasted(subject: Subject, trial: Trial, waits: Sequence[int]) -> None:
+def _expect_lasted(subject: ControllerUnderTest, trial: Trial, waits: Sequence[int]) -> None:
     """Check how long it took; each of its waits may be late."""
     seconds, scale = sum(waits), subject.statement.time_scale
     link_s = _LINK_S if scale > 1 else 0.0
@@ -147,7 +147,7 @@ def _expect_lasted(subject: Subject, trial: Trial, waits: Sequence[int]) -> None
 
 
 @case("6.5/22", hazards=PROGRAMS)
-def test_timer(subject: Subject, line: Line) -> None:
+def test_timer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A timer node holds the program until its instant, which is no whole second, and no longer.
 
     Where the clock of 0x07 does not show UTC, what the instant is remains open (A-6.5-13).
@@ -169,7 +169,7 @@ def test_timer(subject: Subject, line: Line) -> None:
         expect(not problem, problem, expected="11 at its instant", observed=problem)
 
 
-def _timer(subject: Subject, robot: Bench, clock_s: float, at_s: float) -> str:
+def _timer(subject: ControllerUnderTest, robot: Bench, clock_s: float, at_s: float) -> str:
     """What is wrong with a timer that ends so long after the clock has shown a time."""
     robot.start([wait_until(round((clock_s + _AHEAD_S) * _US))])
     due_s = at_s + robot.ours_s(_AHEAD_S)
@@ -184,7 +184,7 @@ def _timer(subject: Subject, robot: Bench, clock_s: float, at_s: float) -> str:
     return ""
 
 
-def _tick(subject: Subject, line: Line) -> tuple[float, float]:
+def _tick(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[float, float]:
     """What the subject's clock shows, in seconds since 1970, when it goes to the next second.
 
     Returns:
@@ -236,7 +236,7 @@ def _waits() -> Iterator[tuple[Condition, int, bool, bool]]:
 
 
 def _stands_still(
-    line: Line, robot: Bench, due: Bits, where: str, *, for_s: float = _STILL_S
+    line: OutgoingConnection, robot: Bench, due: Bits, where: str, *, for_s: float = _STILL_S
 ) -> None:
     """Check that a program goes no further for a while."""
     line.wait(robot.ours_s(for_s))
@@ -252,14 +252,14 @@ def _stands_still(
 
 
 @case("6.5/9", "6.5/21", hazards=PROGRAMS)
-def test_conditions(subject: Subject, line: Line) -> None:
+def test_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """By the inputs as they are: a program passes what holds, and stands still at what does not."""
     with bench(subject, line) as robot:
         _pass_and_stand(line, robot)
 
 
 @case("6.5/9", "6.5/21", name="driven", needs=("set_input",), hazards=PROGRAMS)
-def test_driven_conditions(subject: Subject, line: Line) -> None:
+def test_driven_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same with inputs that are driven, one on and the next one off."""
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         for port in INPUTS:
@@ -267,7 +267,7 @@ def test_driven_conditions(subject: Subject, line: Line) -> None:
         _pass_and_stand(line, robot)
 
 
-def _pass_and_stand(line: Line, robot: Bench) -> None:
+def _pass_and_stand(line: OutgoingConnection, robot: Bench) -> None:
     passed: list[Node] = []
     still = still_inputs(line, INPUTS)
     if not still:
@@ -290,7 +290,7 @@ def _pass_and_stand(line: Line, robot: Bench) -> None:
 
 
 @case("6.5/21", "6.5/9", name="goes-on", needs=("set_input",), hazards=PROGRAMS)
-def test_goes_on(subject: Subject, line: Line) -> None:
+def test_goes_on(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program stands still until the input meets the condition, each of the five, and goes on."""
     steps = list(zip(_VALUES.items(), INPUTS, OUTPUTS, strict=False))
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
@@ -319,7 +319,7 @@ def test_goes_on(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/21", name="each-port", needs=("set_input",), hazards=PROGRAMS)
-def test_waits_for_its_port(subject: Subject, line: Line) -> None:
+def test_waits_for_its_port(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program waits for the port that its node names, and no other input lets it go on.
 
     An IF behind the wait reads an input as it is then, not as it was when the program began.
@@ -343,7 +343,7 @@ def test_waits_for_its_port(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/9", name="hundredths", needs=("set_input",), hazards=PROGRAMS)
-def test_hundredths(subject: Subject, line: Line) -> None:
+def test_hundredths(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A digital input that is on equals 100, or 1 where analog ones alone are scaled (A-6.5-10)."""
     port = INPUTS[0]
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
@@ -367,7 +367,7 @@ def test_hundredths(subject: Subject, line: Line) -> None:
 
 
 @case("6.5/9", "6.5/21", name="analog", needs=("set_analog",), hazards=PROGRAMS)
-def test_analog_conditions(subject: Subject, line: Line) -> None:
+def test_analog_conditions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An analog input is compared with hundredths, each condition beside and on its edge."""
     steps = (
         (Condition.GREATER, 250, 2.75),

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from scaraspec.protocol.programs import Node, Opt
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import (
     Bits,
     digits,
@@ -77,7 +77,7 @@ _PAIRS: Final = (
 
 
 @case("6.6a/11", hazards=PROGRAMS)
-def test_calculations(subject: Subject, line: Line) -> None:
+def test_calculations(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Sums, differences, products and quotients of integers, each made of the one before."""
     block: list[Statement] = [Calculate(_X, variable(_X), opt, number(b)) for _, opt, b in _CHAIN]
     a, opt, b = _CHAIN[-1]
@@ -92,7 +92,7 @@ def test_calculations(subject: Subject, line: Line) -> None:
 
 
 @case("6.6a/11", name="each", hazards=PROGRAMS)
-def test_each_calculation(subject: Subject, line: Line) -> None:
+def test_each_calculation(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each of the four calculations tells by an output of its own whether it is right."""
     block: list[Statement] = []
     for port, (opt, a, b) in zip(OUTPUTS, _EACH, strict=False):
@@ -104,7 +104,7 @@ def test_each_calculation(subject: Subject, line: Line) -> None:
 
 
 @case("6.6a/12", hazards=PROGRAMS)
-def test_comparisons(subject: Subject, line: Line) -> None:
+def test_comparisons(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Each of the five comparisons holds where it should and nowhere else."""
     with bench(subject, line) as robot:
         robot.performs([*_comparisons(), Flip(_GOOD)])
@@ -121,7 +121,7 @@ def _comparisons() -> Iterator[Statement]:
 
 
 @case("6.6a/13", hazards=PROGRAMS)
-def test_results(subject: Subject, line: Line) -> None:
+def test_results(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A result goes into the variable with its key and no other, or to the port of its number."""
     block: list[Statement] = [
         Put(OUTPUTS[4], number(0)),
@@ -142,7 +142,7 @@ def test_results(subject: Subject, line: Line) -> None:
 
 
 @case("6.6a/13", name="ports", hazards=PROGRAMS)
-def test_port_settings(subject: Subject, line: Line) -> None:
+def test_port_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every output is set by an operation to 1 and to 0, whatever it was.
 
     The second program has the bytes of the first one, in another order.
@@ -153,7 +153,7 @@ def test_port_settings(subject: Subject, line: Line) -> None:
 
 
 @case("6.6a/14", hazards=PROGRAMS)
-def test_operands(subject: Subject, line: Line) -> None:
+def test_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A number stands for itself and not for the variable with that key, a key for the variable."""
     block: list[Statement] = [
         Calculate(_Z, number(_X), Opt.SUBTRACT, variable(_X)),  # 7 - 50
@@ -175,14 +175,14 @@ def test_operands(subject: Subject, line: Line) -> None:
 
 
 @case("6.6a/14", name="inputs", hazards=PROGRAMS)
-def test_input_operands(subject: Subject, line: Line) -> None:
+def test_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An input port stands for the state that 0x42 shows, as 0 or as something greater."""
     with bench(subject, line) as robot:
         _reads_inputs(robot, line)
 
 
 @case("6.6a/14", name="driven-inputs", needs=("set_input",), hazards=PROGRAMS)
-def test_driven_input_operands(subject: Subject, line: Line) -> None:
+def test_driven_input_operands(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same for inputs that are driven, one after the other."""
     with bench(subject, line) as robot, inputs_driven(subject, line) as drive:
         for pattern in examples((0b101001, 0b010110)):
@@ -191,7 +191,7 @@ def test_driven_input_operands(subject: Subject, line: Line) -> None:
             _reads_inputs(robot, line)
 
 
-def _reads_inputs(robot: Bench, line: Line) -> None:
+def _reads_inputs(robot: Bench, line: OutgoingConnection) -> None:
     block: list[Statement] = []
     for port, output in zip(INPUTS, OUTPUTS, strict=False):
         block.append(If(input_port(port), Opt.GREATER, number(0), [Flip(output)]))
@@ -202,7 +202,7 @@ def _reads_inputs(robot: Bench, line: Line) -> None:
 
 
 @case("6.6a/2", hazards=PROGRAMS)
-def test_result_of_a_comparison(subject: Subject, line: Line) -> None:
+def test_result_of_a_comparison(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A result of 0 in the file means true; any other is without effect, or inverts (A-6.6a-1)."""
     right, inverted = (True, False), (False, True)
     with bench(subject, line) as robot:

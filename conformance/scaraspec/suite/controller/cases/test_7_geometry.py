@@ -6,8 +6,8 @@ from contextlib import contextmanager, suppress
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     REACHED,
     ask_move,
@@ -28,7 +28,7 @@ _OFFSET = Point(12.0, 5.0, -20.0)
 
 
 @contextmanager
-def _gripper(line: Line, centre: Point) -> Iterator[None]:
+def _gripper(line: OutgoingConnection, centre: Point) -> Iterator[None]:
     """Another gripper centre for a while.
 
     Raises:
@@ -45,7 +45,7 @@ def _gripper(line: Line, centre: Point) -> Iterator[None]:
 
 
 @case("7/1", hazards=_STATE)
-def test_tool_point(subject: Subject, line: Line) -> None:
+def test_tool_point(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The tool coordinates stay where they are when the gripper's centre changes (7.1, 7.2)."""
     has(subject, "get_tool_coordinates", "set_gripper_center")
     with _gripper(line, Point(0.0, 0.0, 0.0)):
@@ -67,7 +67,7 @@ def test_tool_point(subject: Subject, line: Line) -> None:
 
 
 @case("7/1", name="steady")
-def test_tool_point_is_one(subject: Subject, line: Line) -> None:
+def test_tool_point_is_one(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same point is told again and again, to every connection, with x, y, z and thetaX."""
     has(subject, "get_tool_coordinates")
     first = pose_of(line)
@@ -83,7 +83,7 @@ def test_tool_point_is_one(subject: Subject, line: Line) -> None:
 
 
 @case("7/2", hazards=_MOTION)
-def test_meaningless_angles(subject: Subject, line: Line) -> None:
+def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Whatever thetaY and thetaZ a move names, x, y, z and thetaX are where it goes."""
     has(subject, MOVE)
     with returning(subject, line) as pose:
@@ -108,7 +108,7 @@ def test_meaningless_angles(subject: Subject, line: Line) -> None:
 
 
 @case("7/5", "4.27/6", hazards=_MOTION)
-def test_one_geometry(subject: Subject, line: Line) -> None:
+def test_one_geometry(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same pose has the same joint angles when the arm comes back, another pose has others."""
     has(subject, MOVE)
     with returning(subject, line) as pose:

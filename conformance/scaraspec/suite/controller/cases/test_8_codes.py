@@ -9,8 +9,8 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.errors import Joint
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     LOCK,
     MOVE,
@@ -23,7 +23,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     start_program,
 )
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_equal
 
@@ -34,7 +34,7 @@ _FAR: Final = b"1|900000|900000|900000|0|0|0"
 _POLL_S: Final = 0.05
 
 
-def _expect_code(subject: Subject, data: bytes) -> None:
+def _expect_code(subject: ControllerUnderTest, data: bytes) -> None:
     """A code is a text, of the table, and no reserved one."""
     text = data.rstrip(b"\0").decode("latin-1")
     expect(
@@ -56,19 +56,19 @@ def _expect_code(subject: Subject, data: bytes) -> None:
         subject.tolerate("8/3", "A-8-3", text, f"the reserved code {text} was sent")
 
 
-def _code_of(answer: Answer) -> bytes:
+def _code_of(answer: ReceivedFrame) -> bytes:
     """What stands behind the separator of a refusal or of a failure; empty where nothing does."""
     return answer.frame.data[3 if answer.frame.tagged else 2 :]
 
 
 @case("8/1", "8/2", "8/3")
-def test_status(subject: Subject, line: Line) -> None:
+def test_status(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The code of the status is a text of the table."""
     _expect_code(subject, line.ask("get_status").frame.data)
 
 
 @case("8/2", "8/1", "8/3", name="refusals", hazards=_MOTION)
-def test_refusals(subject: Subject, line: Line) -> None:
+def test_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What cannot be done is refused with codes of the table."""
     subject.moved = True
     missing = subject.new_name()
@@ -82,7 +82,7 @@ def test_refusals(subject: Subject, line: Line) -> None:
 
 
 @case("8/2", "8/1", "8/3", name="busy", hazards=_MOTION)
-def test_refusals_of_a_busy_robot(subject: Subject, line: Line) -> None:
+def test_refusals_of_a_busy_robot(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program runs, status and refusals bear codes of the table."""
     with lasting(subject, line, RUN):
         _expect_code(subject, line.ask("get_status").frame.data)
@@ -92,7 +92,7 @@ def test_refusals_of_a_busy_robot(subject: Subject, line: Line) -> None:
 
 
 @case("8/5", hazards=_MOTION)
-def test_missing_program(subject: Subject, line: Line) -> None:
+def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Programs that are not there are run and simulated; the code says 20, at either stage."""
     subject.moved = True
     for name in examples((RUN, SIMULATE)):
@@ -104,7 +104,7 @@ def test_missing_program(subject: Subject, line: Line) -> None:
 
 
 @case("8/5", name="deleted", hazards=(Hazard.MOTION, Hazard.STATE))
-def test_deleted_program(subject: Subject, line: Line) -> None:
+def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program runs, is deleted, and is run again; the code says 20."""
     program = start_program(subject, line, RUN, 0).program
     finish(subject, line, RUN)
@@ -119,7 +119,7 @@ def test_deleted_program(subject: Subject, line: Line) -> None:
 
 
 @contextmanager
-def _broken(subject: Subject, joints: tuple[Joint, ...]) -> Iterator[None]:
+def _broken(subject: ControllerUnderTest, joints: tuple[Joint, ...]) -> Iterator[None]:
     names = ",".join(joint.name.lower() for joint in joints)
     subject.hook("motor_fault", joints=names)
     try:
@@ -131,7 +131,7 @@ def _broken(subject: Subject, joints: tuple[Joint, ...]) -> Iterator[None]:
 
 
 @case("8/2", "8/1", "8/3", name="faults", needs=_FAULTS, hazards=_MOTION)
-def test_codes_of_faults(subject: Subject, line: Line) -> None:
+def test_codes_of_faults(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every combination of motors fails; status and refusals bear codes of the table.
 
     Where the status is a code of motors it is that of those which fail (8/4).
@@ -156,7 +156,7 @@ def test_codes_of_faults(subject: Subject, line: Line) -> None:
 
 
 @case("8/2", "8/1", "8/3", name="failure", needs=_FAULTS, hazards=_MOTION)
-def test_code_of_a_failure(subject: Subject, line: Line) -> None:
+def test_code_of_a_failure(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A motor fails while a program runs; the final result bears a code of the table."""
     start_program(subject, line, RUN)
     with _broken(subject, (Joint.ROTATION,)):

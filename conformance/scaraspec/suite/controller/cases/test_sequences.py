@@ -11,9 +11,9 @@ from typing import Final
 from hypothesis import Phase, settings
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.model import Step
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.sequences import (
     acts_within,
     attempt,
@@ -50,7 +50,7 @@ _SHORTENED_NS: Final = 60 * 10**9
 
 
 @case("3/31", "4.8/3", "4.9/6", name="sequences", hazards=_ASKING)
-def test_queries(subject: Subject, line: Line) -> None:
+def test_queries(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Queries and new connections in any order change nothing."""
     _in_any_order(subject, line, _ASKING, share=4)
 
@@ -61,13 +61,13 @@ def test_queries(subject: Subject, line: Line) -> None:
     name="sequences",
     hazards=_STATE,
 )
-def test_files(subject: Subject, line: Line) -> None:
+def test_files(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Files are sent, fetched, listed, deleted and made the default program, in any order."""
     _in_any_order(subject, line, _STATE, _FILES, share=1)
 
 
 @case("4.20/3", "4.21/3", "4.5/4", "4.1/2", "4.1/3", "3/31", name="sequences", hazards=_STATE)
-def test_settings(subject: Subject, line: Line) -> None:
+def test_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Poses, the clock and logins in any order, among files, are as was asked."""
     _in_any_order(subject, line, _STATE)
 
@@ -75,7 +75,7 @@ def test_settings(subject: Subject, line: Line) -> None:
 @case(
     "4.2/4", "4.2/2", "4.2/3", "4.2/5", "4.1/2", name="sequences", hazards=_DESTRUCTIVE, slow=True
 )
-def test_passwords(subject: Subject, line: Line) -> None:
+def test_passwords(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Passwords are changed, by right and by wrong old ones, among all that is set."""
     _in_any_order(subject, line, _DESTRUCTIVE, _PASSWORDS)
 
@@ -86,14 +86,14 @@ def test_passwords(subject: Subject, line: Line) -> None:
     name="sequences",
     hazards=_MOTION,
 )
-def test_programs(subject: Subject, line: Line) -> None:
+def test_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Programs run, are simulated, refused and stopped, outputs are set, among all that is set."""
     _in_any_order(subject, line, _MOTION, _PROGRAMS, share=1)
 
 
 def _in_any_order(
-    subject: Subject,
-    line: Line,
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
     hazards: tuple[Hazard, ...],
     only: tuple[str, ...] = (),
     *,
@@ -120,7 +120,7 @@ def _in_any_order(
 
 
 @case("3/31", "5.2/12", "4.10/11", name="long-use", hazards=_STATE)
-def test_long_use(subject: Subject, line: Line) -> None:
+def test_long_use(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Hundreds of requests of every kind on the same connections, the last ones as the first."""
     acts = [act for act in acts_within(subject, frozenset(_STATE)) if act != "reconnect"]
     count = settings().max_examples * _LONG

@@ -11,13 +11,13 @@ from scaraspec.protocol.commands import Point
 from scaraspec.protocol.fields import Defect, show
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import chunks_of
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import expect_stored, send, upload
 from scaraspec.suite.controller.harness.requests.queries import ask_all
 from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, RUN, SIMULATE, finish, has
 from scaraspec.suite.engine.case import case
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, expect, expect_equal
 from scaraspec.suite.program_files.layout import short_program
@@ -28,7 +28,7 @@ _FREE: Final = ("get_version", "list_programs", "get_running_program")  # hold a
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
 
 
-def _without(answers: list[Answer], *wrongs: Defect) -> None:
+def _without(answers: list[ReceivedFrame], *wrongs: Defect) -> None:
     """Fail the subject if a payload is wrong in one of these ways.
 
     Raises:
@@ -46,7 +46,7 @@ def _without(answers: list[Answer], *wrongs: Defect) -> None:
 
 
 @case("T/1")
-def test_bars(subject: Subject, line: Line) -> None:
+def test_bars(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """In the reply to every query one bar stands between two fields."""
     answers = ask_all(subject, line)
     _without(answers, Defect.SPACE_FOR_BAR, Defect.BLANKS)
@@ -56,7 +56,7 @@ def test_bars(subject: Subject, line: Line) -> None:
 
 
 @case("T/1", name="refusal", hazards=_MOTION)
-def test_bar_before_a_code(subject: Subject, line: Line) -> None:
+def test_bar_before_a_code(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The run of a missing program is refused, with one bar before the code (A-0-2)."""
     for name in examples((RUN, SIMULATE)):
         has(subject, name)
@@ -66,7 +66,7 @@ def test_bar_before_a_code(subject: Subject, line: Line) -> None:
 
 
 @case("T/1", name="list", hazards=_STATE)
-def test_bars_in_a_list(subject: Subject, line: Line) -> None:
+def test_bars_in_a_list(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The list of several programs has one bar between two names."""
     uploaded = [subject.new_name() for _ in range(3)]
     for name in uploaded:
@@ -88,7 +88,7 @@ def test_bars_in_a_list(subject: Subject, line: Line) -> None:
 
 
 @case("T/2")
-def test_no_quotation_marks(subject: Subject, line: Line) -> None:
+def test_no_quotation_marks(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No reply has the quotation marks of the examples."""
     answers = ask_all(subject, line)
     _without(answers, Defect.QUOTES)
@@ -99,7 +99,7 @@ def test_no_quotation_marks(subject: Subject, line: Line) -> None:
 
 
 @case("T/3")
-def test_digits_are_characters(subject: Subject, line: Line) -> None:
+def test_digits_are_characters(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Flags and digits in replies are ASCII, none of them a binary value."""
     answers = [*ask_all(subject, line), line.ask("download_name", subject.new_name())]
     if subject.access.needs_login:
@@ -116,7 +116,7 @@ def test_digits_are_characters(subject: Subject, line: Line) -> None:
 
 
 @case("T/3", name="settings", hazards=_STATE)
-def test_flags_of_settings(subject: Subject, line: Line) -> None:
+def test_flags_of_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The flag of what is set and of what is sent is a character."""
     has(subject, "set_gripper_center")
     centre = line.ask("get_gripper_center").value
@@ -126,7 +126,7 @@ def test_flags_of_settings(subject: Subject, line: Line) -> None:
 
 
 @case("T/4")
-def test_ends_of_texts(subject: Subject, line: Line) -> None:
+def test_ends_of_texts(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No reply goes on behind its last character; a NUL and a bar are only warned of."""
     for answer in ask_all(subject, line):
         data = answer.frame.data
@@ -153,7 +153,7 @@ def test_ends_of_texts(subject: Subject, line: Line) -> None:
 
 
 @case("T/5")
-def test_numbers(subject: Subject, line: Line) -> None:
+def test_numbers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The numbers in the replies of queries are plain decimal text."""
     _without(ask_all(subject, line), Defect.NUMBER)
 
@@ -169,7 +169,7 @@ _numbers = (
 @given(texts=st.tuples(_numbers, _numbers, _numbers))
 @example(texts=("100000", "0.001", "-0.5"))
 @example(texts=("0.00001", "-0.0000001", "1000000"))
-def test_numbers_that_were_set(subject: Subject, texts: tuple[str, str, str]) -> None:
+def test_numbers_that_were_set(subject: ControllerUnderTest, texts: tuple[str, str, str]) -> None:
     """Numbers of many sizes are set, and come back as plain decimal text."""
     has(subject, "set_gripper_center", "get_gripper_center")
     line = subject.open()
@@ -191,7 +191,7 @@ def test_numbers_that_were_set(subject: Subject, texts: tuple[str, str, str]) ->
 
 
 @case("T/5", name="decimals", hazards=_STATE)
-def test_decimals_are_taken(subject: Subject, line: Line) -> None:
+def test_decimals_are_taken(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A number may have no decimals, or more than are needed."""
     has(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
@@ -214,7 +214,7 @@ def test_decimals_are_taken(subject: Subject, line: Line) -> None:
 
 
 @case("T/7")
-def test_status_code(line: Line) -> None:
+def test_status_code(line: OutgoingConnection) -> None:
     """The status is one of the two-character texts of table 8-1."""
     data = line.ask("get_status").frame.data.rstrip(b"\0")
     expect(
@@ -226,7 +226,7 @@ def test_status_code(line: Line) -> None:
 
 
 @case("T/7", name="refusals", hazards=_MOTION)
-def test_codes_of_refusals(subject: Subject, line: Line) -> None:
+def test_codes_of_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What is refused is refused with a code of two characters, or with none where that passes."""
     subject.moved = True
     missing = subject.new_name()
@@ -245,7 +245,7 @@ _NAMES: Final = ("程序".encode(), "程序".encode("gb18030"), "é".encode(), b
 
 
 @case("T/8")
-def test_names_beyond_ascii(subject: Subject, line: Line) -> None:
+def test_names_beyond_ascii(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Files have names in UTF-8 and in GBK; where they are taken, they are kept byte by byte."""
     content = short_program(subject)
     taken: dict[bytes, bool] = {}

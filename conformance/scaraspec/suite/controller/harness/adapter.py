@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from scaraspec.report.model import Role
 from scaraspec.suite.controller.harness.access import Access
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.own_files import random_token
 from scaraspec.suite.controller.harness.probes import probe_all
 from scaraspec.suite.controller.harness.state.readiness import come_back, make_ready
@@ -63,9 +63,9 @@ class ControllerAdapter:
         """Whether a login comes first."""
         return self.access.needs_login
 
-    def subject(self, observer: Observer) -> Subject:
+    def subject(self, observer: Observer) -> ControllerUnderTest:
         """The controller under test."""
-        return Subject(
+        return ControllerUnderTest(
             self.access,
             self.statement,
             self.password,
@@ -76,7 +76,7 @@ class ControllerAdapter:
             say=self.say,
         )
 
-    def begin(self, subject: Subject) -> Mapping[str, Any]:
+    def begin(self, subject: ControllerUnderTest) -> Mapping[str, Any]:
         """Put back what an interrupted run has left, and write down what the controller is like.
 
         Raises:
@@ -96,7 +96,7 @@ class ControllerAdapter:
         line.close()
         return state
 
-    def probe(self, subject: Subject) -> None:
+    def probe(self, subject: ControllerUnderTest) -> None:
         """Find out how it is to be spoken to; this may change what was written down.
 
         Raises:
@@ -104,7 +104,7 @@ class ControllerAdapter:
         """
         probe_all(subject)
 
-    def make_ready(self, subject: Subject) -> None:
+    def make_ready(self, subject: ControllerUnderTest) -> None:
         """Prove the emergency stop, and make a robot ready that will not move.
 
         What it does wrong besides the cases find.
@@ -116,18 +116,18 @@ class ControllerAdapter:
             make_ready(subject)
             subject.settle()
 
-    def watch(self, subject: Subject, for_s: float) -> None:
+    def watch(self, subject: ControllerUnderTest, for_s: float) -> None:
         """Watch whether another client has caused the failure of a case."""
         watch(subject, for_s)
 
-    def put_back(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
+    def put_back(self, subject: ControllerUnderTest, state: Mapping[str, Any]) -> list[str]:
         """Put everything back, and compare with the start; a sentence for what differs."""
         if not state:  # the run never began
             return []
         left = restore(subject)
         return [*left.ours, *left.others, *come_back(subject)]
 
-    def finish(self, subject: Subject, state: Mapping[str, Any]) -> list[str]:
+    def finish(self, subject: ControllerUnderTest, state: Mapping[str, Any]) -> list[str]:
         """End the run: the journal goes, unless something may be left on the controller.
 
         Of a controller that was shut down nothing moves, and no output is on.

@@ -14,10 +14,10 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.access import Access
 from scaraspec.suite.controller.harness.guard import EVERYTHING, Guard
 from scaraspec.suite.controller.harness.other_clients import OtherClients
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.own_files import OwnFiles, random_token
 from scaraspec.suite.controller.harness.timeouts import ANSWERED, TimeoutPolicy
-from scaraspec.suite.engine.connection import Answer, Connection, pump
+from scaraspec.suite.engine.connection import Connection, ReceivedFrame, pump
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -67,7 +67,7 @@ _MISTAKES: Final = "wrong passwords tried in sequences"
 _MOST_MISTAKES: Final = 5
 
 
-class Subject:
+class ControllerUnderTest:
     """The controller under test.
 
     Args:
@@ -124,8 +124,8 @@ class Subject:
         self.files = OwnFiles(journal, draw_token)
         self.others = OtherClients(self)
         self.guard = Guard(journal, self.files, password, statement.reply_s, self.others)
-        self._lines: list[Line] = []
-        self._left: list[Line] = []
+        self._lines: list[OutgoingConnection] = []
+        self._left: list[OutgoingConnection] = []
         self._connections = itertools.count(1)
 
     # ------------------------------------------------------------------ time
@@ -176,7 +176,7 @@ class Subject:
         """Nothing: whatever a case asks of a controller finds something out."""
         return ""
 
-    def open(self, *, login: bool = True, judged: bool = True) -> Line:
+    def open(self, *, login: bool = True, judged: bool = True) -> OutgoingConnection:
         """Open a connection, and log in.
 
         Args:
@@ -233,7 +233,7 @@ class Subject:
         known = {*self.found, *self.statement.claimed}
         return self.dialect["max_clients"] == "one" or "max_clients" not in known
 
-    def _open(self, *, judged: bool) -> Line:
+    def _open(self, *, judged: bool) -> OutgoingConnection:
         attempts = 1 if self.off else _RECONNECTS  # who waits for it tries again by himself
         for attempt in range(attempts):
             try:
@@ -244,11 +244,11 @@ class Subject:
                 self.access.pause(_RECONNECT_S)
                 continue
             break
-        line = Line(str(next(self._connections)), link, self, judged=judged)
+        line = OutgoingConnection(str(next(self._connections)), link, self, judged=judged)
         self._lines.append(line)
         return line
 
-    def log_in(self, line: Line, password: bytes | None = None) -> Answer:
+    def log_in(self, line: OutgoingConnection, password: bytes | None = None) -> ReceivedFrame:
         """Log in on a connection.
 
         Raises:
@@ -262,7 +262,7 @@ class Subject:
         self._overlook_greeting(line)
         return answer
 
-    def _overlook_greeting(self, line: Line) -> None:
+    def _overlook_greeting(self, line: OutgoingConnection) -> None:
         """Drop what a subject sends unasked on every connection: the judge warns of it (A-3-16)."""
         opcodes = self.known.setdefault(_GREETING, {seen.frame.opcode for seen in line.heard})
         line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode not in opcodes]
@@ -399,7 +399,7 @@ class Subject:
         extension = {".txt": ".txt"}.get(self.dialect["prog_ext"], ".rob")
         return self.files.new_name(extension, stem, lead=lead)
 
-    def until_idle(self, line: Line, *, within_s: float | None = None) -> None:
+    def until_idle(self, line: OutgoingConnection, *, within_s: float | None = None) -> None:
         """Wait until the status is 00.
 
         Raises:
@@ -459,7 +459,7 @@ class Subject:
             self.journal.confirm("rest")
         self.close_lines()
 
-    def clear(self, line: Line) -> None:
+    def clear(self, line: OutgoingConnection) -> None:
         """Delete what the case has stored, whole or not: there may be room for little (A-5-21).
 
         Raises:
@@ -475,7 +475,7 @@ class Subject:
             error.requirement = ANSWERED
             raise
 
-    def _runs_ours(self, line: Line) -> bool:
+    def _runs_ours(self, line: OutgoingConnection) -> bool:
         """Whether it runs what a case has stored, though its status may say that it is idle."""
         if _RUNNING in self.statement.lacks | self.unanswered:
             return False

@@ -16,9 +16,9 @@ from scaraspec.protocol.fields import show
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import (
     SILENCE_S,
-    Subject,
+    ControllerUnderTest,
 )
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import (
     Reading,
     expect_ran,
@@ -119,7 +119,9 @@ class Model:
         told: What was done, in words.
     """
 
-    def __init__(self, subject: Subject, acts: list[str], names: Sequence[bytes]) -> None:
+    def __init__(
+        self, subject: ControllerUnderTest, acts: list[str], names: Sequence[bytes]
+    ) -> None:
         self.told: list[str] = []
         self._subject, self._acts, self._names = subject, acts, names
         self._password = subject.password
@@ -129,14 +131,14 @@ class Model:
         self._constant: dict[str, bytes] = {}
         self._files: dict[bytes, bytes] = {}
         self._endless: list[bytes] = []
-        self._fetching: Line | None = None
+        self._fetching: OutgoingConnection | None = None
         self._default: bytes | None = None
         self._named: bytes | None = None  # the last that was taken for the default, stored or not
         self._centre: Point | None = None
         self._recentred = False
         self._initial: Pose | None = None
         self._clock: Reading | None = None
-        self._running: tuple[str, bytes, Line] | None = None
+        self._running: tuple[str, bytes, OutgoingConnection] | None = None
         if {"set_initial", "move"} & set(acts):
             self._here = pose_of(self._lines[0])
         self._if_off: Bits | None = None  # the outputs, where something has switched all off
@@ -150,7 +152,7 @@ class Model:
         Raises:
             CaseFailed: The subject is not as it has to be; the message tells the steps before.
         """
-        act: Callable[[Step, Line], str | None] = getattr(self, f"_{step.act}")
+        act: Callable[[Step, OutgoingConnection], str | None] = getattr(self, f"_{step.act}")
         line = self._lines[step.line % len(self._lines)]
         try:
             if self._running and step.act not in _MEANWHILE:
@@ -199,7 +201,7 @@ class Model:
         finally:
             self._subject.close_lines()
 
-    def _let_go(self, name: bytes, line: Line) -> None:
+    def _let_go(self, name: bytes, line: OutgoingConnection) -> None:
         """Delete a program that had to stay as long as it was the default one (A-4.11-1)."""
         line.ask("set_default_program", store_program(self._subject, line))
         line.ask("delete_program", data=name)
@@ -219,25 +221,25 @@ class Model:
 
     # ------------------------------------------------------------------ connections
 
-    def _connection(self) -> Line:
+    def _connection(self) -> OutgoingConnection:
         if self._password == self._subject.password:
             return self._subject.open()
         line = self._subject.open(login=False)
         self._subject.log_in(line, self._password)
         return line
 
-    def _reconnect(self, step: Step, line: Line) -> str | None:
+    def _reconnect(self, step: Step, line: OutgoingConnection) -> str | None:
         line.close()
         self._lines[step.line % len(self._lines)] = self._connection()
         return f"connect anew ({step.line % len(self._lines)})"
 
-    def _log_in(self, _: Step, line: Line) -> str | None:
+    def _log_in(self, _: Step, line: OutgoingConnection) -> str | None:
         if not self._subject.access.needs_login:
             return None
         self._subject.log_in(line, self._password)
         return "log in again"
 
-    def _log_in_wrongly(self, _: Step, _line: Line) -> str | None:
+    def _log_in_wrongly(self, _: Step, _line: OutgoingConnection) -> str | None:
         if not (self._subject.takes_several and self._subject.access.needs_login):
             return None
         if not self._subject.may_mistake():
@@ -273,7 +275,7 @@ class Model:
         finally:
             third.close()
 
-    def _set_password(self, step: Step, line: Line) -> str | None:
+    def _set_password(self, step: Step, line: OutgoingConnection) -> str | None:
         if not self._subject.access.needs_login:
             return None
         passwords = (self._subject.password, *usable_passwords(self._subject))
@@ -284,7 +286,7 @@ class Model:
         self._all_anew("4.2/4", "the new password does not open the next login")
         return f"set the password {show(new)}"
 
-    def _mistake_password(self, _: Step, line: Line) -> str | None:
+    def _mistake_password(self, _: Step, line: OutgoingConnection) -> str | None:
         if not self._subject.access.needs_login or not self._subject.may_mistake():
             return None
         answer = change(line, self._password + b"-no", PLAIN_PASSWORD)
@@ -311,7 +313,7 @@ class Model:
 
     # ------------------------------------------------------------------ asking
 
-    def _query(self, step: Step, line: Line) -> str | None:
+    def _query(self, step: Step, line: OutgoingConnection) -> str | None:
         queries = known_to(self._subject)
         query = queries[(step.which * VALUES + step.value) % len(queries)]
         if self._deaf:
@@ -334,13 +336,13 @@ class Model:
         """Whether a command executes and the robot answers nothing meanwhile (A-4-3)."""
         return self._running is not None and not listens(self._subject, self._running[2])
 
-    def _look(self, _: Step, line: Line) -> str | None:
+    def _look(self, _: Step, line: OutgoingConnection) -> str | None:
         if self._deaf:
             return None
         self._expect_executing(line)
         return "look"
 
-    def _expect_executing(self, line: Line) -> None:
+    def _expect_executing(self, line: OutgoingConnection) -> None:
         """The status and the program that is told are those of what executes."""
         if self._is_over(within_s=0):
             return
@@ -372,7 +374,7 @@ class Model:
 
     # ------------------------------------------------------------------ files
 
-    def _content(self, line: Line, value: int) -> bytes:
+    def _content(self, line: OutgoingConnection, value: int) -> bytes:
         """Programs that do nothing, of several sizes, and one that does not end."""
         dialect, layout = self._subject.dialect, layout_in_use(self._subject)
         base = configured(self._subject, line)
@@ -380,7 +382,7 @@ class Model:
             return endless_program(dialect, layout=layout, base=base)
         return program_file(dialect, wait(0) * (1 + 2 * value), layout=layout, base=base)
 
-    def _upload(self, step: Step, line: Line) -> str | None:
+    def _upload(self, step: Step, line: OutgoingConnection) -> str | None:
         name, content = self._names[step.which % len(self._names)], self._content(line, step.value)
         self._settle_transfer(line)
         answer, there = line.ask("upload_name", data=name), name in self._files
@@ -401,7 +403,7 @@ class Model:
             self._endless.append(name)
         return f"upload {show(name)} of {len(content)} bytes"
 
-    def _download(self, step: Step, line: Line) -> str | None:
+    def _download(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)
         self._settle_transfer(line)
         got, due = download(line, name), self._files.get(name)
@@ -419,7 +421,7 @@ class Model:
             )
         return f"download {show(name)}"
 
-    def _delete(self, step: Step, line: Line) -> str | None:
+    def _delete(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)
         self._settle_transfer(line)
         answer, there = line.ask("delete_program", data=name), name in self._files
@@ -439,7 +441,7 @@ class Model:
             self._named = self._default = None
         return f"delete {show(name)}"
 
-    def _settle_transfer(self, line: Line) -> None:
+    def _settle_transfer(self, line: OutgoingConnection) -> None:
         """Let a download be over for the subject, too, before another connection is used for files.
 
         The answer to the last chunk has no reply; a file in transfer may be kept (A-4.11-1), and
@@ -449,7 +451,7 @@ class Model:
         if fetching not in (None, line) and not fetching.closed and fetching.ending is None:
             fetching.sync()
 
-    def _list_programs(self, _: Step, line: Line) -> str | None:
+    def _list_programs(self, _: Step, line: OutgoingConnection) -> str | None:
         listed = [name for name in program_names(self._subject, line) if name in self._names]
         for name in self._names:
             if (name in listed) is not (name in self._files):
@@ -461,7 +463,7 @@ class Model:
                 )
         return "list"
 
-    def _set_default(self, step: Step, line: Line) -> str | None:
+    def _set_default(self, step: Step, line: OutgoingConnection) -> str | None:
         name = self._name(step)
         answer = line.ask("set_default_program", name)
         if name in self._files:
@@ -479,7 +481,7 @@ class Model:
             self._named = name
         return f"make {show(name)} the default"
 
-    def _get_default(self, _: Step, line: Line) -> str | None:
+    def _get_default(self, _: Step, line: OutgoingConnection) -> str | None:
         if self._default is None:  # there may be none, and no answer (A-4.12-2)
             return None
         expect_default(self._subject, line, self._default, "4.13/3")
@@ -487,13 +489,13 @@ class Model:
 
     # ------------------------------------------------------------------ settings
 
-    def _set_centre(self, step: Step, line: Line) -> str | None:
+    def _set_centre(self, step: Step, line: OutgoingConnection) -> str | None:
         wanted = _CENTRES[step.value]
         if line.ask("set_gripper_center", wanted).accepted:
             self._centre, self._recentred = wanted, True
         return f"set the gripper centre {tuple(wanted)}"
 
-    def _set_initial(self, step: Step, line: Line) -> str | None:
+    def _set_initial(self, step: Step, line: OutgoingConnection) -> str | None:
         x, y, z, theta_x, *_ = (round(value, 1) for value in self._here)
         aside = self._subject.statement.motion.step_mm * step.value / VALUES
         wanted = Pose(x, round(y + aside, 1), z, theta_x, 0, 0)
@@ -501,7 +503,7 @@ class Model:
             self._initial = wanted
         return f"set the initial position {tuple(wanted)}"
 
-    def _get_poses(self, _: Step, line: Line) -> str | None:
+    def _get_poses(self, _: Step, line: OutgoingConnection) -> str | None:
         if self._centre:
             message = "0x34 does not give the gripper centre that was set"
             expect_numbers(gripper_of(line), self._centre, message, "4.20/3")
@@ -510,14 +512,14 @@ class Model:
             expect_numbers(initial_of(line)[:4], self._initial[:4], message, "4.21/3")
         return "ask for the poses"
 
-    def _set_clock(self, step: Step, line: Line) -> str | None:
+    def _set_clock(self, step: Step, line: OutgoingConnection) -> str | None:
         time = shifted(read(self._subject, line).time, timedelta(days=_DAYS[step.value]))
         if time.year not in _YEARS:
             time = _SUMMER
         self._clock = set_to(self._subject, line, time)
         return f"set the clock {self._clock.time}"
 
-    def _get_clock(self, _: Step, line: Line) -> str | None:
+    def _get_clock(self, _: Step, line: OutgoingConnection) -> str | None:
         if self._deaf:
             return None
         now = read(self._subject, line)
@@ -528,7 +530,7 @@ class Model:
 
     # ------------------------------------------------------------------ outputs and motion
 
-    def _set_output(self, step: Step, line: Line) -> str | None:
+    def _set_output(self, step: Step, line: OutgoingConnection) -> str | None:
         port, on = self._ports[step.which % len(self._ports)], bool(step.value % 2)
         answer = set_output(line, port, on=on)
         expect(
@@ -542,7 +544,7 @@ class Model:
         self._if_off = with_port(self._if_off, port, on=on) if self._if_off else None
         return f"set output {port} to {on:d}"
 
-    def _get_outputs(self, _: Step, line: Line) -> str | None:
+    def _get_outputs(self, _: Step, line: OutgoingConnection) -> str | None:
         if self._deaf:
             return None
         shown = outputs(line)
@@ -555,13 +557,13 @@ class Model:
         self._if_off = None
         return "ask for the outputs"
 
-    def _run(self, step: Step, line: Line) -> str | None:
+    def _run(self, step: Step, line: OutgoingConnection) -> str | None:
         return self._begin(RUN, self._name(step), line)
 
-    def _simulate(self, step: Step, line: Line) -> str | None:
+    def _simulate(self, step: Step, line: OutgoingConnection) -> str | None:
         return self._begin(SIMULATE, self._name(step), line)
 
-    def _interrupt(self, step: Step, line: Line) -> str | None:
+    def _interrupt(self, step: Step, line: OutgoingConnection) -> str | None:
         """Begin what does not end, be refused another command perhaps, and stop it."""
         uploaded = ""
         if not self._endless:
@@ -574,7 +576,7 @@ class Model:
         self._stop(step, line)
         return uploaded + "; ".join(filter(None, (begun, refused, "stop")))
 
-    def _begin(self, command: str, name: bytes, line: Line) -> str | None:
+    def _begin(self, command: str, name: bytes, line: OutgoingConnection) -> str | None:
         if self._running and not self._is_over(within_s=0):
             return self._expect_busy(command, name, line)
         self._subject.moved = True
@@ -594,7 +596,7 @@ class Model:
         done(self._subject, line, command)
         return f"{command} {show(name)}"
 
-    def _expect_busy(self, command: str, name: bytes, line: Line) -> str | None:
+    def _expect_busy(self, command: str, name: bytes, line: OutgoingConnection) -> str | None:
         if self._deaf or self._subject.dialect["busy_reply"] == "queue":
             return None
         answer = offered(line, command, name)
@@ -611,7 +613,7 @@ class Model:
         self._expect_executing(line)
         return f"{command} {show(name)} meanwhile"
 
-    def _move(self, _: Step, line: Line) -> str | None:
+    def _move(self, _: Step, line: OutgoingConnection) -> str | None:
         """To where the arm stands; 0x39 may mean the gripper's centre (A-4.23-1)."""
         if self._recentred:
             return None
@@ -640,7 +642,7 @@ class Model:
         self._running = None
         return True
 
-    def _stop(self, _step: Step, line: Line) -> str | None:
+    def _stop(self, _step: Step, line: OutgoingConnection) -> str | None:
         """On the connection that began it: the others are told of no result."""
         self._if_off = _ALL_OFF
         if not self._running:

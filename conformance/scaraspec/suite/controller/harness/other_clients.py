@@ -29,7 +29,7 @@ from scaraspec.suite.engine.system_under_test import Interference
 from scaraspec.traffic.events import FrameSeen
 
 if TYPE_CHECKING:
-    from scaraspec.suite.controller.harness.controller_under_test import Subject
+    from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 
 REASON: Final = "another client is using this robot"
 
@@ -62,7 +62,7 @@ class OtherClients(Interference):
         deviating: What deviated in the running attempt at a case, and whether suspiciously.
     """
 
-    def __init__(self, subject: "Subject") -> None:
+    def __init__(self, subject: "ControllerUnderTest") -> None:
         self._subject = subject
         self.settings = {name: FollowedSetting(subject.statement.time_scale) for name in QUERIES}
         self.deviating: dict[str, bool] = {}

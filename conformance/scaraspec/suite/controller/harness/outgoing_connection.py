@@ -16,7 +16,7 @@ from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
 from scaraspec.protocol.payloads import FinalResult, NameListPart, Nothing, Outcome
 from scaraspec.suite.controller.harness.timeouts import Due
-from scaraspec.suite.engine.connection import Answer, Connection
+from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.traffic.events import FrameSeen
@@ -24,21 +24,23 @@ from scaraspec.traffic.transfers import NAMES
 from scaraspec.transports.link import Link
 
 if TYPE_CHECKING:
-    from scaraspec.suite.controller.harness.controller_under_test import Subject
+    from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 
 _APART_S: Final = 0.05
 _INSTANT_S: Final = 0.001
 _NS: Final = 1e9
 
 
-class Line(Connection):
-    """One connection, on which the suite sends requests; made by `Subject.open`.
+class OutgoingConnection(Connection):
+    """One connection, on which the suite sends requests; made by `ControllerUnderTest.open`.
 
     Attributes:
         listing: The last part of a list that was told announces another one.
     """
 
-    def __init__(self, name: str, link: Link, subject: "Subject", *, judged: bool) -> None:
+    def __init__(
+        self, name: str, link: Link, subject: "ControllerUnderTest", *, judged: bool
+    ) -> None:
         super().__init__(name, link, subject, A2C, judged=judged)
         self._subject = subject
         self.listing = self._names_files = False
@@ -120,7 +122,7 @@ class Line(Connection):
         *,
         data: bytes | None = None,
         within_s: float | None = None,
-    ) -> Answer:
+    ) -> ReceivedFrame:
         """Send a request and wait for its first reply.
 
         Raises:
@@ -138,7 +140,7 @@ class Line(Connection):
                 if seen.frame.opcode != command.opcode or seen.place not in unasked
             ]
 
-    def reply(self, name: str, *, within_s: float | None = None) -> Answer:
+    def reply(self, name: str, *, within_s: float | None = None) -> ReceivedFrame:
         """Wait for a first reply, or for a chunk of a download.
 
         Raises:
@@ -159,7 +161,9 @@ class Line(Connection):
             self.listing = isinstance(answer.value, NameListPart) and answer.value.more
         return answer
 
-    def result(self, name: str, *, within_s: float | None = None, untagged: bool = False) -> Answer:
+    def result(
+        self, name: str, *, within_s: float | None = None, untagged: bool = False
+    ) -> ReceivedFrame:
         """Wait for the final result of a two-stage command.
 
         Args:
@@ -193,7 +197,7 @@ class Line(Connection):
         within_s: float | None,
         full_s: float,
         message: str,
-    ) -> Answer:
+    ) -> ReceivedFrame:
         """Wait for what is due: for its full time unless told otherwise, or it never comes."""
         patience, asked_s = self._subject.patience, full_s if within_s is None else within_s
         try:

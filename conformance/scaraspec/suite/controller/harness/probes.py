@@ -18,7 +18,7 @@ from scaraspec.suite.controller.harness.controller_under_test import (
     DISPLACES,
     OUTLIVE,
     SILENCE_S,
-    Subject,
+    ControllerUnderTest,
 )
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
@@ -39,10 +39,10 @@ class Probe:
 
     key: str
     hazard: Hazard
-    look: Callable[[Subject], str | None]
+    look: Callable[[ControllerUnderTest], str | None]
 
 
-def probe_all(subject: Subject) -> None:
+def probe_all(subject: ControllerUnderTest) -> None:
     """Find out what can be found out safely, and speak to the subject so from then on."""
     for probe in PROBES:
         if probe.hazard is not _READ_ONLY and probe.hazard not in subject.allowed:
@@ -55,7 +55,7 @@ def probe_all(subject: Subject) -> None:
             subject.close_lines()
 
 
-def _op_get_default(subject: Subject) -> str | None:
+def _op_get_default(subject: ControllerUnderTest) -> str | None:
     """Ask with either opcode (A-4.12-1), which may be undefined to it (A-3-9)."""
     command = BY_NAME["get_default_program"]
     replies = {}
@@ -77,7 +77,7 @@ def _op_get_default(subject: Subject) -> str | None:
     return "both" if len(served) > 1 else next(iter(served), None)
 
 
-def _max_clients(subject: Subject) -> str | None:
+def _max_clients(subject: ControllerUnderTest) -> str | None:
     """Connect twice (A-2-2); it may take a moment until who is displaced is sent away.
 
     Of several that are served the first may be displaced by a later one, too.
@@ -100,7 +100,7 @@ def _max_clients(subject: Subject) -> str | None:
     return "many"
 
 
-def _prelogin(subject: Subject) -> str | None:
+def _prelogin(subject: ControllerUnderTest) -> str | None:
     """Ask before the login (A-4-4)."""
     if not subject.access.needs_login:
         return None
@@ -117,7 +117,7 @@ def _prelogin(subject: Subject) -> str | None:
     return "failure" if said == b"0" else served
 
 
-def _prog_ext(subject: Subject) -> str | None:
+def _prog_ext(subject: ControllerUnderTest) -> str | None:
     """Offer names with either extension (A-0-9)."""
     taken = []
     for extension in (".rob", ".txt"):
@@ -129,7 +129,7 @@ def _prog_ext(subject: Subject) -> str | None:
     return "any" if len(taken) > 1 else next(iter(taken), None)
 
 
-def _breaks_off(subject: Subject) -> bool:
+def _breaks_off(subject: ControllerUnderTest) -> bool:
     """Begin an upload, and break it off with its connection; whether it was granted."""
     line = subject.open()
     granted = line.ask("upload_name", subject.new_name()).accepted is True
@@ -137,7 +137,7 @@ def _breaks_off(subject: Subject) -> bool:
     return granted
 
 
-def _look_how_long_it_lasts(subject: Subject) -> None:
+def _look_how_long_it_lasts(subject: ControllerUnderTest) -> None:
     """Begin another upload: one that is broken off so may last until its time-out (A-5-17)."""
     if OUTLIVE in subject.known:
         return
@@ -148,7 +148,7 @@ def _look_how_long_it_lasts(subject: Subject) -> None:
         subject.known[OUTLIVE] = _breaks_off(subject)
 
 
-def _endian(subject: Subject) -> str | None:
+def _endian(subject: ControllerUnderTest) -> str | None:
     """Send a file of one byte in either order (A-5-2): in the wrong one it is out of bounds.
 
     The one that is claimed comes first: a receiver may take both.
@@ -166,7 +166,7 @@ def _endian(subject: Subject) -> str | None:
     return None
 
 
-def _prog_layout(subject: Subject) -> str | None:
+def _prog_layout(subject: ControllerUnderTest) -> str | None:
     """Store a program of each layout until one is listed: others need not be (A-6.1-2)."""
     with subject.observer.overlooking(_LISTED):
         for layout in candidates(subject):

@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 from hypothesis import strategies as st
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.model import VALUES, Model, Step
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.preserve import kept, password_kept
 from scaraspec.suite.controller.harness.two_stage.tasks import (
@@ -73,7 +73,7 @@ _ACTS: Final[Mapping[str, _Act]] = {
 
 
 def acts_within(
-    subject: Subject, hazards: frozenset[Hazard], only: Sequence[str] = ()
+    subject: ControllerUnderTest, hazards: frozenset[Hazard], only: Sequence[str] = ()
 ) -> list[str]:
     """What can be done to a subject with no more than these hazards, or what of it is named.
 
@@ -107,7 +107,9 @@ def endless(acts: list[str]) -> Iterator[Step]:
 
 
 @contextmanager
-def state_kept(subject: Subject, line: Line, hazards: frozenset[Hazard]) -> Iterator[list[bytes]]:
+def state_kept(
+    subject: ControllerUnderTest, line: OutgoingConnection, hazards: frozenset[Hazard]
+) -> Iterator[list[bytes]]:
     """Put back afterwards whatever sequences may change; the names that they may give to files.
 
     The connection is closed: sequences have their own.
@@ -127,7 +129,9 @@ def state_kept(subject: Subject, line: Line, hazards: frozenset[Hazard]) -> Iter
 
 
 @contextmanager
-def model_of(subject: Subject, acts: list[str], names: Sequence[bytes]) -> Iterator[Model]:
+def model_of(
+    subject: ControllerUnderTest, acts: list[str], names: Sequence[bytes]
+) -> Iterator[Model]:
     """A model to begin with, where no file of these names is stored; all is taken away afterwards.
 
     Raises:
@@ -149,7 +153,7 @@ def model_of(subject: Subject, acts: list[str], names: Sequence[bytes]) -> Itera
 
 
 def attempt(
-    subject: Subject,
+    subject: ControllerUnderTest,
     acts: list[str],
     names: Sequence[bytes],
     steps: Sequence[Step],

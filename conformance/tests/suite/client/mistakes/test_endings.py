@@ -10,7 +10,7 @@ import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
 from scaraspec.client.core import Event
-from scaraspec.client.exchange import Exchange, Stage, TwoStage
+from scaraspec.client.exchange import PendingOperation, Stage, TwoStage
 from scaraspec.client.transfer import Upload
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME
@@ -121,14 +121,14 @@ def test_what_was_not_answered_is_not_done(
 class TakesLossForYes(ClientCore):
     """What was set when the connection ended is told as done."""
 
-    class _Sent(Exchange):
+    class _Sent(PendingOperation):
         def fail(self, problem: ClientError) -> None:
             if isinstance(problem, LinkLost):
                 self.settle(None)
             else:
                 super().fail(problem)
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         if name != "set_time":
             return super().command(name, value)
         return self._Sent(BY_NAME[name], value, self.dialect)
@@ -144,7 +144,7 @@ class TakesLossForStopped(ClientCore):
             else:
                 super().fail(problem)
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         if name != "emergency_stop":
             return super().command(name, value)
         return self._Sent(BY_NAME[name], value, self.dialect)

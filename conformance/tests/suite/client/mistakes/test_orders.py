@@ -9,7 +9,7 @@ import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, LoginFailed
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES
-from scaraspec.client.exchange import Exchange
+from scaraspec.client.exchange import PendingOperation
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME, PasswordChange, PortValue
@@ -22,7 +22,7 @@ Try = Callable[..., Mapping[str, Verdict]]
 class Tidies(ClientCore):
     """Takes the blanks off the ends of passwords, writes years with two digits, ports as bytes."""
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         if isinstance(value, PasswordChange):
             value = PasswordChange(value.old.strip(), value.new.strip())
         elif isinstance(value, datetime):
@@ -65,7 +65,7 @@ def test_what_is_ordered_again_is_sent_again(tried: Try) -> None:
 class CountsCharacters(ClientCore):
     """Takes what has few enough characters for short enough, and sends what fits of it."""
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         if isinstance(value, PasswordChange) and len(b"|".join(value).decode()) <= MAX_DATA_BYTES:
             value = value._replace(new=value.new[: MAX_DATA_BYTES - len(value.old) - 1])
         elif isinstance(value, bytes) and len(value.decode()) <= MAX_DATA_BYTES:
@@ -82,7 +82,7 @@ def test_characters_are_no_bytes(tried: Try, requirement: str) -> None:
 class Formats(ClientCore):
     """A text is a format of its own."""
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         if isinstance(value, bytes):
             value = value.replace(b"%%", b"%")
         elif isinstance(value, PasswordChange):

@@ -8,7 +8,7 @@ import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
 from scaraspec.client.core import Event
-from scaraspec.client.exchange import Exchange, Listing
+from scaraspec.client.exchange import Listing, PendingOperation
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.client_run import MemoryClient
 from scaraspec.protocol.commands import BY_NAME
@@ -33,7 +33,7 @@ class TellsHalfAList(ClientCore):
             else:
                 super().fail(problem)
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         if name != "list_programs":
             return super().command(name, value)
         return self._Half(BY_NAME[name], value, self.dialect)
@@ -47,7 +47,7 @@ def test_half_a_list_is_none(tried: Try) -> None:
 class CutsTexts(ClientCore):
     """Passwords, and the names of programs to run and to delete, have nine bytes at most."""
 
-    def command(self, name: str, value: Any = None) -> Exchange:
+    def command(self, name: str, value: Any = None) -> PendingOperation:
         cut = value[:9] if name in ("login", "run_program", "delete_program") else value
         return super().command(name, cut)
 

@@ -20,7 +20,7 @@ from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import Silence
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.plant import Plant
-from scaraspec.virtual_controller.session import Action, Carrier, Request, Session, Transfer
+from scaraspec.virtual_controller.session import Action, Carrier, OpenTransfer, Request, Session
 from scaraspec.virtual_controller.store import Store
 
 Try = Callable[..., Any]
@@ -206,7 +206,7 @@ class OutlivesItsConnection(Brain):
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.left: list[Transfer] = []
+        self.left: list[OpenTransfer] = []
 
     def _forget(self, session: Session, now_s: float) -> None:
         if session.transfer:
@@ -223,7 +223,7 @@ class OutlivesItsConnection(Brain):
         return super()._may_begin(session) and not any((*others, *self.under_way))
 
     @property
-    def under_way(self) -> list[Transfer]:
+    def under_way(self) -> list[OpenTransfer]:
         """What others have left."""
         return [transfer for transfer in self.left if transfer.end.state is State.ACTIVE]
 
@@ -232,7 +232,7 @@ class NeverEnds(OutlivesItsConnection):
     """It ends with the robot."""
 
     @property
-    def under_way(self) -> list[Transfer]:
+    def under_way(self) -> list[OpenTransfer]:
         """All of it."""
         return self.left
 

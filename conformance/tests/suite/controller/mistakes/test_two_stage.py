@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from scaraspec.judge.verdicts import Verdict
-from scaraspec.mutants.controller import faults
+from scaraspec.mutants.controller import mutants
 from scaraspec.protocol.commands import Command, RunningProgram
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
@@ -343,4 +343,4 @@ def test_motors_that_are_told_for_others_are_found(tried: Try) -> None:
 @pytest.mark.parametrize("fault", ["another-tag", "tag-behind-the-opcode"])
 def test_a_result_is_known_by_what_it_says(tried: Try, fault: str) -> None:
     """Where its tag is another, or stands elsewhere, its length is another, too."""
-    assert "3/12" in tried(faults()[fault].wrong, "3/12").failed
+    assert "3/12" in tried(mutants()[fault].wrong, "3/12").failed

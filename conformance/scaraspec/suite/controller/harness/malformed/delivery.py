@@ -6,8 +6,8 @@ from typing import Final
 
 from hypothesis import strategies as st
 
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.queries import Query, known_to, replies_to
 
 SEGMENT_S: Final = 0.02
@@ -27,7 +27,9 @@ def pieces(data: bytes, sizes: Iterable[int]) -> list[bytes]:
     return [data[begin:end] for begin, end in itertools.pairwise(cuts)]
 
 
-def send_in(line: Line, parts: Iterable[bytes], subject: Subject, pause_s: float) -> None:
+def send_in(
+    line: OutgoingConnection, parts: Iterable[bytes], subject: ControllerUnderTest, pause_s: float
+) -> None:
     """Send parts one by one, with a pause between them."""
     for number, part in enumerate(parts):
         if number:
@@ -35,13 +37,16 @@ def send_in(line: Line, parts: Iterable[bytes], subject: Subject, pause_s: float
         line.send_bytes(part)
 
 
-def takes_one_at_a_time(subject: Subject) -> bool:
+def takes_one_at_a_time(subject: ControllerUnderTest) -> bool:
     """Whether the subject claims to serve no request that comes before the reply to another."""
     return subject.dialect["pipelining"] == "one"
 
 
 def ask_together(
-    subject: Subject, line: Line, queries: list[Query], sizes: Iterable[int] = ()
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    queries: list[Query],
+    sizes: Iterable[int] = (),
 ) -> None:
     """Send queries without waiting, in segments of these sizes or all in one; await all replies.
 

@@ -13,8 +13,8 @@ from hypothesis.strategies import SearchStrategy
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, TAG, Frame
-from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.queries import opcodes_of
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 
@@ -100,7 +100,11 @@ spoiled: SearchStrategy[bytes] = _spoiled().filter(_can_be_sent)
 
 
 def survives(
-    subject: Subject, data: bytes, *, requirement: str, opcodes: frozenset[int] = OPCODES
+    subject: ControllerUnderTest,
+    data: bytes,
+    *,
+    requirement: str,
+    opcodes: frozenset[int] = OPCODES,
 ) -> Recovery:
     """Send bytes that are no frames, and see that the subject serves again and does nothing else.
 
@@ -122,7 +126,7 @@ def survives(
     return how
 
 
-def recovers(subject: Subject, line: Line) -> Recovery:
+def recovers(subject: ControllerUnderTest, line: OutgoingConnection) -> Recovery:
     """See that a subject serves again behind bytes that are no frame.
 
     However it looks for the next frame (A-3-10) and however long it waits for the rest of one
@@ -155,7 +159,7 @@ def recovers(subject: Subject, line: Line) -> Recovery:
     return Recovery.ANEW
 
 
-def _answers(line: Line, data: bytes, within_s: float) -> bool:
+def _answers(line: OutgoingConnection, data: bytes, within_s: float) -> bool:
     """Send requests for the version; whether one is answered.
 
     Raises:
@@ -171,7 +175,9 @@ def _answers(line: Line, data: bytes, within_s: float) -> bool:
     return True
 
 
-def nothing_else(line: Line, *, requirement: str, opcodes: frozenset[int] = OPCODES) -> None:
+def nothing_else(
+    line: OutgoingConnection, *, requirement: str, opcodes: frozenset[int] = OPCODES
+) -> None:
     """Fail the subject if it has sent anything but replies under these opcodes.
 
     Raises:

@@ -17,10 +17,10 @@ from scaraspec.protocol.frames import MAX_DATA_BYTES
 from scaraspec.protocol.payloads import Jog, Nothing, Payload, Record
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FileData
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.preserve import alive
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import NoReply
 
 _LATE: Final = "late answers to malformed "
@@ -65,8 +65,8 @@ class Offered(NamedTuple):
         line: The connection to go on with.
     """
 
-    answer: Answer | None
-    line: Line
+    answer: ReceivedFrame | None
+    line: OutgoingConnection
 
     @property
     def accepted(self) -> bool:
@@ -77,7 +77,9 @@ class Offered(NamedTuple):
         return "silence" if self.answer is None else f"{self.answer}"
 
 
-def offer(subject: Subject, line: Line, name: str, wrong: Malformed) -> Offered:
+def offer(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, wrong: Malformed
+) -> Offered:
     """Send a malformed request.
 
     Raises:
@@ -94,11 +96,13 @@ def offer(subject: Subject, line: Line, name: str, wrong: Malformed) -> Offered:
         came = line.heard
     for seen in came:
         if seen.frame.opcode == opcode and not seen.frame.tagged:
-            return Offered(Answer(seen, seen.value), alive(subject, line))
+            return Offered(ReceivedFrame(seen, seen.value), alive(subject, line))
     return Offered(_late(subject, line, name), alive(subject, line))
 
 
-def _late(subject: Subject, line: Line, name: str) -> Answer | None:
+def _late(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str
+) -> ReceivedFrame | None:
     """What comes behind the reply to a later request, which may overtake it (3/24).
 
     A subject that has once stayed silent is not waited for again.

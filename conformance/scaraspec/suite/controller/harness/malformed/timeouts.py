@@ -7,8 +7,8 @@ from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import CHUNK_S, begin, incoming, offer
 from scaraspec.suite.engine.expectations import CaseFailed
 from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
@@ -16,7 +16,7 @@ from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 _INSTANT_S: Final = 1e-6
 
 
-Step = Callable[[Line, Silence], None]
+Step = Callable[[OutgoingConnection, Silence], None]
 """Something done on a connection after a silence."""
 
 
@@ -29,14 +29,14 @@ class Track:
         steps: How long a silence to keep, in seconds, and what to do then.
     """
 
-    begin: Callable[[Line], None]
+    begin: Callable[[OutgoingConnection], None]
     steps: tuple[tuple[float, Step], ...]
 
 
 class _Running:
     """A track on its connection."""
 
-    def __init__(self, subject: Subject, track: Track) -> None:
+    def __init__(self, subject: ControllerUnderTest, track: Track) -> None:
         self._subject, self._left = subject, list(track.steps)
         self._line = subject.open()
         track.begin(self._line)
@@ -57,7 +57,7 @@ class _Running:
         return bool(self._left)
 
 
-def run_tracks(subject: Subject, tracks: list[Track], *, at_once: bool) -> None:
+def run_tracks(subject: ControllerUnderTest, tracks: list[Track], *, at_once: bool) -> None:
     """Go through all tracks, one by one or as many at once as the subject takes transfers.
 
     One by one also where a limit is so short that waiting for an answer which does not come, as a
@@ -79,7 +79,7 @@ def run_tracks(subject: Subject, tracks: list[Track], *, at_once: bool) -> None:
         _run(subject, running)
 
 
-def _run(subject: Subject, running: list[_Running]) -> None:
+def _run(subject: ControllerUnderTest, running: list[_Running]) -> None:
     """Take the steps of these tracks as they become due."""
     while running:
         first = min(running, key=lambda each: each.due_s)
@@ -89,7 +89,7 @@ def _run(subject: Subject, running: list[_Running]) -> None:
             running.remove(first)
 
 
-def uploads_at_once(subject: Subject) -> bool:
+def uploads_at_once(subject: ControllerUnderTest) -> bool:
     """Whether connections have uploads of their own, at once (A-5-17)."""
     if not subject.takes_several:
         return False
@@ -105,7 +105,7 @@ def uploads_at_once(subject: Subject) -> bool:
     return all(taken)
 
 
-def downloads_at_once(subject: Subject, name: bytes) -> bool:
+def downloads_at_once(subject: ControllerUnderTest, name: bytes) -> bool:
     """Whether connections have downloads of their own, at once, of a file that is there."""
     if not subject.takes_several:
         return False
@@ -121,7 +121,7 @@ def downloads_at_once(subject: Subject, name: bytes) -> bool:
     return all(taken)
 
 
-def _refuses_strays(subject: Subject) -> bool:
+def _refuses_strays(subject: ControllerUnderTest) -> bool:
     """Whether a chunk without an upload is answered (A-5-16), as far as it may be tried."""
     if Hazard.STATE not in subject.allowed:
         return False

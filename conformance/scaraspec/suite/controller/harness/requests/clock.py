@@ -7,9 +7,9 @@ link makes nobody's clock wrong.
 from datetime import datetime, timedelta
 from typing import Final, NamedTuple
 
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, expect
 
 SLACK_S: Final = 2.0
@@ -26,7 +26,7 @@ class Reading(NamedTuple):
     answered_s: float
 
 
-def read(subject: Subject, line: Line) -> Reading:
+def read(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading:
     """Ask for the time.
 
     Raises:
@@ -43,7 +43,7 @@ def read(subject: Subject, line: Line) -> Reading:
     return Reading(answer.value, asked_s, answer.time_s)
 
 
-def _has_form(answer: Answer) -> bool:
+def _has_form(answer: ReceivedFrame) -> bool:
     return len(answer.frame.data) == len("YYYYMMDDHHMMSS") and answer.frame.data.isdigit()
 
 
@@ -59,7 +59,7 @@ def shifted(time: datetime, by: timedelta) -> datetime:
         raise CaseInconclusive(f"the clock tells {time}, next to an end of the calendar") from None
 
 
-def set_to(subject: Subject, line: Line, time: datetime) -> Reading:
+def set_to(subject: ControllerUnderTest, line: OutgoingConnection, time: datetime) -> Reading:
     """Set the clock; what it showed then.
 
     Raises:
@@ -74,7 +74,7 @@ def set_to(subject: Subject, line: Line, time: datetime) -> Reading:
 
 
 def expect_ran(
-    subject: Subject, first: Reading, then: Reading, message: str, requirement: str = ""
+    subject: ControllerUnderTest, first: Reading, then: Reading, message: str, requirement: str = ""
 ) -> None:
     """Fail the subject unless its clock ran from one reading to the other.
 

@@ -11,10 +11,10 @@ from typing import Final
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.transfer import Chunk, chunks_of
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.chunks import chunk_of, expect_next
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
     CaseInconclusive,
@@ -41,7 +41,7 @@ class NameRefused(CaseSkipped):
 # ---------------------------------------------------------------------- upload
 
 
-def begin(line: Line, name: bytes) -> None:
+def begin(line: OutgoingConnection, name: bytes) -> None:
     """Offer a new file name.
 
     Raises:
@@ -61,7 +61,7 @@ def begin(line: Line, name: bytes) -> None:
 
 
 def offer(
-    line: Line,
+    line: OutgoingConnection,
     chunk: Chunk | None = None,
     *,
     data: bytes | None = None,
@@ -74,7 +74,9 @@ def offer(
         return None
 
 
-def send(line: Line, chunk: Chunk, requirement: str = "5.2/6", message: str = "") -> None:
+def send(
+    line: OutgoingConnection, chunk: Chunk, requirement: str = "5.2/6", message: str = ""
+) -> None:
     """Send a chunk that has to be taken; the message says what is wrong where it is not.
 
     Raises:
@@ -94,7 +96,9 @@ def send(line: Line, chunk: Chunk, requirement: str = "5.2/6", message: str = ""
     )
 
 
-def upload(line: Line, name: bytes, content: bytes, requirement: str = "5.2/6") -> None:
+def upload(
+    line: OutgoingConnection, name: bytes, content: bytes, requirement: str = "5.2/6"
+) -> None:
     """Send a whole file (5.2).
 
     Raises:
@@ -108,7 +112,7 @@ def upload(line: Line, name: bytes, content: bytes, requirement: str = "5.2/6") 
 # ---------------------------------------------------------------------- download
 
 
-def download(line: Line, name: bytes) -> bytes | None:
+def download(line: OutgoingConnection, name: bytes) -> bytes | None:
     """Fetch a whole file (5.3); None where the subject says that it has none.
 
     Raises:
@@ -120,7 +124,7 @@ def download(line: Line, name: bytes) -> bytes | None:
     return b"".join(chunk.data for chunk in incoming(line))
 
 
-def incoming(line: Line) -> Iterator[Chunk]:
+def incoming(line: OutgoingConnection) -> Iterator[Chunk]:
     """The chunks of a download, each of which is answered when the next is asked for.
 
     Raises:
@@ -142,7 +146,9 @@ def incoming(line: Line) -> Iterator[Chunk]:
     line.apart()
 
 
-def expect_stored(line: Line, name: bytes, content: bytes, requirement: str = "5.2/12") -> None:
+def expect_stored(
+    line: OutgoingConnection, name: bytes, content: bytes, requirement: str = "5.2/12"
+) -> None:
     """Fetch a file and hold it against what it should be.
 
     Raises:
@@ -169,7 +175,10 @@ def expect_stored(line: Line, name: bytes, content: bytes, requirement: str = "5
 
 
 def expect_round_trip(
-    subject: Subject, line: Line, content: bytes, requirement: str = "5.2/12"
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    content: bytes,
+    requirement: str = "5.2/12",
 ) -> None:
     """Send a file, fetch it, compare, and delete it.
 
@@ -182,7 +191,7 @@ def expect_round_trip(
     delete(line, name)
 
 
-def next_chunk(line: Line) -> Chunk:
+def next_chunk(line: OutgoingConnection) -> Chunk:
     """Wait for the next chunk of a download.
 
     Raises:
@@ -193,7 +202,7 @@ def next_chunk(line: Line) -> Chunk:
     return chunk_of(_chunk_frame(line))
 
 
-def course_of(line: Line, name: bytes) -> list[Answer]:
+def course_of(line: OutgoingConnection, name: bytes) -> list[ReceivedFrame]:
     """Fetch a file and keep every frame of it, right or wrong, until no more come.
 
     Raises:
@@ -221,7 +230,7 @@ def course_of(line: Line, name: bytes) -> list[Answer]:
     return frames
 
 
-def _chunk_frame(line: Line) -> Answer:
+def _chunk_frame(line: OutgoingConnection) -> ReceivedFrame:
     try:
         return line.reply("download_chunk", within_s=CHUNK_S)
     except NoReply as error:
@@ -233,7 +242,9 @@ def _chunk_frame(line: Line) -> Answer:
 # ---------------------------------------------------------------------- around a transfer
 
 
-def nothing_more(line: Line, message: str, requirement: str, *, stray: bool = False) -> None:
+def nothing_more(
+    line: OutgoingConnection, message: str, requirement: str, *, stray: bool = False
+) -> None:
     """Fail the subject if it has sent, or now sends, any frame of a transfer.
 
     Args:
@@ -255,7 +266,7 @@ def nothing_more(line: Line, message: str, requirement: str, *, stray: bool = Fa
     )
 
 
-def transfer_frames(line: Line, *, stray: bool = False) -> list[FrameSeen]:
+def transfer_frames(line: OutgoingConnection, *, stray: bool = False) -> list[FrameSeen]:
     """Take the frames of clause 5 that came and were not waited for.
 
     Where an answer to no chunk was sent, a 0 to it counts for nothing (A-5-16).
@@ -271,14 +282,14 @@ def transfer_frames(line: Line, *, stray: bool = False) -> list[FrameSeen]:
     return [seen for seen in came if not (stray and refuses_an_answer(seen.frame))]
 
 
-def gives_up(seen: FrameSeen | Answer) -> bool:
+def gives_up(seen: FrameSeen | ReceivedFrame) -> bool:
     """Whether the controller says with it that its download has failed (L787; A-5-10)."""
     if seen.frame.opcode != BY_NAME["download_chunk"].opcode:
         return False
     return not seen.frame.data or (isinstance(seen.value, Chunk) and not seen.value.length)
 
 
-def delete(line: Line, name: bytes) -> None:
+def delete(line: OutgoingConnection, name: bytes) -> None:
     """Delete a file of the suite's own.
 
     Raises:
@@ -294,7 +305,7 @@ def delete(line: Line, name: bytes) -> None:
     )
 
 
-def some_file(subject: Subject, line: Line, content: bytes) -> bytes:
+def some_file(subject: ControllerUnderTest, line: OutgoingConnection, content: bytes) -> bytes:
     """The name of a file to fetch: one of this content, or what is there where none may be sent.
 
     Raises:
@@ -310,13 +321,13 @@ def some_file(subject: Subject, line: Line, content: bytes) -> bytes:
     return bytes(part.names[0])
 
 
-def again(subject: Subject, line: Line) -> Line:
+def again(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingConnection:
     """Another connection in place of this one, which ends."""
     line.close()
     return subject.open()
 
 
-def left_behind(line: Line, name: bytes) -> bytes | None:
+def left_behind(line: OutgoingConnection, name: bytes) -> bytes | None:
     """What is stored under a name, of which nothing may be; b"" also where no chunk comes.
 
     Raises:

@@ -15,12 +15,12 @@ from scaraspec.suite.controller.harness.controller_under_test import (
     LATCHED,
     MOMENT_S,
     SILENCE_S,
-    Subject,
+    ControllerUnderTest,
 )
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.poses import numbers_of
 from scaraspec.suite.controller.harness.timeouts import Due
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 
 AXES: Final = ("x", "y", "z", "theta_x")
@@ -49,12 +49,12 @@ _MOVE, _RESET, _LOCK = "set_tool_coordinates", "reset", "lock_joints"
 # ---------------------------------------------------------------------- where it is
 
 
-def pose_of(line: Line) -> Pose:
+def pose_of(line: OutgoingConnection) -> Pose:
     """Where the tool stands (0x38); see `numbers_of`."""
     return numbers_of(line, "get_tool_coordinates", Pose, "4.23/2")
 
 
-def joints_of(line: Line) -> JointValues:
+def joints_of(line: OutgoingConnection) -> JointValues:
     """How the joints stand (0x3C); see `numbers_of`."""
     return numbers_of(line, "get_joint_angles", JointValues, "4.27/2")
 
@@ -77,7 +77,7 @@ def target(pose: Pose, speed_percent: int) -> MoveTarget:
     return MoveTarget(speed_percent, *pose)
 
 
-def neighbours(subject: Subject, pose: Pose, axis: str) -> list[Pose]:
+def neighbours(subject: ControllerUnderTest, pose: Pose, axis: str) -> list[Pose]:
     """The poses a step away along an axis, one way and the other, as far as they are in the box.
 
     Raises:
@@ -97,13 +97,18 @@ def part_way(pose: Pose, there: Pose, part: float) -> Pose:
     return Pose(*(round(p + way * part, 3) for p, way in zip(pose, ways(there, pose), strict=True)))
 
 
-def in_box(subject: Subject, pose: Pose) -> bool:
+def in_box(subject: ControllerUnderTest, pose: Pose) -> bool:
     """Whether the statement of conformance lets the tool be there."""
     box_mm = subject.statement.motion.box_mm
     return all(low <= v <= high for v, (low, high) in zip(pose[:3], box_mm, strict=False))
 
 
-def ask_move(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = None) -> Answer:
+def ask_move(
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    pose: Pose,
+    speed_percent: int | None = None,
+) -> ReceivedFrame:
     """Ask for a move, by default at the speed that the statement of conformance allows."""
     subject.moved = True
     speed = subject.statement.motion.speed_percent if speed_percent is None else speed_percent
@@ -111,8 +116,11 @@ def ask_move(subject: Subject, line: Line, pose: Pose, speed_percent: int | None
 
 
 def begin_step(
-    subject: Subject, line: Line, axis: str, speed_percent: int | None = None
-) -> tuple[Pose, Answer]:
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    axis: str,
+    speed_percent: int | None = None,
+) -> tuple[Pose, ReceivedFrame]:
     """Begin a move by a step along an axis, the other way where one way is out of reach.
 
     Returns:
@@ -129,8 +137,8 @@ def begin_step(
 
 
 def begin_step_somewhere(
-    subject: Subject, line: Line, speed_percent: int | None = None
-) -> tuple[Pose, Answer]:
+    subject: ControllerUnderTest, line: OutgoingConnection, speed_percent: int | None = None
+) -> tuple[Pose, ReceivedFrame]:
     """Begin a step along the first axis that has room.
 
     Raises:
@@ -143,14 +151,14 @@ def begin_step_somewhere(
     raise CaseFailed(message, expected="1", observed="0|05 or 0|06", requirement="4.24/5")
 
 
-def is_out_of_reach(answer: Answer) -> bool:
+def is_out_of_reach(answer: ReceivedFrame) -> bool:
     """Whether a move is refused for its target, perhaps without saying so (err_bare0)."""
     bare = answer.frame.data.rstrip(b"\0") == b"0"
     return answer.accepted is False and (bare or answer.code in ("05", "06"))
 
 
 @contextmanager
-def returning(subject: Subject, line: Line) -> Iterator[Pose]:
+def returning(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Pose]:
     """Give the pose of the tool, and bring it back there afterwards, whatever has happened.
 
     Raises:
@@ -172,7 +180,7 @@ def returning(subject: Subject, line: Line) -> Iterator[Pose]:
         ) from None
 
 
-def _go_back(subject: Subject, line: Line, pose: Pose) -> None:
+def _go_back(subject: ControllerUnderTest, line: OutgoingConnection, pose: Pose) -> None:
     if not subject.moved:
         return
     if line.closed or line.ending is not None:
@@ -190,12 +198,12 @@ def _go_back(subject: Subject, line: Line, pose: Pose) -> None:
 # ---------------------------------------------------------------------- while it executes
 
 
-def knows_whether_it_listens(subject: Subject) -> bool:
+def knows_whether_it_listens(subject: ControllerUnderTest) -> bool:
     """Whether that has been found out."""
     return DEAF in subject.known
 
 
-def listens(subject: Subject, line: Line, *, jogs: bool = False) -> bool:
+def listens(subject: ControllerUnderTest, line: OutgoingConnection, *, jogs: bool = False) -> bool:
     """Whether a robot that executes answers queries (A-4-3); asked while it executes.
 
     A connection that ends answers nothing, and nothing is found out by it.
@@ -230,13 +238,15 @@ def listens(subject: Subject, line: Line, *, jogs: bool = False) -> bool:
     return not subject.known[DEAF]
 
 
-def _timed_status(subject: Subject, line: Line) -> tuple[float, str | None]:
+def _timed_status(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> tuple[float, str | None]:
     asked_ns = subject.now_ns
     answer = line.ask("get_status")
     return answer.time_s - asked_ns / _NS, answer.value
 
 
-def go_on_if_it_listens(subject: Subject, line: Line) -> None:
+def go_on_if_it_listens(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Go on only where a robot that executes answers queries; asked while it executes.
 
     Raises:
@@ -249,7 +259,7 @@ def go_on_if_it_listens(subject: Subject, line: Line) -> None:
 # ---------------------------------------------------------------------- coming to rest
 
 
-def stop(subject: Subject, line: Line) -> Answer:
+def stop(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     """Stop what executes, to the end, and release its latch; the first reply to the stop.
 
     Raises:
@@ -261,7 +271,7 @@ def stop(subject: Subject, line: Line) -> Answer:
     return answer
 
 
-def halt(subject: Subject, line: Line) -> Answer:
+def halt(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     """Stop what executes, to the end; the first reply to the stop. The arm stays where it is.
 
     Raises:
@@ -276,7 +286,7 @@ def halt(subject: Subject, line: Line) -> Answer:
     return answer
 
 
-def _await_own_result(line: Line) -> None:
+def _await_own_result(line: OutgoingConnection) -> None:
     """Let the result of what was stopped come, where it comes behind the stop's (A-4.17-4)."""
     left_s = SILENCE_S
     while left_s > 0 and not any(seen.frame.tagged for seen in line.heard):
@@ -284,7 +294,7 @@ def _await_own_result(line: Line) -> None:
         left_s -= _POLL_S
 
 
-def stop_motion(subject: Subject, line: Line) -> None:
+def stop_motion(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """End whatever executes.
 
     Raises:
@@ -299,7 +309,7 @@ def stop_motion(subject: Subject, line: Line) -> None:
     line.sync()
 
 
-def status_behind(line: Line) -> Answer:
+def status_behind(line: OutgoingConnection) -> ReceivedFrame:
     """The status behind a final result, a moment later where it still tells of what has ended.
 
     It returns to 00 (L318), at what moment is not said: not every robot changes both at once.
@@ -311,13 +321,13 @@ def status_behind(line: Line) -> Answer:
     return status
 
 
-def status_at_rest(line: Line) -> Answer:
+def status_at_rest(line: OutgoingConnection) -> ReceivedFrame:
     """The status a moment behind a final result: so long it may be that of what has ended."""
     line.wait(MOMENT_S)
     return line.ask("get_status")
 
 
-def status_of(subject: Subject, line: Line) -> str | None:
+def status_of(subject: ControllerUnderTest, line: OutgoingConnection) -> str | None:
     """The status; None where a robot that executes answers nothing (A-4-3)."""
     deaf = subject.known.get(DEAF)
     if deaf:
@@ -332,7 +342,7 @@ def status_of(subject: Subject, line: Line) -> str | None:
     return status
 
 
-def _drop_late_replies(line: Line) -> None:
+def _drop_late_replies(line: OutgoingConnection) -> None:
     """Drop what was answered only when the robot had ended: it tells of then, not of now."""
     opcode = BY_NAME["get_status"].opcode
     line.pump()
@@ -340,7 +350,7 @@ def _drop_late_replies(line: Line) -> None:
 
 
 @contextmanager
-def _set_aside(line: Line, name: str) -> Iterator[None]:
+def _set_aside(line: OutgoingConnection, name: str) -> Iterator[None]:
     """Take no final result of an earlier request of this command for that of the next."""
     opcode = BY_NAME[name].opcode
     line.pump()
@@ -353,8 +363,12 @@ def _set_aside(line: Line, name: str) -> Iterator[None]:
 
 
 def end_of(
-    subject: Subject, line: Line, name: str, *, within_s: float | None = None
-) -> Answer | None:
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    name: str,
+    *,
+    within_s: float | None = None,
+) -> ReceivedFrame | None:
     """Wait for a final result until the subject is idle, and a moment longer; None if none came.
 
     At fault it may still be busy: the status tells of one of the two (A-4.8-2).
@@ -374,7 +388,7 @@ def end_of(
     return None
 
 
-def await_rest(subject: Subject, line: Line) -> None:
+def await_rest(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Wait until nothing executes; the status may tell of a fault then."""
     full_s = left_s = subject.patience.rest_s(subject.longest_s)
     while (busy := status_of(subject, line) in (*BUSY, None)) and left_s > 0:
@@ -383,7 +397,7 @@ def await_rest(subject: Subject, line: Line) -> None:
     subject.patience.waited(full_s - left_s, rests=not busy)
 
 
-def release_latch(subject: Subject, line: Line) -> None:
+def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Reset a robot that an emergency stop has latched (A-4.17-2); whether it does is tried once.
 
     It shows in the status, or in that a move to where the arm stands is refused.

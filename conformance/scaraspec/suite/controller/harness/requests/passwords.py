@@ -1,10 +1,10 @@
 """Passwords: what opens the subject, changed by whoever knows it, and what must not open it."""
 
 from scaraspec.protocol.commands import PasswordChange
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.suite_passwords import REFUSABLE, usable
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect
 
 
@@ -21,17 +21,17 @@ def rotated(password: bytes) -> bytes:
     return other if other != password else altered(password)
 
 
-def usable_passwords(subject: Subject) -> tuple[bytes, ...]:
+def usable_passwords(subject: ControllerUnderTest) -> tuple[bytes, ...]:
     """The passwords that cases may set on this controller, the plain one first."""
     return usable(factory_reset=subject.has_hook("factory_reset"))
 
 
-def change(line: Line, old: bytes, new: bytes) -> Answer:
+def change(line: OutgoingConnection, old: bytes, new: bytes) -> ReceivedFrame:
     """Ask for another password; the answer."""
     return line.ask("set_password", PasswordChange(old, new))
 
 
-def expect_changed(line: Line, old: bytes, new: bytes) -> bool:
+def expect_changed(line: OutgoingConnection, old: bytes, new: bytes) -> bool:
     """Set a password, with the right old one; an odd one, or the same, may be refused (A-4.1-3).
 
     Returns:

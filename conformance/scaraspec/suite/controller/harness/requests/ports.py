@@ -9,9 +9,9 @@ from contextlib import contextmanager, suppress
 from typing import Final
 
 from scaraspec.protocol.commands import PortValue
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, expect, expect_equal
 
 ALL_OUTPUTS: Final = range(1, 17)
@@ -32,7 +32,7 @@ _FORMS: Final = {
 }
 
 
-def expect_form(subject: Subject, line: Line, name: str) -> None:
+def expect_form(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """Ask for the states of ports, and hold what comes against its form (L646, L682).
 
     Raises:
@@ -52,7 +52,7 @@ def expect_form(subject: Subject, line: Line, name: str) -> None:
     )
 
 
-def outputs(line: Line) -> Bits:
+def outputs(line: OutgoingConnection) -> Bits:
     """The states of all digital outputs (0x49).
 
     Raises:
@@ -62,7 +62,7 @@ def outputs(line: Line) -> Bits:
     return _bits(line, "get_digital_outputs", "4.34/2")
 
 
-def inputs(line: Line) -> Bits:
+def inputs(line: OutgoingConnection) -> Bits:
     """The states of all digital inputs (0x42).
 
     Raises:
@@ -72,7 +72,7 @@ def inputs(line: Line) -> Bits:
     return _bits(line, "get_digital_inputs", "4.31/2")
 
 
-def _bits(line: Line, name: str, requirement: str) -> Bits:
+def _bits(line: OutgoingConnection, name: str, requirement: str) -> Bits:
     answer = line.ask(name)
     if answer.seen.text == b"0":
         raise CaseInconclusive(f"{name} is answered with an error")
@@ -94,12 +94,12 @@ def with_port(bits: Bits, port: int, *, on: bool) -> Bits:
     return (*bits[: port - 1], on, *bits[port:])
 
 
-def set_output(line: Line, port: int, *, on: bool) -> Answer:
+def set_output(line: OutgoingConnection, port: int, *, on: bool) -> ReceivedFrame:
     """Set a digital output (0x43), or try to."""
     return line.ask("set_digital_output", PortValue(port, int(on)))
 
 
-def settable(line: Line) -> list[int]:
+def settable(line: OutgoingConnection) -> list[int]:
     """The ports of 0x49 that 0x43 takes for outputs; each is set to what it is.
 
     Raises:
@@ -112,7 +112,9 @@ def settable(line: Line) -> list[int]:
     return ports
 
 
-def expect_outputs(line: Line, expected: Bits, message: str, *, requirement: str = "") -> None:
+def expect_outputs(
+    line: OutgoingConnection, expected: Bits, message: str, *, requirement: str = ""
+) -> None:
     """Fail the subject unless 0x49 shows these states.
 
     Raises:
@@ -121,7 +123,9 @@ def expect_outputs(line: Line, expected: Bits, message: str, *, requirement: str
     expect_equal(digits(outputs(line)), digits(expected), message, requirement=requirement)
 
 
-def expect_inputs(line: Line, expected: Bits, message: str, *, requirement: str = "") -> None:
+def expect_inputs(
+    line: OutgoingConnection, expected: Bits, message: str, *, requirement: str = ""
+) -> None:
     """Fail the subject unless 0x42 shows these states.
 
     Raises:
@@ -131,7 +135,7 @@ def expect_inputs(line: Line, expected: Bits, message: str, *, requirement: str 
 
 
 @contextmanager
-def outputs_kept(line: Line) -> Iterator[Bits]:
+def outputs_kept(line: OutgoingConnection) -> Iterator[Bits]:
     """Give the states of the outputs, and put back afterwards what has changed.
 
     What cannot be put back on this connection any more is left to the end of the run.
@@ -146,7 +150,7 @@ def outputs_kept(line: Line) -> Iterator[Bits]:
                     set_output(line, port, on=was)
 
 
-def still_inputs(line: Line, ports: Iterable[int]) -> list[int]:
+def still_inputs(line: OutgoingConnection, ports: Iterable[int]) -> list[int]:
     """Those of the inputs that do not change by themselves, as far as a moment shows."""
     seen = [inputs(line)]
     for _ in range(_LOOKS):
@@ -156,7 +160,7 @@ def still_inputs(line: Line, ports: Iterable[int]) -> list[int]:
 
 
 @contextmanager
-def inputs_steady(line: Line, ports: Iterable[int] = ALL_INPUTS) -> Iterator[Bits]:
+def inputs_steady(line: OutgoingConnection, ports: Iterable[int] = ALL_INPUTS) -> Iterator[Bits]:
     """Give the states of the inputs; what fails while these change is held against nobody.
 
     Raises:
@@ -186,7 +190,7 @@ class Drive:
         now: How they are driven.
     """
 
-    def __init__(self, subject: Subject, now: Bits) -> None:
+    def __init__(self, subject: ControllerUnderTest, now: Bits) -> None:
         self.now = now
         self._subject = subject
 
@@ -198,7 +202,7 @@ class Drive:
 
 
 @contextmanager
-def inputs_driven(subject: Subject, line: Line) -> Iterator[Drive]:
+def inputs_driven(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[Drive]:
     """Drive the inputs, and afterwards drive them back to what they were.
 
     Raises:

@@ -7,13 +7,15 @@ from typing import TypeVar
 
 from scaraspec.judge.rounding import read_back
 from scaraspec.protocol.commands import JointValues, Point, Pose
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.expectations import CaseFailed, expect
 
 _Numbers = TypeVar("_Numbers", JointValues, Point, Pose)
 
 
-def numbers_of(line: Line, command: str, kind: type[_Numbers], requirement: str) -> _Numbers:
+def numbers_of(
+    line: OutgoingConnection, command: str, kind: type[_Numbers], requirement: str
+) -> _Numbers:
     """What a query tells that has so many numbers.
 
     Raises:
@@ -28,12 +30,12 @@ def numbers_of(line: Line, command: str, kind: type[_Numbers], requirement: str)
     return answer.value
 
 
-def gripper_of(line: Line) -> Point:
+def gripper_of(line: OutgoingConnection) -> Point:
     """The gripper centre (0x34); see `numbers_of`."""
     return numbers_of(line, "get_gripper_center", Point, "4.19/2")
 
 
-def initial_of(line: Line) -> Pose:
+def initial_of(line: OutgoingConnection) -> Pose:
     """The initial tool position (0x37); see `numbers_of`."""
     return numbers_of(line, "get_initial_tool_position", Pose, "4.22/2")
 

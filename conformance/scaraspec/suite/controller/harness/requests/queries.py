@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
+from scaraspec.suite.engine.connection import ReceivedFrame
 
 
 class Query(NamedTuple):
@@ -20,7 +20,7 @@ class Query(NamedTuple):
     name: str
     value: Any = None
 
-    def frame(self, line: Line) -> Frame:
+    def frame(self, line: OutgoingConnection) -> Frame:
         """Its frame."""
         return line.request(self.name, self.value)
 
@@ -46,7 +46,9 @@ some_queries = st.lists(st.sampled_from(QUERIES), min_size=1, max_size=12)
 """Some of them, in any order and number."""
 
 
-def known_to(subject: Subject, queries: tuple[Query, ...] | list[Query] = QUERIES) -> list[Query]:
+def known_to(
+    subject: ControllerUnderTest, queries: tuple[Query, ...] | list[Query] = QUERIES
+) -> list[Query]:
     """Those that the subject does not say it lacks, and has not always left unanswered.
 
     What it never answers fails where it is asked for by itself (3/31), and nothing else.
@@ -55,7 +57,7 @@ def known_to(subject: Subject, queries: tuple[Query, ...] | list[Query] = QUERIE
     return [query for query in queries if query.name not in without]
 
 
-def ask_all(subject: Subject, line: Line) -> list[Answer]:
+def ask_all(subject: ControllerUnderTest, line: OutgoingConnection) -> list[ReceivedFrame]:
     """Ask each of them once.
 
     Raises:
@@ -64,7 +66,7 @@ def ask_all(subject: Subject, line: Line) -> list[Answer]:
     return [line.ask(*query) for query in known_to(subject)]
 
 
-def replies_to(line: Line, queries: list[Query]) -> list[Answer]:
+def replies_to(line: OutgoingConnection, queries: list[Query]) -> list[ReceivedFrame]:
     """Wait for the replies to queries that were sent, in whatever order they come.
 
     Raises:

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Final
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.preserve import alive
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
 from scaraspec.traffic.events import FrameSeen
 
 if TYPE_CHECKING:
-    from scaraspec.suite.engine.connection import Answer
+    from scaraspec.suite.engine.connection import ReceivedFrame
 
 OPCODES: Final = (0x0D, 0x13)
 """What asks for the default program, as headed and as printed (A-4.12-1)."""
@@ -22,7 +22,7 @@ _ZERO: Final = b"0"
 
 
 @contextmanager
-def default_kept(subject: Subject, line: Line) -> Iterator[None]:
+def default_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
     """Put the default program back afterwards; where there was none it ends with its file."""
     before = _default(line)
     try:
@@ -33,7 +33,7 @@ def default_kept(subject: Subject, line: Line) -> Iterator[None]:
                 alive(subject, line).ask("set_default_program", data=before)
 
 
-def _default(line: Line) -> bytes:
+def _default(line: OutgoingConnection) -> bytes:
     """The default program; empty where there is none, which need not be answered (A-4.12-2)."""
     line.send("get_default_program")
     for seen in line.answers():
@@ -42,7 +42,9 @@ def _default(line: Line) -> bytes:
     return b""
 
 
-def ask_default(subject: Subject, line: Line, opcode: int) -> FrameSeen | None:
+def ask_default(
+    subject: ControllerUnderTest, line: OutgoingConnection, opcode: int
+) -> FrameSeen | None:
     """Ask with one of the two opcodes; the reply, None where it is not served (A-3-9).
 
     Raises:
@@ -71,7 +73,9 @@ def says_nothing(reply: FrameSeen) -> bool:
     return reply.frame.data == _ZERO
 
 
-def _by_the_other_opcode(subject: Subject, line: Line) -> FrameSeen | None:
+def _by_the_other_opcode(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> FrameSeen | None:
     """The default program, where the other opcode than was asked with is the one that tells it."""
     asked = line.request("get_default_program").opcode
     other = next(opcode for opcode in OPCODES if opcode != asked)
@@ -82,13 +86,15 @@ def _by_the_other_opcode(subject: Subject, line: Line) -> FrameSeen | None:
     return told
 
 
-def expect_default(subject: Subject, line: Line, name: bytes, requirement: str) -> None:
+def expect_default(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, requirement: str
+) -> None:
     """Fail the subject unless this is its default program.
 
     Raises:
         CaseFailed: It is another one.
     """
-    answer: Answer | FrameSeen | None
+    answer: ReceivedFrame | FrameSeen | None
     try:
         answer = line.ask("get_default_program")
     except NoReply:

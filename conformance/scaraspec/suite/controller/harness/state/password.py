@@ -6,8 +6,8 @@ from typing import Any, Final
 from scaraspec.protocol.commands import PasswordChange
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
 
 MOST_ATTEMPTS: Final = 5
@@ -20,7 +20,7 @@ class PasswordLost(CaseInconclusive):
     """No known password opens a login; the message names the last one that the suite has set."""
 
 
-def restore_password(subject: Subject) -> None:
+def restore_password(subject: ControllerUnderTest) -> None:
     """Set the user's password again, if a case or the controller has left another.
 
     What opens a login need not be the password: a faulty controller may look at its beginning
@@ -47,7 +47,7 @@ def restore_password(subject: Subject) -> None:
     raise refused or _lost(subject)
 
 
-def set_back(subject: Subject, password: bytes) -> None:
+def set_back(subject: ControllerUnderTest, password: bytes) -> None:
     """Set the user's password again in place of this one.
 
     Raises:
@@ -63,7 +63,7 @@ def set_back(subject: Subject, password: bytes) -> None:
     subject.journal.confirm("password-restored")
 
 
-def working_password(subject: Subject) -> bytes:
+def working_password(subject: ControllerUnderTest) -> bytes:
     """A password that opens a login.
 
     Raises:
@@ -76,7 +76,7 @@ def working_password(subject: Subject) -> bytes:
     raise _lost(subject)
 
 
-def _candidates(subject: Subject) -> Iterator[bytes]:
+def _candidates(subject: ControllerUnderTest) -> Iterator[bytes]:
     """The passwords to try: the one that was set last is the first.
 
     They are five at most; more only if destructive cases are allowed.
@@ -97,14 +97,14 @@ def _candidates(subject: Subject) -> Iterator[bytes]:
         yield subject.password
 
 
-def _set_last_first(subject: Subject) -> Iterator[bytes]:
+def _set_last_first(subject: ControllerUnderTest) -> Iterator[bytes]:
     """The passwords of the journal, the last one first, and the user's second at the latest."""
     names = subject.journal.changes.passwords[::-1]
     known = [subject.password if name is None else name.encode("latin-1") for name in names]
     return iter((*known[:1], subject.password, *known[1:]))
 
 
-def _lost(subject: Subject) -> PasswordLost:
+def _lost(subject: ControllerUnderTest) -> PasswordLost:
     last = next(_set_last_first(subject))
     named = "the user's own" if last == subject.password else show(last)
     return PasswordLost(
@@ -112,7 +112,7 @@ def _lost(subject: Subject) -> PasswordLost:
     )
 
 
-def _opens(subject: Subject, password: bytes) -> bool:
+def _opens(subject: ControllerUnderTest, password: bytes) -> bool:
     line = subject.open(login=False)
     opened = bool(line.ask("login", password).accepted)
     line.close()
@@ -133,7 +133,9 @@ def _as_kept_wrongly(passwords: list[bytes]) -> Iterator[bytes]:
         yield from (way(password) for way in ways)
 
 
-def set_value(line: Line, name: str, value: Any = None, *, data: bytes | None = None) -> None:
+def set_value(
+    line: OutgoingConnection, name: str, value: Any = None, *, data: bytes | None = None
+) -> None:
     """Set something, and fail the subject if it refuses.
 
     Raises:

@@ -7,14 +7,14 @@ is left to the end of the run.
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.restore import ITEMS
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 
 
-def alive(subject: Subject, line: Line) -> Line:
+def alive(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingConnection:
     """This connection, or another one in place of all where the subject has ended it."""
     line.pump()
     if line.ending is None and not line.closed:
@@ -24,7 +24,7 @@ def alive(subject: Subject, line: Line) -> Line:
 
 
 @contextmanager
-def kept(subject: Subject, line: Line, *names: str) -> Iterator[None]:
+def kept(subject: ControllerUnderTest, line: OutgoingConnection, *names: str) -> Iterator[None]:
     """Put back afterwards what the items of these names were.
 
     Raises:
@@ -45,7 +45,7 @@ def kept(subject: Subject, line: Line, *names: str) -> Iterator[None]:
 
 
 @contextmanager
-def password_kept(subject: Subject) -> Iterator[None]:
+def password_kept(subject: ControllerUnderTest) -> Iterator[None]:
     """Set the password again afterwards that the tester named, if it is another one by then.
 
     Raises:
@@ -60,7 +60,7 @@ def password_kept(subject: Subject) -> Iterator[None]:
             restore_password(subject)
 
 
-def needs_login(subject: Subject) -> None:
+def needs_login(subject: ControllerUnderTest) -> None:
     """Go on only over a link that needs a login.
 
     Raises:
@@ -70,7 +70,7 @@ def needs_login(subject: Subject) -> None:
         raise CaseSkipped("this link needs no login")
 
 
-def patient(subject: Subject, lasts_s: float) -> None:
+def patient(subject: ControllerUnderTest, lasts_s: float) -> None:
     """Go on only where a case may last so many of the subject's seconds.
 
     Raises:

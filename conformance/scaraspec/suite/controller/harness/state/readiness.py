@@ -9,8 +9,8 @@ from typing import Final
 
 from scaraspec.judge.tolerances import STANDSTILL
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     AXES,
     IDLE,
@@ -29,7 +29,7 @@ _TRIES: Final = 2  # of two readings in a row one at least may lie within the tr
 _STOOD: Final = "what it said of where it stood before it stepped aside"
 
 
-def make_ready(subject: Subject) -> None:
+def make_ready(subject: ControllerUnderTest) -> None:
     """Make an idle robot ready that will not move where it stands (A-4-1, A-4.25-1, A-4.24-5).
 
     It may have been switched on with its joints loose, or want to be reset before all else. Or it
@@ -52,7 +52,7 @@ def make_ready(subject: Subject) -> None:
         aside()
 
 
-def come_back(subject: Subject) -> list[str]:
+def come_back(subject: ControllerUnderTest) -> list[str]:
     """Bring the arm back to where it stood before it stepped aside.
 
     What it said then may lie beyond an end of its travel, now and then: one reading will do.
@@ -73,12 +73,17 @@ def come_back(subject: Subject) -> list[str]:
     return [f"the arm could not be brought back to {stood[0][:4]}: {why}"]
 
 
-def _command(subject: Subject, line: Line, name: str) -> None:
+def _command(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     if name not in subject.statement.lacks and line.ask(name).accepted:
         end_of(subject, line, name)
 
 
-def _goes(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = None) -> bool:
+def _goes(
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    pose: Pose,
+    speed_percent: int | None = None,
+) -> bool:
     lacks = _MOVE in subject.statement.lacks
     if lacks or not ask_move(subject, line, pose, speed_percent).accepted:
         return False
@@ -86,7 +91,7 @@ def _goes(subject: Subject, line: Line, pose: Pose, speed_percent: int | None = 
     return end is None or end.done is True
 
 
-def _has_room(subject: Subject, line: Line) -> bool:
+def _has_room(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
     """Whether it goes as far as readings may differ, along each axis and either way, and back."""
     here = pose_of(line)
     for axis in AXES:
@@ -97,7 +102,9 @@ def _has_room(subject: Subject, line: Line) -> bool:
     return True
 
 
-def _step_aside(subject: Subject, line: Line, stood: tuple[Pose, ...]) -> None:
+def _step_aside(
+    subject: ControllerUnderTest, line: OutgoingConnection, stood: tuple[Pose, ...]
+) -> None:
     """Go a step away from the ends of the travel, along one axis after another."""
     subject.known.setdefault(_STOOD, stood)
     step_mm = subject.statement.motion.step_mm
@@ -108,7 +115,7 @@ def _step_aside(subject: Subject, line: Line, stood: tuple[Pose, ...]) -> None:
                 break
 
 
-def _goes_back(subject: Subject, line: Line, stood: Pose) -> bool:
+def _goes_back(subject: ControllerUnderTest, line: OutgoingConnection, stood: Pose) -> bool:
     """Whether it goes there, along the same axes the other way round."""
     there = pose_of(line)
     for axis in reversed(AXES):

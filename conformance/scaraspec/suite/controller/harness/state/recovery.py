@@ -4,7 +4,7 @@ from contextlib import suppress
 
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.guard import EVERYTHING
 from scaraspec.suite.controller.harness.state.password import (
     PasswordLost,
@@ -27,7 +27,7 @@ class RecoveryError(Exception):
     """What an interrupted run has left cannot be put back; one sentence for the user."""
 
 
-def recover(subject: Subject) -> None:
+def recover(subject: ControllerUnderTest) -> None:
     """Put back what the journal says that an interrupted run has left.
 
     If motion may be under way the robot is stopped first.
@@ -50,7 +50,7 @@ def recover(subject: Subject) -> None:
     subject.notify(f"{_interrupted(subject)}: {'; '.join(told) or 'nothing was left'}")
 
 
-def _recovered(subject: Subject, earlier: Changes) -> list[str]:
+def _recovered(subject: ControllerUnderTest, earlier: Changes) -> list[str]:
     """Do it; what was done, in a few words each."""
     told = []
     users = working = subject.password
@@ -78,7 +78,7 @@ def _recovered(subject: Subject, earlier: Changes) -> list[str]:
     return [*told, *(f"{what}, put back" for what in left), *differences.others]
 
 
-def _put_default_back(subject: Subject, earlier: Changes) -> None:
+def _put_default_back(subject: ControllerUnderTest, earlier: Changes) -> None:
     """Name the default program first: the suite's file in its place may resist deletion (A-4.11-1).
 
     If that fails, `restore` tries again and reports it.
@@ -89,7 +89,7 @@ def _put_default_back(subject: Subject, earlier: Changes) -> None:
             write_default(subject, subject.open(), default)
 
 
-def _stopped(subject: Subject) -> str:
+def _stopped(subject: ControllerUnderTest) -> str:
     line = subject.open()
     answer = line.ask("emergency_stop")
     if not answer.accepted:
@@ -101,7 +101,7 @@ def _stopped(subject: Subject) -> str:
     return "the robot was stopped"
 
 
-def _left(subject: Subject, earlier: Changes, users: bytes) -> dict[str, Hazard]:
+def _left(subject: ControllerUnderTest, earlier: Changes, users: bytes) -> dict[str, Hazard]:
     """What has to be put back, in a few words each, and the hazard that it needs."""
     left = {}
     if subject.password != users:
@@ -120,7 +120,7 @@ def _left(subject: Subject, earlier: Changes, users: bytes) -> dict[str, Hazard]
     return left
 
 
-def _require(subject: Subject, left: dict[str, Hazard]) -> None:
+def _require(subject: ControllerUnderTest, left: dict[str, Hazard]) -> None:
     """Go on only if everything that is left may be put back.
 
     Raises:
@@ -135,14 +135,14 @@ def _require(subject: Subject, left: dict[str, Hazard]) -> None:
         )
 
 
-def _failed(subject: Subject, why: str) -> RecoveryError:
+def _failed(subject: ControllerUnderTest, why: str) -> RecoveryError:
     return RecoveryError(
         f"{_interrupted(subject)}, and the controller could not be put back: {why}. Put it back by "
         f"hand as the journal says, then delete the journal {subject.journal.path}"
     )
 
 
-def _interrupted(subject: Subject) -> str:
+def _interrupted(subject: ControllerUnderTest) -> str:
     earlier = subject.journal.earlier
     assert earlier is not None, "there is something to recover"
     return f"the run of {earlier.started} was interrupted"

@@ -12,9 +12,9 @@ from typing import Any, Final, NamedTuple
 
 from scaraspec.protocol.commands import Network, Point, PortValue, Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.guard import EVERYTHING
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.clock import shifted
 from scaraspec.suite.controller.harness.state.password import restore_password, set_value
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
@@ -46,12 +46,14 @@ class Item:
 
     name: str
     hazard: Hazard
-    read: Callable[[Subject, Line], Any]
-    write: Callable[[Subject, Line, Any], None]
-    differs: Callable[[Subject, Any, Any], bool] = lambda _, now, before: bool(now != before)
+    read: Callable[[ControllerUnderTest, OutgoingConnection], Any]
+    write: Callable[[ControllerUnderTest, OutgoingConnection, Any], None]
+    differs: Callable[[ControllerUnderTest, Any, Any], bool] = lambda _, now, before: bool(
+        now != before
+    )
 
 
-def snapshot(subject: Subject, line: Line) -> dict[str, Any]:
+def snapshot(subject: ControllerUnderTest, line: OutgoingConnection) -> dict[str, Any]:
     """The settings and the program list, by the names of `ITEMS`; None where nothing is told.
 
     Outputs are left out where the suite switches none: a program of the user may switch them.
@@ -61,7 +63,7 @@ def snapshot(subject: Subject, line: Line) -> dict[str, Any]:
 
 
 def without_the_unrestorable(
-    subject: Subject, line: Line, before: Mapping[str, Any]
+    subject: ControllerUnderTest, line: OutgoingConnection, before: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The settings of a snapshot that the controller takes back.
 
@@ -92,7 +94,7 @@ class Differences(NamedTuple):
     others: list[str]
 
 
-def restore(subject: Subject) -> Differences:
+def restore(subject: ControllerUnderTest) -> Differences:
     """Bring the controller to rest, put back what the run has changed, and compare with the start.
 
     Returns:
@@ -117,7 +119,9 @@ def restore(subject: Subject) -> Differences:
     return left
 
 
-def _put_back(item: Item, subject: Subject, line: Line, wanted: Any, *, ours: bool) -> str:
+def _put_back(
+    item: Item, subject: ControllerUnderTest, line: OutgoingConnection, wanted: Any, *, ours: bool
+) -> str:
     """Put one item back where the suite may have changed it; what is wrong with it then."""
     try:
         now = _read(item, subject, line)
@@ -141,7 +145,9 @@ def _put_back(item: Item, subject: Subject, line: Line, wanted: Any, *, ours: bo
     return ""
 
 
-def _set_once_more(clock: Item, subject: Subject, line: Line, wanted: Any) -> Any:
+def _set_once_more(
+    clock: Item, subject: ControllerUnderTest, line: OutgoingConnection, wanted: Any
+) -> Any:
     """Set a clock that is about right, as it drifts each time that a case puts it back."""
     with suppress(CaseFailed, CaseInconclusive):
         if clock.hazard in subject.allowed:
@@ -149,7 +155,9 @@ def _set_once_more(clock: Item, subject: Subject, line: Line, wanted: Any) -> An
     return _read(clock, subject, line)
 
 
-def _of_programs(subject: Subject, line: Line, now: list[str] | None, wanted: list[str]) -> str:
+def _of_programs(
+    subject: ControllerUnderTest, line: OutgoingConnection, now: list[str] | None, wanted: list[str]
+) -> str:
     """What differs in the program list; the suite's own files have been deleted before.
 
     The default program may have to stay (A-4.11-1), where there was none before.
@@ -182,7 +190,7 @@ def shown(item: Item, value: Any) -> str:
     return f"{value}"
 
 
-def _reached(subject: Subject) -> Line:
+def _reached(subject: ControllerUnderTest) -> OutgoingConnection:
     """A connection to the subject at rest; who has just crashed has time to come back.
 
     Raises:
@@ -202,7 +210,7 @@ def _reached(subject: Subject) -> Line:
         subject.pause(_ONCE_MORE_S)
 
 
-def _read(item: Item, subject: Subject, line: Line) -> Any:
+def _read(item: Item, subject: ControllerUnderTest, line: OutgoingConnection) -> Any:
     try:
         return item.read(subject, line)
     except (CaseFailed, CaseInconclusive):  # of that, too, the cases are the judges
@@ -212,16 +220,16 @@ def _read(item: Item, subject: Subject, line: Line) -> Any:
 # ---------------------------------------------------------------------- what there is
 
 
-def _read_programs(subject: Subject, line: Line) -> list[str]:
+def _read_programs(subject: ControllerUnderTest, line: OutgoingConnection) -> list[str]:
     return sorted(name.decode("latin-1") for name in program_names(subject, line))
 
 
-def _delete_own(subject: Subject, line: Line, _: list[str]) -> None:
+def _delete_own(subject: ControllerUnderTest, line: OutgoingConnection, _: list[str]) -> None:
     """Delete what the suite has stored; files of others are not touched."""
     subject.clear(line)
 
 
-def _read_clock(subject: Subject, line: Line) -> list[float] | None:
+def _read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> list[float] | None:
     """How far its clock is ahead of ours, and when that was so, both in seconds."""
     value = line.ask("get_time").value
     if value is None:
@@ -230,61 +238,69 @@ def _read_clock(subject: Subject, line: Line) -> list[float] | None:
     return [ahead_s + _HALF_S, subject.now_ns / _NS]  # it shows whole seconds
 
 
-def _ahead_s(subject: Subject, before: list[float]) -> float:
+def _ahead_s(subject: ControllerUnderTest, before: list[float]) -> float:
     """How far a clock must be ahead now; that of a fast simulator gains all the time."""
     ahead_s, at_s = before
     return ahead_s + (subject.statement.time_scale - 1) * (subject.now_ns / _NS - at_s)
 
 
-def _clock_differs(subject: Subject, now: list[float] | None, before: list[float]) -> bool:
+def _clock_differs(
+    subject: ControllerUnderTest, now: list[float] | None, before: list[float]
+) -> bool:
     if now is None:
         return True
     slack_s = _CLOCK_SLACK_S * max(subject.statement.time_scale, 1)
     return abs(now[0] - _ahead_s(subject, before)) > slack_s
 
 
-def _write_clock(subject: Subject, line: Line, before: list[float]) -> None:
+def _write_clock(
+    subject: ControllerUnderTest, line: OutgoingConnection, before: list[float]
+) -> None:
     ahead_s = _ahead_s(subject, before)
     time = shifted(_ours(subject), timedelta(seconds=ahead_s + _HALF_S))
     set_value(line, "set_time", time.replace(microsecond=0))
 
 
-def _ours(subject: Subject) -> datetime:
+def _ours(subject: ControllerUnderTest) -> datetime:
     return datetime.fromtimestamp(subject.now_ns / _NS, UTC).replace(tzinfo=None)
 
 
-def _read_default(_: Subject, line: Line) -> str | None:
+def _read_default(_: ControllerUnderTest, line: OutgoingConnection) -> str | None:
     value = line.ask("get_default_program").value
     return value.decode("latin-1") if value else None
 
 
-def write_default(_: Subject, line: Line, name: str) -> None:
+def write_default(_: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
     """Set it by the bytes that were told, be they a name or not."""
     set_value(line, "set_default_program", data=name.encode("latin-1"))
 
 
-def _read_outputs(_: Subject, line: Line) -> str | None:
+def _read_outputs(_: ControllerUnderTest, line: OutgoingConnection) -> str | None:
     value = line.ask("get_digital_outputs").value
     return value if isinstance(value, str) else None
 
 
-def _write_outputs(subject: Subject, line: Line, digits: str) -> None:
+def _write_outputs(subject: ControllerUnderTest, line: OutgoingConnection, digits: str) -> None:
     now = _read_outputs(subject, line) or ""
     for port, (digit, wanted) in enumerate(zip(reversed(now), reversed(digits), strict=False), 1):
         if digit != wanted:
             set_value(line, "set_digital_output", PortValue(port, int(wanted)))
 
 
-def _read_numbers(name: str) -> Callable[[Subject, Line], list[Any] | None]:
-    def read(_: Subject, line: Line) -> list[Any] | None:
+def _read_numbers(
+    name: str,
+) -> Callable[[ControllerUnderTest, OutgoingConnection], list[Any] | None]:
+    def read(_: ControllerUnderTest, line: OutgoingConnection) -> list[Any] | None:
         value = line.ask(name).value
         return None if value is None else list(value)
 
     return read
 
 
-def _write_tuple(name: str, make: type) -> Callable[[Subject, Line, list[Any]], None]:
-    def write(_: Subject, line: Line, values: list[Any]) -> None:
+def _write_tuple(
+    name: str, make: type
+) -> Callable[[ControllerUnderTest, OutgoingConnection, list[Any]], None]:
+    def write(_: ControllerUnderTest, line: OutgoingConnection, values: list[Any]) -> None:
         set_value(line, name, make(*values))
 
     return write

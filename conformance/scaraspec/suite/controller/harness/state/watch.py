@@ -16,8 +16,8 @@ from typing import Any, Final, NamedTuple
 from scaraspec.protocol.commands import BY_OPCODE
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.setting_values import (
     CLOCK,
     DEFAULT_PROGRAM,
@@ -30,7 +30,7 @@ from scaraspec.suite.controller.harness.setting_values import (
 )
 from scaraspec.suite.controller.harness.state.defaults import default_kept
 from scaraspec.suite.controller.harness.state.preserve import kept
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.program_files.listed import program_names, store_program
 
@@ -58,7 +58,7 @@ _NEVER_S: Final = float("inf")
 _NS: Final = 1e9
 
 
-def watch(subject: Subject, for_s: float) -> None:
+def watch(subject: ControllerUnderTest, for_s: float) -> None:
     """Read again what the failed case depended on, and watch what has deviated.
 
     What is found is in `subject.others` afterwards.
@@ -80,7 +80,9 @@ def watch(subject: Subject, for_s: float) -> None:
 
 
 @contextmanager
-def _set_again(subject: Subject, line: Line, names: Collection[str]) -> Iterator[dict[str, bytes]]:
+def _set_again(
+    subject: ControllerUnderTest, line: OutgoingConnection, names: Collection[str]
+) -> Iterator[dict[str, bytes]]:
     """What to set in turn, by name; afterwards all is set to what it is now.
 
     So the judge compares with this, too, and no longer with what was set before.
@@ -133,7 +135,11 @@ class _Watch:
     """
 
     def __init__(
-        self, subject: Subject, line: Line, names: list[str], requests: Mapping[str, bytes]
+        self,
+        subject: ControllerUnderTest,
+        line: OutgoingConnection,
+        names: list[str],
+        requests: Mapping[str, bytes],
     ) -> None:
         self._subject, self._line = subject, line
         self._names, self._requests = names, requests
@@ -205,7 +211,11 @@ class _Watch:
 
 
 def _read(
-    subject: Subject, line: Line, name: str, data: bytes | None = None, times: int = 1
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    name: str,
+    data: bytes | None = None,
+    times: int = 1,
 ) -> Any:
     """Set a setting if there is data, and read it several times in a row.
 
@@ -231,7 +241,9 @@ def _read(
     return None
 
 
-def _answers(subject: Subject, line: Line, requests: list[Frame]) -> list[Answer]:
+def _answers(
+    subject: ControllerUnderTest, line: OutgoingConnection, requests: list[Frame]
+) -> list[ReceivedFrame]:
     """Send requests together, or one after another if the controller takes only one at a time."""
     if subject.dialect["pipelining"] != "one":
         line.send_bytes(b"".join(frame.encode() for frame in requests))

@@ -14,8 +14,8 @@ from typing import Final
 from scaraspec.judge.tolerances import farthest, turned
 from scaraspec.protocol.commands import Point
 from scaraspec.protocol.programs import Node
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.tasks import require_responsive
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.program_files.bench import Bench
@@ -58,8 +58,8 @@ class Arm:
         home: Where it stood at first, and stands again afterwards.
     """
 
-    subject: Subject
-    line: Line
+    subject: ControllerUnderTest
+    line: OutgoingConnection
     robot: Bench
     meaning: Meaning
     home: Values
@@ -128,7 +128,7 @@ def near(a: Values, b: Values) -> bool:
 
 
 @contextmanager
-def arm(subject: Subject, line: Line, robot: Bench) -> Iterator[Arm]:
+def arm(subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench) -> Iterator[Arm]:
     """The arm, which goes back afterwards to where it stood.
 
     Raises:
@@ -150,7 +150,7 @@ def arm(subject: Subject, line: Line, robot: Bench) -> Iterator[Arm]:
 
 
 @contextmanager
-def _gripper_at_screw(line: Line) -> Iterator[None]:
+def _gripper_at_screw(line: OutgoingConnection) -> Iterator[None]:
     """Have the gripper's point at the screw's end, so that both have one pose (A-4.23-1)."""
     before = line.ask("get_gripper_center").value
     if not before or not any(before):
@@ -164,7 +164,7 @@ def _gripper_at_screw(line: Line) -> Iterator[None]:
             line.ask("set_gripper_center", before)
 
 
-def _place(line: Line, meaning: Meaning) -> Values:
+def _place(line: OutgoingConnection, meaning: Meaning) -> Values:
     name = "get_joint_angles" if meaning is Meaning.JOINTS else "get_tool_coordinates"
     value = line.ask(name).value
     if value is None:
@@ -177,7 +177,7 @@ def _place(line: Line, meaning: Meaning) -> Values:
     return a, b, c, d
 
 
-def _meaning(subject: Subject, line: Line, robot: Bench) -> Meaning:
+def _meaning(subject: ControllerUnderTest, line: OutgoingConnection, robot: Bench) -> Meaning:
     """What the values of a point are, found out once in a run by turning the gripper a little."""
     if _KEY not in subject.known:
         require_responsive(subject, line)  # who cannot watch it does not move what is not known

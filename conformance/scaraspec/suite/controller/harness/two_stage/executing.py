@@ -12,10 +12,10 @@ from hypothesis.errors import Flaky
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.fields import show
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.suite.program_files.layout import configured, find_layout
 from scaraspec.suite.program_files.writing import wait_program
@@ -26,7 +26,9 @@ _LAG_S: Final = 0.1  # for how long a result may come behind the status that tel
 _REST_S: Final = 1.0  # within which the status has to follow a result
 
 
-def store_wait_program(subject: Subject, line: Line, seconds: int, name: bytes = b"") -> bytes:
+def store_wait_program(
+    subject: ControllerUnderTest, line: OutgoingConnection, seconds: int, name: bytes = b""
+) -> bytes:
     """Upload a program that waits for so many seconds, under a new name if none is given.
 
     Returns:
@@ -41,7 +43,9 @@ def store_wait_program(subject: Subject, line: Line, seconds: int, name: bytes =
     return name
 
 
-def begin(subject: Subject, line: Line, command: str, value: Any = None) -> None:
+def begin(
+    subject: ControllerUnderTest, line: OutgoingConnection, command: str, value: Any = None
+) -> None:
     """Begin a two-stage command.
 
     Raises:
@@ -54,7 +58,9 @@ def begin(subject: Subject, line: Line, command: str, value: Any = None) -> None
 
 
 @contextmanager
-def unless_others_run(subject: Subject, line: Line | None = None) -> Iterator[None]:
+def unless_others_run(
+    subject: ControllerUnderTest, line: OutgoingConnection | None = None
+) -> Iterator[None]:
     """Hold nothing against a robot that turns out to run a program of somebody else.
 
     It has to say so twice, in its status and in what it tells of the program.
@@ -80,14 +86,14 @@ def unless_others_run(subject: Subject, line: Line | None = None) -> Iterator[No
         raise
 
 
-def _program_of_others(subject: Subject, line: Line) -> bytes:
+def _program_of_others(subject: ControllerUnderTest, line: OutgoingConnection) -> bytes:
     status, told = line.ask("get_status").value, line.ask("get_running_program").value
     if status not in _RUNNING or not isinstance(told, RunningProgram):
         return b""
     return b"" if told.name.startswith(subject.files.prefix) else told.name
 
 
-def ended(line: Line, command: str, within_s: float = 0.0) -> Answer | None:
+def ended(line: OutgoingConnection, command: str, within_s: float = 0.0) -> ReceivedFrame | None:
     """The final result of a command, if it comes by then."""
     try:
         return line.result(command, within_s=within_s)
@@ -95,7 +101,9 @@ def ended(line: Line, command: str, within_s: float = 0.0) -> Answer | None:
         return None
 
 
-def ask_busy(subject: Subject, line: Line, query: str, command: str) -> Answer:
+def ask_busy(
+    subject: ControllerUnderTest, line: OutgoingConnection, query: str, command: str
+) -> ReceivedFrame:
     """Ask something while a command executes.
 
     Raises:
@@ -114,7 +122,7 @@ def ask_busy(subject: Subject, line: Line, query: str, command: str) -> Answer:
     raise CaseSkipped(f"{query} is not answered while {command} executes")
 
 
-def _replied(subject: Subject, line: Line) -> bool:
+def _replied(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
     try:
         line.reply("emergency_stop", within_s=subject.reply_s)
     except NoReply:
@@ -123,7 +131,11 @@ def _replied(subject: Subject, line: Line) -> bool:
 
 
 def expect_status(
-    subject: Subject, line: Line, command: str, wanted: str, requirement: str
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    command: str,
+    wanted: str,
+    requirement: str,
 ) -> bool:
     """Ask for the status while a command executes; whether it still does.
 
@@ -142,7 +154,7 @@ def expect_status(
     raise CaseFailed(message, expected=wanted, observed=f"{answer}", requirement=requirement)
 
 
-def sound(status: Answer) -> errors.Code | None:
+def sound(status: ReceivedFrame) -> errors.Code | None:
     """The code of table 8-1 that a status tells, if it is one.
 
     Raises:
@@ -156,7 +168,7 @@ def sound(status: Answer) -> errors.Code | None:
     return code
 
 
-def expect_rest(subject: Subject, line: Line, message: str) -> None:
+def expect_rest(subject: ControllerUnderTest, line: OutgoingConnection, message: str) -> None:
     """Fail the subject unless its status soon is 00.
 
     Raises:
@@ -170,7 +182,9 @@ def expect_rest(subject: Subject, line: Line, message: str) -> None:
         ) from None
 
 
-def finish(subject: Subject, line: Line, command: str, lasts_s: float = 0.0) -> None:
+def finish(
+    subject: ControllerUnderTest, line: OutgoingConnection, command: str, lasts_s: float = 0.0
+) -> None:
     """Wait for the end of a command that lasts so many of the subject's seconds.
 
     Raises:

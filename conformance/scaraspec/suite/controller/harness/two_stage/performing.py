@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 
 from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.protocol.commands import Pose
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     SLOWEST_PERCENT,
@@ -38,7 +38,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     release,
     start_program,
 )
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect
 
 
@@ -51,12 +51,12 @@ class Performed(NamedTuple):
         status: The status behind the result.
     """
 
-    first: Answer
-    result: Answer | None
-    status: Answer
+    first: ReceivedFrame
+    result: ReceivedFrame | None
+    status: ReceivedFrame
 
 
-def perform(subject: Subject, line: Line, name: str) -> Performed:
+def perform(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> Performed:
     """Let an idle robot do the least that a two-stage command can do; the arm comes back.
 
     Raises:
@@ -67,24 +67,32 @@ def perform(subject: Subject, line: Line, name: str) -> Performed:
         return _PERFORM.get(name, _simply)(subject, line, name, pose)
 
 
-def _ended(subject: Subject, line: Line, name: str, first: Answer) -> Performed:
+def _ended(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, first: ReceivedFrame
+) -> Performed:
     return Performed(first, finish(subject, line, name), _status(subject, line))
 
 
-def _status(subject: Subject, line: Line) -> Answer:
+def _status(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     """The status, which only the cases of 4/7 judge."""
     return status_at_rest(line) if subject.is_tried("4/7") else line.ask("get_status")
 
 
-def _simply(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+def _simply(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
+) -> Performed:
     return _ended(subject, line, name, begin(subject, line, name))
 
 
-def _perform_program(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+def _perform_program(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
+) -> Performed:
     return _ended(subject, line, name, start_program(subject, line, name, seconds=0).answer)
 
 
-def _perform_lock(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+def _perform_lock(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
+) -> Performed:
     """Joints that are locked may refuse to be locked again (A-4.25-3)."""
     first = line.ask(name)
     if first.accepted is False and first.code not in BUSY:
@@ -93,17 +101,23 @@ def _perform_lock(subject: Subject, line: Line, name: str, _: Pose) -> Performed
     return _ended(subject, line, name, accepted(name, first))
 
 
-def _perform_move(subject: Subject, line: Line, name: str, pose: Pose) -> Performed:
+def _perform_move(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, pose: Pose
+) -> Performed:
     first = begin(subject, line, name, target(pose, SLOWEST_PERCENT))
     return _ended(subject, line, name, first)
 
 
-def _perform_reset(subject: Subject, line: Line, name: str, pose: Pose) -> Performed:
+def _perform_reset(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, pose: Pose
+) -> Performed:
     with home_at(subject, line):
         return _simply(subject, line, name, pose)
 
 
-def _perform_release(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+def _perform_release(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
+) -> Performed:
     """Its result may come at once, or when the joints are locked again (A-4.25-2)."""
     with locked_again(subject, line):
         first, result = release(subject, line)
@@ -112,19 +126,28 @@ def _perform_release(subject: Subject, line: Line, name: str, _: Pose) -> Perfor
     return _ended(subject, line, name, first)
 
 
-def _perform_jog(subject: Subject, line: Line, _: str, pose: Pose) -> Performed:  # noqa: ARG001 - one signature for all
+def _perform_jog(
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    _: str,
+    pose: Pose,  # noqa: ARG001 - one signature for all
+) -> Performed:
     first = jog_somewhere(subject, line)
     accepted(STOP, line.ask(STOP))
     status = _ended(subject, line, STOP, first).status
     return Performed(first, interrupted(line, JOG), status)
 
 
-def _perform_stop(subject: Subject, line: Line, name: str, _: Pose) -> Performed:
+def _perform_stop(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
+) -> Performed:
     start_program(subject, line, RUN)
     return _ended(subject, line, name, accepted(name, line.ask(name)))
 
 
-_PERFORM: Final[Mapping[str, Callable[[Subject, Line, str, Pose], Performed]]] = {
+_PERFORM: Final[
+    Mapping[str, Callable[[ControllerUnderTest, OutgoingConnection, str, Pose], Performed]]
+] = {
     RUN: _perform_program,
     SIMULATE: _perform_program,
     STOP: _perform_stop,
@@ -136,7 +159,9 @@ _PERFORM: Final[Mapping[str, Callable[[Subject, Line, str, Pose], Performed]]] =
 }
 
 
-def expect_stays(line: Line, message: str, *, for_s: float, pose: Pose | None = None) -> None:
+def expect_stays(
+    line: OutgoingConnection, message: str, *, for_s: float, pose: Pose | None = None
+) -> None:
     """For so many seconds the tool has to stay: where it is, or where it was before.
 
     Args:

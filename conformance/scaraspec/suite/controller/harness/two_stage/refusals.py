@@ -10,8 +10,8 @@ from typing import Any, Final
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import Defect
-from scaraspec.suite.controller.harness.controller_under_test import Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import BUSY
 from scaraspec.suite.controller.harness.two_stage.tasks import (
     JOG,
@@ -22,7 +22,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     locked_again,
     offered,
 )
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect
 
 _FAILURES: Final = errors.FAILURES | {errors.TABLE_8_1["00"], errors.TABLE_8_1["20"]}
@@ -30,12 +30,12 @@ _FAILURES: Final = errors.FAILURES | {errors.TABLE_8_1["00"], errors.TABLE_8_1["
 _MISSING: Final = "20"  # L1044
 
 
-def text_of(answer: Answer) -> bytes:
+def text_of(answer: ReceivedFrame) -> bytes:
     """Its data, without the NUL that A-T-3 tolerates."""
     return answer.frame.data.rstrip(b"\0")
 
 
-def expect_first_reply(name: str, answer: Answer) -> None:
+def expect_first_reply(name: str, answer: ReceivedFrame) -> None:
     """Fail the subject unless this is "1", or "0|code" (4/1).
 
     Raises:
@@ -56,7 +56,7 @@ def expect_first_reply(name: str, answer: Answer) -> None:
     )
 
 
-def expect_refusal(subject: Subject, answer: Answer) -> None:
+def expect_refusal(subject: ControllerUnderTest, answer: ReceivedFrame) -> None:
     """Fail the subject unless the code of a refusal is one of table 8-1 (4/4).
 
     Raises:
@@ -65,7 +65,7 @@ def expect_refusal(subject: Subject, answer: Answer) -> None:
     _expect_code(subject, answer, errors.REFUSALS, "4/4", "A-0-7")
 
 
-def expect_failure(subject: Subject, answer: Answer) -> None:
+def expect_failure(subject: ControllerUnderTest, answer: ReceivedFrame) -> None:
     """Fail the subject unless the code of a failure is one of table 8-1 (4/5).
 
     Raises:
@@ -75,8 +75,8 @@ def expect_failure(subject: Subject, answer: Answer) -> None:
 
 
 def _expect_code(
-    subject: Subject,
-    answer: Answer,
+    subject: ControllerUnderTest,
+    answer: ReceivedFrame,
     usual: frozenset[errors.Code],
     requirement: str,
     entry: str,
@@ -98,7 +98,9 @@ def _expect_code(
         subject.tolerate(requirement, entry, code.text, message)
 
 
-def expect_busy(subject: Subject, line: Line, task: Task, name: str, value: Any = None) -> None:
+def expect_busy(
+    subject: ControllerUnderTest, line: OutgoingConnection, task: Task, name: str, value: Any = None
+) -> None:
     """Fail the subject if it accepts a command while a task executes (4/6, 4/15).
 
     Raises:
@@ -137,7 +139,11 @@ def expect_busy(subject: Subject, line: Line, task: Task, name: str, value: Any 
 
 
 def expect_missing(
-    subject: Subject, line: Line, name: str, program: bytes, requirement: str
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    name: str,
+    program: bytes,
+    requirement: str,
 ) -> None:
     """Fail the subject unless it says, now or later, that it has no such program (A-4.15-1).
 

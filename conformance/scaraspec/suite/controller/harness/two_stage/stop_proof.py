@@ -11,9 +11,9 @@ from typing import Final, NamedTuple
 from scaraspec.judge.tolerances import STANDSTILL
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.suite.controller.harness.controller_under_test import Subject
+from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.emergency_stop import EFFECT_S, LATE_S
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
     IDLE,
@@ -43,7 +43,7 @@ _LOOKS: Final = 3
 _LOOK_S: Final = 0.2
 
 
-def prove_stop(subject: Subject) -> None:
+def prove_stop(subject: ControllerUnderTest) -> None:
     """Try the emergency stop, unless it is known not to work.
 
     What is wrong with it is in `StopMonitor.failure` afterwards.
@@ -69,7 +69,7 @@ class _Started(NamedTuple):
     target: Pose | None = None
 
 
-def _stops(subject: Subject, start: "_Start") -> bool:
+def _stops(subject: ControllerUnderTest, start: "_Start") -> bool:
     """Start something, and stop it; whether that showed that the stop works."""
     line = subject.open()
     with returning(subject, line):
@@ -81,7 +81,7 @@ def _stops(subject: Subject, start: "_Start") -> bool:
         return _is_stopped(subject, line, started)
 
 
-def _is_stopped(subject: Subject, line: Line, started: _Started) -> bool:
+def _is_stopped(subject: ControllerUnderTest, line: OutgoingConnection, started: _Started) -> bool:
     """Whether a stop ends it; False where it had ended before."""
     name = started.name
     stop = subject.guard.stop
@@ -105,7 +105,7 @@ def _is_stopped(subject: Subject, line: Line, started: _Started) -> bool:
     return stop.failure is None and not arrived
 
 
-def _look(line: Line) -> Pose:
+def _look(line: OutgoingConnection) -> Pose:
     """Where the tool stands; the monitor compares joints and statuses."""
     joints_of(line)
     line.ask("get_status")
@@ -113,21 +113,21 @@ def _look(line: Line) -> Pose:
     return pose_of(line)
 
 
-def _leave_error(subject: Subject, line: Line) -> _Started | None:
+def _leave_error(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
     """A reset, where nothing else ends an error."""
     if line.ask("get_status").value in (IDLE, *BUSY) or RESET in subject.statement.lacks:
         return None
     return _Started(RESET) if line.ask(RESET).accepted else None
 
 
-def _step(subject: Subject, line: Line) -> _Started | None:
+def _step(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
     if MOVE in subject.statement.lacks:
         return None
     there, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
     return _Started(MOVE, there) if answer.accepted else None
 
 
-def _step_once_locked(subject: Subject, line: Line) -> _Started | None:
+def _step_once_locked(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
     """A step of a robot whose joints may have been loose (A-4.25-1)."""
     if {LOCK, MOVE} & subject.statement.lacks or not line.ask(LOCK).accepted:
         return None
@@ -135,18 +135,18 @@ def _step_once_locked(subject: Subject, line: Line) -> _Started | None:
     return _step(subject, line)
 
 
-def _program(subject: Subject, line: Line) -> _Started | None:
+def _program(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
     if RUN in subject.statement.lacks or Hazard.STATE not in subject.allowed:
         return None
     start_program(subject, line, RUN)
     return _Started(RUN)
 
 
-def _jog(subject: Subject, line: Line) -> _Started | None:
+def _jog(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
     if JOG in subject.statement.lacks:
         return None
     jog_somewhere(subject, line)
     return _Started(JOG)
 
 
-_Start = Callable[[Subject, Line], _Started | None]
+_Start = Callable[[ControllerUnderTest, OutgoingConnection], _Started | None]

@@ -13,8 +13,12 @@ from typing import Any, Final, NamedTuple
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.suite.controller.harness.controller_under_test import MOMENT_S, SILENCE_S, Subject
-from scaraspec.suite.controller.harness.outgoing_connection import Line
+from scaraspec.suite.controller.harness.controller_under_test import (
+    MOMENT_S,
+    SILENCE_S,
+    ControllerUnderTest,
+)
+from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import (
     BUSY,
@@ -33,7 +37,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     target,
 )
 from scaraspec.suite.controller.harness.timeouts import SUCCESS
-from scaraspec.suite.engine.connection import Answer
+from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.suite.program_files.layout import configured, find_layout, layout_in_use
 from scaraspec.suite.program_files.writing import wait_program
@@ -72,7 +76,9 @@ _NS: Final = 1e9
 # ---------------------------------------------------------------------- beginning
 
 
-def begin(subject: Subject, line: Line, name: str, value: Any = None) -> Answer:
+def begin(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, value: Any = None
+) -> ReceivedFrame:
     """Ask an idle robot for a two-stage command that it can do.
 
     Raises:
@@ -84,7 +90,7 @@ def begin(subject: Subject, line: Line, name: str, value: Any = None) -> Answer:
     return accepted(name, line.ask(name, value))
 
 
-def has(subject: Subject, *names: str) -> None:
+def has(subject: ControllerUnderTest, *names: str) -> None:
     """Go on only where the subject has these commands.
 
     Raises:
@@ -95,7 +101,7 @@ def has(subject: Subject, *names: str) -> None:
             raise CaseSkipped(f"the subject lacks {name}")
 
 
-def accepted(name: str, answer: Answer) -> Answer:
+def accepted(name: str, answer: ReceivedFrame) -> ReceivedFrame:
     """Fail the subject unless it has accepted a command that it can do.
 
     Raises:
@@ -112,7 +118,12 @@ def accepted(name: str, answer: Answer) -> Answer:
     )
 
 
-def stored(subject: Subject, line: Line, seconds: float | None = None, name: bytes = b"") -> bytes:
+def stored(
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    seconds: float | None = None,
+    name: bytes = b"",
+) -> bytes:
     """Upload a program that waits for at least so many seconds, by our clock; its name.
 
     Without a number it waits for longer than is asked meanwhile, however slow the replies are;
@@ -128,13 +139,15 @@ def stored(subject: Subject, line: Line, seconds: float | None = None, name: byt
     return name
 
 
-def stored_as(subject: Subject, line: Line, name: bytes) -> bytes:
+def stored_as(subject: ControllerUnderTest, line: OutgoingConnection, name: bytes) -> bytes:
     """Upload a program that ends at once under a name of one's own."""
     _upload_wait(subject, line, name, 0)
     return name
 
 
-def _upload_wait(subject: Subject, line: Line, name: bytes, seconds: int) -> None:
+def _upload_wait(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: bytes, seconds: int
+) -> None:
     layout, base = layout_in_use(subject), configured(subject, line)
     upload(line, name, wait_program(subject.dialect, seconds, layout=layout, base=base))
 
@@ -143,10 +156,12 @@ class Started(NamedTuple):
     """A program that was begun: its name, and the first reply."""
 
     program: bytes
-    answer: Answer
+    answer: ReceivedFrame
 
 
-def start_program(subject: Subject, line: Line, name: str, seconds: float | None = None) -> Started:
+def start_program(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, seconds: float | None = None
+) -> Started:
     """Run or simulate a program that waits for so many seconds, or for long enough (`stored`).
 
     The layout of program files is found out first (A-6.1-2).
@@ -164,7 +179,9 @@ def start_program(subject: Subject, line: Line, name: str, seconds: float | None
     return Started(program, accepted(name, line.ask(name, program)))
 
 
-def begin_jog(subject: Subject, line: Line, direction: JogDirection) -> Answer:
+def begin_jog(
+    subject: ControllerUnderTest, line: OutgoingConnection, direction: JogDirection
+) -> ReceivedFrame:
     """Ask for a jog, in the other notation too where the first is not understood (A-4.28-1).
 
     The first reply: to the notation that is understood, where one is.
@@ -175,7 +192,7 @@ def begin_jog(subject: Subject, line: Line, direction: JogDirection) -> Answer:
     has(subject, JOG)
     find_out_whether_it_listens(subject, line)
     request, spoken = BY_NAME[JOG].request, subject.dialect["jog_byte"]
-    first: Answer | None = None
+    first: ReceivedFrame | None = None
     for notation in (spoken, "ascii" if spoken == "binary" else "binary"):
         data = request.encode(direction, subject.dialect.replace(jog_byte=notation))
         subject.moved = True
@@ -193,7 +210,7 @@ def begin_jog(subject: Subject, line: Line, direction: JogDirection) -> Answer:
     return first
 
 
-def jog_somewhere(subject: Subject, line: Line) -> Answer:
+def jog_somewhere(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFrame:
     """Begin a jog, in the first direction in which there is room.
 
     Raises:
@@ -207,8 +224,8 @@ def jog_somewhere(subject: Subject, line: Line) -> Answer:
 
 
 def offered(
-    line: Line, name: str, value: Any = None, *, data: bytes | None = None
-) -> Answer | None:
+    line: OutgoingConnection, name: str, value: Any = None, *, data: bytes | None = None
+) -> ReceivedFrame | None:
     """Ask for what may be refused or not answered (A-4-2, A-3-9); None where silence follows.
 
     So it is where the connection ends. Everything else that comes before the reply to a query
@@ -220,7 +237,7 @@ def offered(
         line.heard[:0] = line.sync()
     except NoReply:
         replies = [s for s in line.heard if s.name == name and not s.frame.tagged]
-        granted = name in TWO_STAGE and any(Answer(s, s.value).accepted for s in replies)
+        granted = name in TWO_STAGE and any(ReceivedFrame(s, s.value).accepted for s in replies)
         if line.ending is None and not granted:
             raise
     with suppress(NoReply):
@@ -228,7 +245,7 @@ def offered(
     return None
 
 
-def harmless(subject: Subject, line: Line) -> Mapping[str, Any]:
+def harmless(subject: ControllerUnderTest, line: OutgoingConnection) -> Mapping[str, Any]:
     """For every two-stage command but the stop, a request that does next to nothing."""
     program = stored(subject, line, 0)
     values: dict[str, Any] = {
@@ -258,7 +275,7 @@ class Task:
     """
 
     name: str
-    line: Line
+    line: OutgoingConnection
     program: bytes = b""
 
     @property
@@ -275,7 +292,7 @@ class Task:
     def _ends(self, seen: FrameSeen) -> bool:
         return seen.frame.tagged and seen.frame.opcode == BY_NAME[self.name].opcode
 
-    def over_before(self, answer: Answer) -> bool:
+    def over_before(self, answer: ReceivedFrame) -> bool:
         """Whether its final result came before an answer, or on another connection about then."""
         where = answer.seen.place
         if answer.accepted and where.connection != self.line.name:
@@ -300,7 +317,9 @@ class Task:
 
 
 @contextmanager
-def lasting(subject: Subject, line: Line, name: str, *, queries: bool = True) -> Iterator[Task]:
+def lasting(
+    subject: ControllerUnderTest, line: OutgoingConnection, name: str, *, queries: bool = True
+) -> Iterator[Task]:
     """Begin a task that goes on for a while, and end it afterwards, if it has not ended.
 
     Args:
@@ -326,7 +345,7 @@ def lasting(subject: Subject, line: Line, name: str, *, queries: bool = True) ->
             stop_motion(subject, line)
 
 
-def require_responsive(subject: Subject, line: Line) -> None:
+def require_responsive(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Go on only where a robot that executes answers queries.
 
     Raises:
@@ -339,7 +358,7 @@ def require_responsive(subject: Subject, line: Line) -> None:
         pass
 
 
-def find_out_whether_it_listens(subject: Subject, line: Line) -> None:
+def find_out_whether_it_listens(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Ask once while a program waits, so that no jog goes on while an answer is waited for."""
     if not knows_whether_it_listens(subject):
         with suppress(CaseFailed, CaseSkipped):
@@ -347,13 +366,13 @@ def find_out_whether_it_listens(subject: Subject, line: Line) -> None:
 
 
 @contextmanager
-def _program(subject: Subject, line: Line, task: Task) -> Iterator[None]:
+def _program(subject: ControllerUnderTest, line: OutgoingConnection, task: Task) -> Iterator[None]:
     task.program = start_program(subject, line, task.name).program
     yield
 
 
 @contextmanager
-def _step(subject: Subject, line: Line, task: Task) -> Iterator[None]:
+def _step(subject: ControllerUnderTest, line: OutgoingConnection, task: Task) -> Iterator[None]:
     has(subject, task.name)
     _, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
     accepted(task.name, answer)
@@ -361,13 +380,13 @@ def _step(subject: Subject, line: Line, task: Task) -> Iterator[None]:
 
 
 @contextmanager
-def _jog(subject: Subject, line: Line, _: Task) -> Iterator[None]:
+def _jog(subject: ControllerUnderTest, line: OutgoingConnection, _: Task) -> Iterator[None]:
     jog_somewhere(subject, line)
     yield
 
 
 @contextmanager
-def _way_home(subject: Subject, line: Line, task: Task) -> Iterator[None]:
+def _way_home(subject: ControllerUnderTest, line: OutgoingConnection, task: Task) -> Iterator[None]:
     """A reset that has a step to go, where it goes to the initial tool position (A-4.18-3)."""
     has(subject, task.name)
     with home_at(subject, line):
@@ -379,7 +398,7 @@ def _way_home(subject: Subject, line: Line, task: Task) -> Iterator[None]:
 
 
 @contextmanager
-def home_at(subject: Subject, line: Line) -> Iterator[None]:
+def home_at(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
     """Make where the arm stands the initial tool position, for a while.
 
     So that a reset goes no farther than back to it (A-4.18-3).
@@ -399,7 +418,7 @@ def home_at(subject: Subject, line: Line) -> Iterator[None]:
                 line.ask("set_initial_tool_position", before)
 
 
-_Begin = Callable[[Subject, Line, Task], Any]
+_Begin = Callable[[ControllerUnderTest, OutgoingConnection, Task], Any]
 _BEGIN: Final[Mapping[str, _Begin]] = {
     RUN: _program,
     SIMULATE: _program,
@@ -412,7 +431,7 @@ _BEGIN: Final[Mapping[str, _Begin]] = {
 # ---------------------------------------------------------------------- ending
 
 
-def stop_nothing(subject: Subject, line: Line) -> None:
+def stop_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Stop a robot that is idle: that is refused, or done at once (A-4.17-1), and stops nothing.
 
     What begins afterwards goes on.
@@ -423,7 +442,13 @@ def stop_nothing(subject: Subject, line: Line) -> None:
         stop_motion(subject, line)
 
 
-def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = None) -> Answer:
+def finish(
+    subject: ControllerUnderTest,
+    line: OutgoingConnection,
+    name: str,
+    *,
+    within_s: float | None = None,
+) -> ReceivedFrame:
     """Wait for a final result; see `end_of`.
 
     Raises:
@@ -440,7 +465,7 @@ def finish(subject: Subject, line: Line, name: str, *, within_s: float | None = 
     return answer
 
 
-def done(subject: Subject, line: Line, name: str) -> Answer:
+def done(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> ReceivedFrame:
     """Wait for the successful end of a task.
 
     Raises:
@@ -457,7 +482,9 @@ def done(subject: Subject, line: Line, name: str) -> Answer:
     return answer
 
 
-def release(subject: Subject, line: Line) -> tuple[Answer, Answer | None]:
+def release(
+    subject: ControllerUnderTest, line: OutgoingConnection
+) -> tuple[ReceivedFrame, ReceivedFrame | None]:
     """Release the joints: the first reply, and the final result.
 
     That is None where it only comes when the joints are locked again (A-4.25-2).
@@ -476,7 +503,7 @@ def release(subject: Subject, line: Line) -> tuple[Answer, Answer | None]:
 
 
 @contextmanager
-def locked_again(subject: Subject, line: Line) -> Iterator[None]:
+def locked_again(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterator[None]:
     """Lock the joints afterwards, whatever has happened."""
     try:
         yield
@@ -486,7 +513,7 @@ def locked_again(subject: Subject, line: Line) -> Iterator[None]:
                 finish(subject, line, LOCK)
 
 
-def interrupted(line: Line, name: str) -> Answer | None:
+def interrupted(line: OutgoingConnection, name: str) -> ReceivedFrame | None:
     """The final result of what a stop has ended, where it has one (A-4.17-4)."""
     try:
         return line.result(name, within_s=SILENCE_S)
