@@ -120,12 +120,10 @@ def over_tcp(folder: Path) -> None:
         with _virtual_controller(folder) as url:
             out = folder / f"controller{len(depth)}"
             _certify("controller", url, *depth, *EVERYTHING, "--out", str(out))
-    statement = folder / "fast.toml"
-    statement.write_text(
-        f'[subject]\nname = "virtual, {FAST} times as fast"\ntime_scale = {FAST}\n'
-    )
+    ics = folder / "fast.toml"
+    ics.write_text(f'[subject]\nname = "virtual, {FAST} times as fast"\ntime_scale = {FAST}\n')
     with _virtual_controller(folder, FAST) as url:
-        granted = ("--ics", str(statement), "--patience", f"{PATIENCE_S}")
+        granted = ("--ics", str(ics), "--patience", f"{PATIENCE_S}")
         asked = (url, *EVERYTHING, *EVERY_CASE, *granted, "--out", str(folder / "fast"))
         _say(f"a controller whose seconds are {FAST} times as short:")
         _certify("controller", *asked)

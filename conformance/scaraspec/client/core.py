@@ -221,9 +221,9 @@ class ClientCore:
         """Keep what a frame says about the controller besides its value."""
         for key, option in parsed.decoded.readings:
             self._observe(key, option)
-        if parsed.command.also is not None:
+        if parsed.command.alternate_opcode is not None:
             self._observe("op_get_default", f"0x{frame.opcode:02X}")
-        if parsed.command.reply_also is not None:
+        if parsed.command.alternate_reply_opcode is not None:
             self._observe("op_temp_reply", f"0x{frame.opcode:02X}")
         if parsed.part == "result" and self._executing(_STOP) and parsed.command.name != _STOP:
             self._observe("estop_interrupted", "first")

@@ -62,7 +62,7 @@ class PendingOperation:
         self.observed: dict[str, str] = {}
         self._dialect = dialect
         self._request = Frame(A2C, command.opcode, command.request.encode(value, dialect))
-        self._opcodes = {command.opcode, command.reply_also}  # what a reply may bear
+        self._opcodes = {command.opcode, command.alternate_reply_opcode}  # what a reply may bear
 
     @property
     def slot(self) -> str:
@@ -222,7 +222,7 @@ class DefaultProgram(PendingOperation):
 
     def expire(self, now_s: float) -> list[Frame]:
         """Try the printed opcode; where silence means that none is set, that is the answer."""
-        if self.command.also not in self._opcodes:
+        if self.command.alternate_opcode not in self._opcodes:
             self._use_printed_opcode()
             return self._ask(now_s)
         if self._dialect["default_none"] == "silence":
@@ -231,9 +231,9 @@ class DefaultProgram(PendingOperation):
         return super().expire(now_s)
 
     def _use_printed_opcode(self) -> None:
-        assert self.command.also is not None
-        self._request = self._request._replace(opcode=self.command.also)
-        self._opcodes.add(self.command.also)
+        assert self.command.alternate_opcode is not None
+        self._request = self._request._replace(opcode=self.command.alternate_opcode)
+        self._opcodes.add(self.command.alternate_opcode)
 
 
 class TwoStage(PendingOperation):

@@ -132,10 +132,10 @@ def prove_client(
         dialect: The readings that it follows, each of which it claims then.
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
-    statement = Ics(
+    ics = Ics(
         name=fault.name if fault else "reference client",
         dialect=spoken,
         claimed=frozenset(READINGS if dialect else spoken.differences()),
     )
     with closing(MemoryClient(fault.wrong if fault else AsyncClient, spoken)) as access:
-        return Run(ClientAdapter(access, statement, options, link="memory")).results()
+        return Run(ClientAdapter(access, ics, options, link="memory")).results()

@@ -130,26 +130,26 @@ def prove_controller(
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
     robot = Robot(fault.wrong if fault else Brain, spoken)
-    statement = Ics(
+    ics = Ics(
         name=fault.name if fault else "virtual controller",
         dialect=spoken,
         claimed=frozenset(READINGS if dialect else spoken.differences()),
         hooks=hooks_of(robot),
     )
-    return certified(robot, statement, options)
+    return certified(robot, ics, options)
 
 
-def certified(robot: Robot, statement: Ics, options: Options) -> Results:
+def certified(robot: Robot, ics: Ics, options: Options) -> Results:
     """Run the suite against this machine.
 
     Args:
         robot: The machine.
-        statement: What it claims.
+        ics: What it claims.
         options: What to try.
     """
     access = MemoryAccess(robot.network)
     setting = ControllerAdapter(
-        access, statement, PASSWORD, options, link="memory", draw_token=tokens().__next__
+        access, ics, PASSWORD, options, link="memory", draw_token=tokens().__next__
     )
     return Run(setting).results()
 

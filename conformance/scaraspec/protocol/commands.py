@@ -142,8 +142,8 @@ class Command:
         result: Data of the final result behind the 0x90 tag; None for one-stage commands.
         hazard: The worst it does to a real robot.
         asker: Who sends the request; the controller only for 0x56 (A-5-19).
-        also: Another opcode printed for the same command, request and reply (A-4.12-1).
-        reply_also: Another opcode printed for the reply alone (A-4.14-1).
+        alternate_opcode: Another opcode printed for the same command, request and reply (A-4.12-1).
+        alternate_reply_opcode: Another opcode printed for the reply alone (A-4.14-1).
         secret: Its request holds passwords: masked wherever it is shown.
     """
 
@@ -158,8 +158,8 @@ class Command:
     hazard: Hazard
     result: Payload | None = None
     initiator: Direction = A2C
-    also: int | None = None
-    reply_also: int | None = None
+    alternate_opcode: int | None = None
+    alternate_reply_opcode: int | None = None
     secret: bool = False
 
     @property
@@ -203,12 +203,12 @@ COMMANDS: Final = (
     Command(0x0C, "delete_program", "Delete a program", "删除用户应用程序", "4.11", (253, 263),
             _NAME, FLAG, _DE),
     Command(0x0D, "get_default_program", "Get the default program", "获取默认程序", "4.12",
-            (265, 275), _NONE, OptionalName(), _RO, also=0x13),
+            (265, 275), _NONE, OptionalName(), _RO, alternate_opcode=0x13),
     Command(0x0E, "set_default_program", "Set the default program", "设置默认程序", "4.13",
             (277, 287), _NAME, FLAG, _ST),
     Command(0x0F, "get_motor_temperatures", "Get the motor temperatures", "获取电机温度", "4.14",
             (289, 302), _NONE, Record(tuple(Number(j, "°C") for j in _JOINTS), JointValues), _RO,
-            reply_also=0x0E),
+            alternate_reply_opcode=0x0E),
     Command(0x30, "run_program", "Run a program", "运行程序", "4.15", (304, 328),
             _NAME, _REASONED, _MO, _RESULT),
     Command(0x31, "simulate_program", "Simulate a program", "模拟运行程序", "4.16", (330, 354),
@@ -268,7 +268,8 @@ BY_NAME: Final[Mapping[str, Command]] = MappingProxyType({c.name: c for c in COM
 """Rows by name."""
 
 BY_OPCODE: Final[Mapping[int, Command]] = MappingProxyType(
-    {c.opcode: c for c in COMMANDS} | {c.also: c for c in COMMANDS if c.also is not None}
+    {c.opcode: c for c in COMMANDS}
+    | {c.alternate_opcode: c for c in COMMANDS if c.alternate_opcode is not None}
 )
 """Rows by opcode, 0x0D and 0x13 giving the same one."""
 
@@ -304,7 +305,7 @@ def read(frame: Frame) -> Parsed | None:
         command is not None
         and frame.direction is C2A
         and not frame.tagged
-        and frame.opcode == BY_NAME["get_motor_temperatures"].reply_also
+        and frame.opcode == BY_NAME["get_motor_temperatures"].alternate_reply_opcode
         and frame.data.count(b"|") == len(_JOINTS) - 1
     ):
         command = BY_NAME["get_motor_temperatures"]

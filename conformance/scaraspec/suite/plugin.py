@@ -106,7 +106,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     if run is None:
         return
     run.end()
-    status = run.told().verdict.exit_status
+    status = run.build_results().verdict.exit_status
     if run.bracket.cases and session.exitstatus in (
         pytest.ExitCode.OK,
         pytest.ExitCode.TESTS_FAILED,
@@ -118,4 +118,4 @@ def pytest_terminal_summary(config: pytest.Config) -> None:
     """Say what the run amounts to."""
     run = config.stash.get(_RUN, None)
     if run is not None and run.bracket.cases:
-        terminal.show(run.told(), Console())
+        terminal.show(run.build_results(), Console())

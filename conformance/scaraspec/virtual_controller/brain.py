@@ -154,8 +154,8 @@ class Brain(Behaviour):
     def _command(self, frame: Frame) -> Command | None:
         """The row of a frame; None where the dialect does not know its opcode (A-4.12-1)."""
         command = BY_OPCODE.get(frame.opcode)
-        if command and command.also and self.dialect["op_get_default"] == "0x13":
-            return command if frame.opcode == command.also else None
+        if command and command.alternate_opcode and self.dialect["op_get_default"] == "0x13":
+            return command if frame.opcode == command.alternate_opcode else None
         return command
 
     def _may_ask(self, session: Session, command: Command) -> bool:
@@ -216,8 +216,8 @@ class Brain(Behaviour):
         if answer is SILENCE:
             return
         opcode = frame.opcode
-        if command.reply_also is not None and self.dialect["op_temp_reply"] == "0x0E":
-            opcode = command.reply_also
+        if command.alternate_reply_opcode is not None and self.dialect["op_temp_reply"] == "0x0E":
+            opcode = command.alternate_reply_opcode
         self.emit(session, Frame(C2A, opcode, command.reply.encode(answer, self._own)))
 
     def _send_later(self) -> None:

@@ -123,8 +123,8 @@ class Client:
         command = BY_NAME[name]
         payload = command.reply if answer else command.request
         opcode = command.opcode
-        if command.also and self._dialect["op_get_default"] == "0x13":
-            opcode = command.also
+        if command.alternate_opcode and self._dialect["op_get_default"] == "0x13":
+            opcode = command.alternate_opcode
         self.send(Frame(A2C, opcode, payload.encode(value, self._dialect)).encode())
         return self.hear()
 

@@ -64,7 +64,7 @@ def test_the_sums_are_those_of_the_cases(full: Results) -> None:
     assert sum(int(suite.get("tests", 0)) for suite in root) == 6
     case = root.find(".//testcase")
     assert case is not None
-    assert case.get("classname") == "scaraspec.virtual_controller.3"
+    assert case.get("classname") == "scaraspec.controller.3"
 
 
 def test_hostile_text_stays_text(hostile: Results) -> None:

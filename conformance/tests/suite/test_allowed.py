@@ -34,12 +34,12 @@ class Hears(Brain):
         super().__init__(*args, **kwargs)
         if STORED not in self.store:
             self.store.write(STORED, sample_program("pick-and-place.rob").read_bytes())
-        self.heard: set[str] = set()
+        self.inbox: set[str] = set()
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Keep the command."""
         if frame.opcode in BY_OPCODE:
-            self.heard.add(BY_OPCODE[frame.opcode].name)
+            self.inbox.add(BY_OPCODE[frame.opcode].name)
         super().handle(session, frame, now_s)
 
 
@@ -66,7 +66,7 @@ def test_nothing_else_is_sent(allowed: frozenset[Hazard]) -> None:
     cases = certified(robot, Ics(hooks=hooks_of(robot)), options).cases
     bad = (Verdict.ERROR, Verdict.FAIL, Verdict.INCONCLUSIVE)
     assert [f"{case.id}: {case.message}" for case in cases if case.verdict in bad] == []
-    heard = set().union(*(brain.heard for brain in brains))
+    heard = set().union(*(brain.inbox for brain in brains))
     own = {"login"} | ({"delete_program"} if Hazard.STATE in allowed else set())
     assert {name for name in heard if HAZARDS[name] not in allowed} <= own
     assert brains[-1].store.names() == [STORED]

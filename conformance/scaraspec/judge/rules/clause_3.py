@@ -5,7 +5,7 @@ from typing import Final
 from scaraspec.judge.rules.busy import BUSY
 from scaraspec.judge.rules.diagnosis import Fault, diagnose
 from scaraspec.judge.rules.ports import OUTPUTS
-from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated, unsure
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, inconclusive, rule, tolerated
 from scaraspec.protocol.commands import BY_OPCODE, UNDOCUMENTED_GAP
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
@@ -214,7 +214,7 @@ def nothing_unsolicited(unasked: UnsolicitedReply, scene: RobotState) -> RuleRes
     if frame.tagged or unasked.late or untagged_result(unasked, scene):
         return None
     if not unasked.certain:
-        return unsure("a gap may hide the request that this answers")
+        return inconclusive("a gap may hide the request that this answers")
     return tolerated(
         "A-3-16", "unsolicited frame", f"an unsolicited frame with opcode {frame.opcode:02X} came"
     )
@@ -265,7 +265,7 @@ def answered(x: Exchange, scene: RobotState) -> RuleResult | None:
             observed=f"a reply after {(x.latency_ns or 0) / 1e9:.1f} s",
         )
     if x.ending is Ending.UNSEEN:
-        return unsure(f"the answer to {x.name} may be in a gap of the recording")
+        return inconclusive(f"the answer to {x.name} may be in a gap of the recording")
     if x.ending is not Ending.UNANSWERED or x.stray:
         return None
     return _silence(x, scene) or failed(
@@ -278,7 +278,7 @@ def answered(x: Exchange, scene: RobotState) -> RuleResult | None:
 def _silence(x: Exchange, scene: RobotState) -> RuleResult | None:
     """The readings that allow silence, and what looks like a dead link."""
     if not x.certain:
-        return unsure(f"the answer to {x.name} may be in a gap of the recording")
+        return inconclusive(f"the answer to {x.name} may be in a gap of the recording")
     if x.during or _may_be_busy(x, scene):
         two_stage = x.command is not None and x.command.two_stage
         reading = ("busy_reply", "silence") if two_stage else ("A-4-3", "not served")
@@ -296,7 +296,7 @@ def _silence(x: Exchange, scene: RobotState) -> RuleResult | None:
     if x.name == "set_digital_output" and x.request.value.port > OUTPUTS:
         return tolerated("A-3-9", "ignored", "what is perhaps no output was not set")
     if not x.later_answered:
-        return unsure(f"nothing was answered any more from {x.name} on: the link may have died")
+        return inconclusive(f"no answers from {x.name} on: the connection may have been lost")
     if x.pipelined:
         return tolerated("pipelining", "one", f"{x.name} behind another request was not served")
     return None
@@ -413,7 +413,7 @@ def one_result(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.result:
         return PASSED
     if x.ending is Ending.UNSEEN:
-        return unsure(f"the final result of {x.name} may be in a gap of the recording")
+        return inconclusive(f"the final result of {x.name} may be in a gap of the recording")
     if x.ending is not Ending.UNFINISHED:
         return None
     if x.interrupted_by and x.interrupted_by.name == "jog":

@@ -4,7 +4,7 @@ from functools import partial
 from typing import Final
 
 from scaraspec.judge.rules.busy import STATE_OF, never_idle_while_executing
-from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated, unsure
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, inconclusive, rule, tolerated
 from scaraspec.protocol import errors
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
@@ -95,5 +95,5 @@ def served_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.ending is not Ending.UNANSWERED:
         return None
     if not x.certain or not x.later_answered:
-        return unsure("the status was not answered while the robot was busy, or is in a gap")
+        return inconclusive("the status was not answered while the robot was busy, or is in a gap")
     return tolerated("A-4-3", "not served", "the status was not answered while the robot was busy")

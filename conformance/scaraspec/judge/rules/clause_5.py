@@ -5,10 +5,10 @@ from scaraspec.judge.rules.rule import (
     PASSED,
     RuleResult,
     failed,
+    inconclusive,
     places_of,
     rule,
     tolerated,
-    unsure,
 )
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import NAME_MAX_BYTES, show
@@ -173,7 +173,7 @@ def name_first(x: Exchange, _: RobotState) -> RuleResult | None:
             "content without a file name before it", observed=x.name, at=(x.request.place,)
         )
     if not x.transfer_before.certain:
-        return unsure("the name may be in a gap of the recording")
+        return inconclusive("the name may be in a gap of the recording")
     return None
 
 
@@ -371,7 +371,7 @@ def content_follows(transfer: Transfer, scene: RobotState) -> RuleResult | None:
         return None
     stored = scene.files.get(transfer.name)
     if stored is None or not stored.received_bytes:
-        return unsure(f"{show(transfer.name)} may be empty: it was promised and did not come")
+        return inconclusive(f"{show(transfer.name)} may be empty: it was promised and did not come")
     return failed(
         f"the download of {show(transfer.name)} was accepted, and no content followed",
         expected="a chunk",

@@ -9,10 +9,10 @@ from scaraspec.judge.rules.rule import (
     PASSED,
     RuleResult,
     failed,
+    inconclusive,
     places_of,
     rule,
     tolerated,
-    unsure,
 )
 from scaraspec.judge.rules.settings import in_force
 from scaraspec.traffic.events import Exchange
@@ -98,7 +98,7 @@ def clock_runs(x: Exchange, scene: RobotState) -> RuleResult | None:
         message = "the clock went by an hour in the night to a Sunday, as summer time does"
         return tolerated("A-4.5-1", "local time", message)
     if step:
-        return unsure("the robot's clock or the recording's was set between two readings")
+        return inconclusive("the robot's clock or the recording's was set between two readings")
     advance_s = (x.answer - y.answer).total_seconds()
     if advance_s < 0:
         wrong = "went back"

@@ -1,8 +1,8 @@
 """What a rule is: one pure function for one requirement, over one happening and the scene.
 
-A rule returns nothing where its requirement says nothing of this happening. It never guesses: what
-an overlap leaves open is `unsure`. Of gaps it need not think as long as it looks at its happening
-alone: the judge takes no failure of one that is not certain.
+A rule returns nothing if its requirement does not apply to the event. A rule never guesses: if
+overlapping exchanges leave the answer open, it returns `inconclusive`. A rule that looks at its
+event alone can ignore capture gaps: the judge drops the failure of an event that is not certain.
 """
 
 from collections.abc import Callable, Iterable
@@ -62,7 +62,7 @@ def tolerated(key: str, option: str, message: str, *, at: Iterable[WireRange] = 
     return RuleResult(Verdict.TOLERATED, message, places=tuple(at), reading=(key, option))
 
 
-def unsure(message: str) -> RuleResult:
+def inconclusive(message: str) -> RuleResult:
     """The evidence does not suffice."""
     return RuleResult(Verdict.INCONCLUSIVE, message)
 

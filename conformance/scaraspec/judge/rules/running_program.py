@@ -7,10 +7,10 @@ from scaraspec.judge.rules.rule import (
     PASSED,
     RuleResult,
     failed,
+    inconclusive,
     places_of,
     rule,
     tolerated,
-    unsure,
 )
 from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.direction import C2A
@@ -97,7 +97,7 @@ def run_time_runs(x: Exchange, scene: RobotState) -> RuleResult | None:
         return PASSED
     y, step = found
     if step:
-        return unsure("the run time or the recording's clock was set between two readings")
+        return inconclusive("the run time or the recording's clock was set between two readings")
     return failed(
         "the run time does not gain one second a second",
         expected=f"{(x.time_ns - y.time_ns) / 1e9:.1f} s more than {y.answer.run_time_s} s",

@@ -5,7 +5,7 @@ What a busy robot answers stands in `busy`; how an emergency stop goes in `stop`
 
 from typing import Final
 
-from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated, unsure
+from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, inconclusive, rule, tolerated
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import A2C
@@ -140,7 +140,7 @@ def reply_before_execution(x: Exchange, scene: RobotState) -> RuleResult | None:
     if any((y.latency_ns or 0) * 2 > x.latency_ns for y in begun):
         return None  # it takes as long to begin what lasts
     if not any(map(_comes_at_its_end, before[:1])):
-        return unsure(f"{said}: once, as where a packet is lost on its way")
+        return inconclusive(f"{said}: once, as where a packet is lost on its way")
     return failed(said, expected="the first reply before the execution", observed="both at its end")
 
 

@@ -31,8 +31,10 @@ class AsksForTheDefaultUnderBoth(ClientCore):
     def _send(self, frames: Iterable[Frame]) -> None:
         for frame in frames:
             super()._send([frame])
-            if frame.opcode == _GET_DEFAULT.opcode and _GET_DEFAULT.also:
-                super()._send([frame._replace(opcode=_GET_DEFAULT.also, data=b"pro1.rob")])
+            if frame.opcode == _GET_DEFAULT.opcode and _GET_DEFAULT.alternate_opcode:
+                super()._send(
+                    [frame._replace(opcode=_GET_DEFAULT.alternate_opcode, data=b"pro1.rob")]
+                )
 
 
 @mutant("4.13/1")

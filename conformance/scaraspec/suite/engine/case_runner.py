@@ -226,7 +226,7 @@ class CaseRunner:
         """What comes of a case without running it; None if it has to run."""
         if case.id in self.over:
             return Outcome(case, Verdict.NONE, message="it is over since an earlier sitting")
-        why = why_not(case, self.options, self.subject.statement)
+        why = why_not(case, self.options, self.subject.ics)
         if not why and self._failed.issuperset(case.requirements) and not self.options.exhaustive:
             why = f"{', '.join(case.requirements)} failed already: --exhaustive goes on"
         if why:

@@ -92,8 +92,8 @@ class Connection:
         judged: Whether the judge watches it.
 
     Attributes:
-        heard: Frames that came and that nobody has taken yet, in order.
-        noise: What came and was no frame.
+        inbox: Frames that came and that nobody has taken yet, in order.
+        invalid_bytes: What came and was no frame.
         ending: How the subject ended it; None while it is open.
         closed: It was ended by the suite.
         closed_ns: When.
@@ -103,8 +103,8 @@ class Connection:
         self, name: str, link: Link, holder: Holder, ours: Direction, *, judged: bool
     ) -> None:
         self.name = name
-        self.heard: list[FrameSeen] = []
-        self.noise: list[InvalidBytes] = []
+        self.inbox: list[FrameSeen] = []
+        self.invalid_bytes: list[InvalidBytes] = []
         self.ending: Ending | None = None
         self.closed, self.closed_ns = False, 0
         self._due_bytes = _FLOOD_BYTES
@@ -159,9 +159,9 @@ class Connection:
         """
         deadline_s = self.link.now_s + within_s
         while True:
-            for seen in self.heard:
+            for seen in self.inbox:
                 if wanted(seen):
-                    self.heard.remove(seen)
+                    self.inbox.remove(seen)
                     return ReceivedFrame(seen, seen.value)
             if self.link.now_s > deadline_s or not self._more(deadline_s):
                 when = "" if self.ending else f" in {within_s:g} s"
@@ -170,14 +170,14 @@ class Connection:
     def hears(self, within_s: float) -> bool:
         """Wait for a frame, and leave it to whoever wants it; whether one is there."""
         deadline_s = self.link.now_s + within_s
-        while not self.heard and self.link.now_s <= deadline_s and self._more(deadline_s):
+        while not self.inbox and self.link.now_s <= deadline_s and self._more(deadline_s):
             pass
-        return bool(self.heard)
+        return bool(self.inbox)
 
     def no_answer(self, message: str) -> NoReply:
         """What to raise where something that is due has not come."""
-        came = [f"{seen.frame}" for seen in self.heard]
-        came += [f"no frame: {show(noise.data)}" for noise in self.noise]
+        came = [f"{seen.frame}" for seen in self.inbox]
+        came += [f"no frame: {show(noise.data)}" for noise in self.invalid_bytes]
         if self.ending:
             came.append(f"the connection was {self.ending.value}")
         return NoReply(message, expected="an answer", observed="; ".join(came) or "silence")
@@ -268,10 +268,10 @@ class Connection:
                 if isinstance(item, FrameSeen):
                     self._sent(item)
             elif isinstance(item, FrameSeen):
-                self.heard.append(item)
+                self.inbox.append(item)
                 self._received(item)
             else:
-                self.noise.append(item)
+                self.invalid_bytes.append(item)
 
     def _sent(self, seen: FrameSeen) -> None:
         """A frame of ours is whole: whoever answers by itself may want to know."""

@@ -46,7 +46,7 @@ class Ics:
         name: What it is called.
         version: Its version.
         url: Its link, where the command line names none.
-        lacks: Commands that it does not have.
+        unsupported: Commands that it does not have.
         dialect: The readings that it follows: its claims, elsewhere the defaults.
         claimed: The keys that it claims.
         network_applies: When 0x05 takes effect: ``at-once`` or ``after-restart``.
@@ -58,7 +58,7 @@ class Ics:
     name: str = ""
     version: str = ""
     url: str = ""
-    lacks: frozenset[str] = frozenset()
+    unsupported: frozenset[str] = frozenset()
     dialect: Dialect = field(default_factory=lambda: Dialect({}))
     claimed: frozenset[str] = frozenset()
     network_applies: str = "at-once"
@@ -83,12 +83,12 @@ class Ics:
         return network | (_ON_TIME if self.time_scale != 1 else frozenset())
 
     @property
-    def told(self) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Its claims beside name, version and link, in the words of its file; hooks by name."""
         told = {f"readings.{key}": self.dialect[key] for key in sorted(self.claimed)}
         told |= {f"hooks.{name}": "given" for name in sorted(self.hooks)}
-        if self.lacks:
-            told["lacks"] = ", ".join(sorted(self.lacks))
+        if self.unsupported:
+            told["lacks"] = ", ".join(sorted(self.unsupported))
         if self.network_applies != _NETWORK_APPLIES[0]:
             told["network_applies"] = self.network_applies
         if self.time_scale != 1:
@@ -148,7 +148,8 @@ class Ics:
         _within("subject.time_scale", subject.get("time_scale", 1.0), _FASTEST)
         readings = {k: str(v) for k, v in _table(said, "readings").items()}
         return cls(
-            **{**subject, "lacks": lacks},
+            **{key: value for key, value in subject.items() if key != "lacks"},
+            unsupported=lacks,
             dialect=Dialect(readings),
             claimed=frozenset(readings),
             motion=_motion(_table(said, "motion")),

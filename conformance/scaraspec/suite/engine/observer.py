@@ -51,7 +51,7 @@ class Observer:
 
     Args:
         role: What the subject is.
-        statement: What it claims.
+        ics: What it claims.
         needs_login: False for a serial link (L83).
         take: Is given every wire event: a recording.
         hear: Is given what happened and what is wrong with it: statistics.
@@ -63,20 +63,20 @@ class Observer:
     def __init__(
         self,
         role: Role,
-        statement: Ics,
+        ics: Ics,
         *,
         needs_login: bool = True,
         take: Take = lambda _: None,
         hear: Hear = lambda _: None,
     ) -> None:
         self.interruption = Interruption()
-        self.judge = Judge(statement.dialect, needs_login=needs_login)
+        self.judge = Judge(ics.dialect, needs_login=needs_login)
         self.sightings: list[Sighting] = []
         self.case = ""
         self.recent: deque[FrameSeen | InvalidBytes] = deque(maxlen=_RECENT_FRAMES)
         self.unasked: deque[FrameSeen] = deque(maxlen=_RECENT_FRAMES)
         """The last first replies that answer nothing, not even late (A-3-16)."""
-        self._role, self._beyond = role, statement.beyond_the_judge
+        self._role, self._beyond = role, ics.beyond_the_judge
         self._take, self._hear = take, hear
         self._overlooked = ""
 

@@ -57,7 +57,7 @@ def hazards(text: str) -> frozenset[Hazard]:
     return frozenset({Hazard.READ_ONLY, *(known[name] for name in names)})
 
 
-def why_not(case: Case, options: Options, statement: Ics) -> str:
+def why_not(case: Case, options: Options, ics: Ics) -> str:
     """Why a case cannot run; empty where it can."""
     if missing := case.hazards - options.allowed - {Hazard.READ_ONLY}:
         names = ",".join(sorted(hazard.value for hazard in missing))
@@ -66,7 +66,7 @@ def why_not(case: Case, options: Options, statement: Ics) -> str:
         return "it sends undefined opcodes: --undefined-opcodes, never on a real robot"
     if options.brief and case.slow:
         return "it takes long, and others judge its requirements, too: --exhaustive tries it"
-    if wanting := [name for name in case.needs if name not in statement.hooks]:
+    if wanting := [name for name in case.needs if name not in ics.hooks]:
         hooks = ", ".join(wanting)
         return f"it needs {hooks} in [hooks] of the statement of conformance"
     return ""

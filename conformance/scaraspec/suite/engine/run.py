@@ -69,7 +69,7 @@ class RoleAdapter(Protocol[P]):
         """What the subject is."""
 
     @property
-    def statement(self) -> Ics:
+    def ics(self) -> Ics:
         """What it claims."""
 
     @property
@@ -153,7 +153,7 @@ class Run(Generic[P]):
         self._stats = SessionStats()
         self._observer = Observer(
             setting.role,
-            setting.statement,
+            setting.ics,
             needs_login=setting.needs_login,
             take=take,
             hear=self._stats.add,
@@ -198,7 +198,7 @@ class Run(Generic[P]):
                     raise
                 self._subject.close_lines()
                 self.end()  # nothing is left half put back, unless he insists
-        return self.told()
+        return self.build_results()
 
     def _try_cases(self) -> None:
         role, options = self.setting.role, self.setting.options
@@ -247,7 +247,7 @@ class Run(Generic[P]):
         self._subject.close_lines()
         self._observer.case = case
 
-    def told(self) -> Results:
+    def build_results(self) -> Results:
         """What came of it."""
         reason = self._subject.others.reason
         ran = (unless_disturbed(o, reason(o.case.id)) for o in self.bracket.outcomes)
@@ -276,11 +276,11 @@ class Run(Generic[P]):
             tool=Tool.own(),
             subject=model.Subject(
                 setting.role,
-                setting.statement.name,
-                setting.statement.version,
+                setting.ics.name,
+                setting.ics.version,
                 setting.link,
                 setting.capture,
-                setting.statement.told,
+                setting.ics.summary,
                 self._subject.complaints,
             ),
             role=setting.role,
@@ -312,8 +312,8 @@ class Run(Generic[P]):
 
         A probe may have found what the subject takes; what it sends by itself outweighs that.
         """
-        statement = self.setting.statement
-        claims = {key: statement.dialect[key] for key in statement.claimed}
+        ics = self.setting.ics
+        claims = {key: ics.dialect[key] for key in ics.claimed}
         readings = dict(readings_of(self._observer.judge, speaks(self.setting.role), claims))
         for key, option in self._subject.found.items():
             if key == "endian" and key in readings and readings[key].options:
@@ -336,7 +336,7 @@ class Run(Generic[P]):
                 continue  # who lets a request wait is silent until then
             if key == "op_get_default" and self._serves(seen):
                 continue
-            if key == "default_none" and self.setting.statement.dialect["on_unknown"] == "0":
+            if key == "default_none" and self.setting.ics.dialect["on_unknown"] == "0":
                 continue  # of 0x0D and 0x13 the one that it does not know is answered so, too
             if READINGS[key].unit is None:
                 message = f"the statement of conformance claims {key} = {seen.claimed}"

@@ -86,7 +86,7 @@ class SystemUnderTest(Protocol):
         """Why a case that raised nothing has found out nothing; empty where it has."""
 
     @property
-    def statement(self) -> Ics:
+    def ics(self) -> Ics:
         """What it claims."""
 
     @property

@@ -24,7 +24,7 @@ class Limits(NamedTuple):
 
 def limits_of(subject: SystemUnderTest) -> Limits:
     """The limits of a subject."""
-    scale = subject.statement.transfer_s / _DOCUMENT_S
+    scale = subject.ics.transfer_s / _DOCUMENT_S
     return Limits(25 * scale, 27 * scale, 35 * scale, 60 * scale)
 
 

@@ -225,11 +225,11 @@ class Bench:
 
     def ours_s(self, seconds: float) -> float:
         """How long so many seconds of the subject are for us."""
-        return seconds / self._subject.statement.time_scale
+        return seconds / self._subject.ics.time_scale
 
     def theirs_s(self, seconds: float) -> int:
         """How many whole seconds of the subject last for at least so many of ours."""
-        return math.ceil(seconds * max(1.0, self._subject.statement.time_scale))
+        return math.ceil(seconds * max(1.0, self._subject.ics.time_scale))
 
     # ------------------------------------------------------------------ watching
 

@@ -132,7 +132,7 @@ def _find(subject: ControllerUnderTest, line: OutgoingConnection) -> tuple[Layou
         if trial is None:
             continue
         took_s = trial.ended_s - trial.asked_s
-        if took_s >= TRIAL_S / subject.statement.time_scale / 2:  # 6.5/20 is more exact
+        if took_s >= TRIAL_S / subject.ics.time_scale / 2:  # 6.5/20 is more exact
             return layout, trial
         ended = ended or (layout, trial)
     if ended is not None:

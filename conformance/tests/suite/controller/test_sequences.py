@@ -95,9 +95,9 @@ class IsFull(Brain):
 def test_a_list_that_was_asked_for_is_taken_to_its_end(list_cont: str) -> None:
     """No part of it is taken for one of the next list (A-4.10-3)."""
     dialect = DEFAULT.replace(list_cont=list_cont)
-    access, statement = MemoryAccess(Robot(IsFull, dialect).network), Ics(dialect=dialect)
-    setting = ControllerAdapter(access, statement, PASSWORD, Options(allowed=ALL))
-    subject = setting.subject(Observer(setting.role, statement))
+    access, ics = MemoryAccess(Robot(IsFull, dialect).network), Ics(dialect=dialect)
+    setting = ControllerAdapter(access, ics, PASSWORD, Options(allowed=ALL))
+    subject = setting.subject(Observer(setting.role, ics))
     number = [query.name for query in QUERIES].index("list_programs")
     ask = Step("query", *divmod(number, VALUES), 0)
     model = Model(subject, [], [b"new.rob"])
@@ -134,19 +134,19 @@ def test_late_faults(tried: Try) -> None:
 class Hears(Brain):
     """Keeps what it is asked."""
 
-    heard: set[int] = set()  # noqa: RUF012 - the test empties it
+    inbox: set[int] = set()  # noqa: RUF012 - the test empties it
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Keep the opcode."""
-        self.heard.add(frame.opcode)
+        self.inbox.add(frame.opcode)
         super().handle(session, frame, now_s)
 
 
 def test_only_what_is_allowed(tried: Try) -> None:
     """Where nothing but asking is allowed, nothing else is drawn."""
-    Hears.heard.clear()
+    Hears.inbox.clear()
     cases = tried(Hears, "3/31", allowed=ASKING, examples=20)
     assert cases["3/31.sequences"].verdict is Verdict.PASS
     assert cases["3/31.long-use"].verdict is Verdict.NONE
-    names = {BY_OPCODE[opcode].name for opcode in Hears.heard}
+    names = {BY_OPCODE[opcode].name for opcode in Hears.inbox}
     assert names <= {c.name for c in COMMANDS if c.hazard is Hazard.READ_ONLY} | {"login"}

@@ -35,10 +35,10 @@ SETTINGS = [
 
 def _seen(make: type[Brain], name: str, value: Any) -> set[str]:
     """What the judge holds against a robot that is asked before and behind a setting."""
-    statement = Ics(dialect=DEFAULT)
+    ics = Ics(dialect=DEFAULT)
     access = MemoryAccess(Robot(make, DEFAULT).network)
-    setting = ControllerAdapter(access, statement, PASSWORD, Options(allowed=ALL))
-    observer = Observer(setting.role, statement)
+    setting = ControllerAdapter(access, ics, PASSWORD, Options(allowed=ALL))
+    observer = Observer(setting.role, ics)
     subject = setting.subject(observer)
     line = subject.open()
     upload(line, NAME, short_program(subject))

@@ -48,7 +48,7 @@ def test_what_never_came_is_waited_for_in_full_twice(due: Due) -> None:
     assert patience.within_s(due, _FULL_S) == _FULL_S
     patience.missed(due)
     patience.missed(due)
-    assert not patience.vain(due)
+    assert not patience.given_up(due)
 
 
 def test_rest_is_awaited_in_full_until_that_was_twice_in_vain() -> None:

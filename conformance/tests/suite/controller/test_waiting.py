@@ -19,9 +19,9 @@ from scaraspec.virtual_controller.brain import Brain
 
 
 def _subject(access: MemoryAccess) -> ControllerUnderTest:
-    statement = Ics()
-    setting = ControllerAdapter(access, statement, PASSWORD, Options(allowed=ALL))
-    return setting.subject(Observer(setting.role, statement))
+    ics = Ics()
+    setting = ControllerAdapter(access, ics, PASSWORD, Options(allowed=ALL))
+    return setting.subject(Observer(setting.role, ics))
 
 
 def test_what_comes_elsewhere_is_judged_as_it_comes() -> None:
@@ -29,9 +29,9 @@ def test_what_comes_elsewhere_is_judged_as_it_comes() -> None:
     subject = _subject(MemoryAccess(Robot(Brain, DEFAULT).network))
     line, other = subject.open(), subject.open()
     start_program(subject, other, RUN, seconds=1)
-    assert not [seen for seen in other.heard if seen.frame.tagged]
+    assert not [seen for seen in other.inbox if seen.frame.tagged]
     line.wait(5)
-    assert [seen for seen in other.heard if seen.frame.tagged]
+    assert [seen for seen in other.inbox if seen.frame.tagged]
 
 
 @dataclass(frozen=True)

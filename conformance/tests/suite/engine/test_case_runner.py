@@ -38,12 +38,12 @@ def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
         text: str,
         brain: type[Brain] = Brain,
         options: Options = Options(allowed=ALL),  # noqa: B008 - it never changes
-        statement: Ics = Ics(),  # noqa: B008 - it never changes
+        ics: Ics = Ics(),  # noqa: B008 - it never changes
     ) -> Results:
         file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
         file.write_text(HEAD + text, encoding="utf-8")
         monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
-        return certified(Robot(brain, DEFAULT), statement, options)
+        return certified(Robot(brain, DEFAULT), ics, options)
 
     return run
 
@@ -269,7 +269,7 @@ def test_a_wrong_claim_is_a_failure_of_its_own(trial: Try) -> None:
     """The statement of conformance is held against what is seen."""
     text = "@case('4.8/2')\ndef test_one(line):\n    line.ask('get_status')\n"
     claim = Ics().claiming(prelogin="all")
-    results = trial(text, statement=claim)
+    results = trial(text, ics=claim)
     assert only(results, "claim.prelogin").verdict is Verdict.FAIL
 
 

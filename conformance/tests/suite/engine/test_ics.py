@@ -41,12 +41,12 @@ def read(text: str, folder: Path) -> Ics:
 
 def test_a_whole_statement(tmp_path: Path) -> None:
     """Everything that can be said is understood."""
-    statement = read(WHOLE, tmp_path)
-    assert (statement.name, statement.version) == ("Plant A", "1.2.0")
-    assert statement.lacks == {"shutdown"}
-    assert statement.claimed == {"op_get_default", "xfer_timeout"}
-    assert statement.transfer_s == 1
-    assert statement.motion.box_mm == ((200, 300), (-50, 50), (200, 250))
+    ics = read(WHOLE, tmp_path)
+    assert (ics.name, ics.version) == ("Plant A", "1.2.0")
+    assert ics.unsupported == {"shutdown"}
+    assert ics.claimed == {"op_get_default", "xfer_timeout"}
+    assert ics.transfer_s == 1
+    assert ics.motion.box_mm == ((200, 300), (-50, 50), (200, 250))
 
 
 def test_hooks_run_without_a_shell(tmp_path: Path) -> None:

@@ -142,7 +142,7 @@ def test_one_at_a_time(subject: ClientUnderTest, line: IncomingConnection) -> No
     line.request(name, first)
     second = subject.begin(name)  # not before: a driver may begin two orders as it likes
     line.wait(_PAUSE_S)
-    if any(seen.name == name for seen in line.heard):
+    if any(seen.name == name for seen in line.inbox):
         subject.tolerate("3/25", "A-3-14", "two open requests", f"{name} is sent twice at once")
     line.reply(name, one)
     if sent_or_settled(subject, line, second) is None:

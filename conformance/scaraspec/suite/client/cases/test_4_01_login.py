@@ -105,7 +105,7 @@ def test_told_to_go_on(subject: ClientUnderTest) -> None:
     awaited(line, "login", call)
     line.reply("login", data=b"0")
     subject.fails(call, requirement="4.1/8")
-    again = line.polls.refused("login")
+    again = line.auto_responder.refused("login")
     expect(
         again is None or again.text == _REFUSED.encode(),
         "the client logs in with another password than the one that it was given",
@@ -127,8 +127,8 @@ def _expect_logins(line: IncomingConnection) -> None:
         CaseFailed: It has.
     """
     line.flush()
-    others = [f"{seen.frame}" for seen in line.heard if seen.name != "login"]
-    if others or line.noise:
+    others = [f"{seen.frame}" for seen in line.inbox if seen.name != "login"]
+    if others or line.invalid_bytes:
         raise CaseFailed(
             "the client goes on after a refused login",
             expected="nothing, or another login",

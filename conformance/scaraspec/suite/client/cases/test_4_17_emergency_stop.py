@@ -83,7 +83,7 @@ def test_interrupted(subject: ClientUnderTest, line: IncomingConnection, order: 
             _not_done(call)
         else:
             failed(subject, call, "00", requirement="4.17/9")
-        line.heard.clear()
+        line.inbox.clear()
         _still_works(subject, line, LOCK)
 
 

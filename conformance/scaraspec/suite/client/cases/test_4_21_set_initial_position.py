@@ -54,6 +54,6 @@ def test_length(subject: ClientUnderTest, line: IncomingConnection) -> None:
         with subject.at_will():
             request = line.serve(call)
             subject.done(call)
-            expect_equal(line.noise, [], "bytes that are no frame beside the request")
+            expect_equal(line.invalid_bytes, [], "bytes that are no frame beside the request")
             line.pump()
             expect_pose(subject, request, wanted)

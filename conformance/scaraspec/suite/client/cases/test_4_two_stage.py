@@ -275,7 +275,7 @@ def test_not_repeated_on_a_new_connection(
 
 
 def _not_sent(line: IncomingConnection, order: Order) -> None:
-    again = [seen for seen in line.heard if seen.name == order.name]
+    again = [seen for seen in line.inbox if seen.name == order.name]
     expect(
         not again,
         f"{order.name} was sent again while its final result was outstanding",

@@ -144,10 +144,10 @@ def _refuses_stray(
     """Send a chunk of no download, which must not be answered 1; the connection afterwards."""
     line.send_frame(download.frame(_CHUNKS[0]))
     line = serving(subject, line, "a chunk of no download")
-    taken = [s for s in line.heard if s.name == "download_chunk" and s.value is True]
+    taken = [s for s in line.inbox if s.name == "download_chunk" and s.value is True]
     message = "a chunk that nobody had asked for was taken"
     expect(not taken, message, expected="0 or silence", observed="1")
-    line.heard.clear()
+    line.inbox.clear()
     return line
 
 
@@ -182,7 +182,7 @@ def test_error_signals(subject: ClientUnderTest, line: IncomingConnection, signa
             expect(not again, message, expected="0 or silence", observed="1")
         download.expect_failed("5.3/8")
         line = serving(subject, line, "the error signal")
-        line.heard.clear()
+        line.inbox.clear()
 
 
 @client_case("5.3/8", name="empty-file")

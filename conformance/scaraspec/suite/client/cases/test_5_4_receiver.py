@@ -121,10 +121,10 @@ def _recovered(
     if line.ending is None:
         line.send_frame(download.frame(_CHUNKS[count]))
     line = serving(subject, line, "a silence")
-    late = [seen for seen in line.heard if seen.name == "download_chunk" and seen.value is True]
+    late = [seen for seen in line.inbox if seen.name == "download_chunk" and seen.value is True]
     message = "a chunk was taken that came after the download had been given up"
     expect(not late, message, expected="0 or silence", observed="1", requirement="5.4/5")
-    line.heard.clear()
+    line.inbox.clear()
     serve(subject, line, _WHOLE, "5.4/6")
 
 

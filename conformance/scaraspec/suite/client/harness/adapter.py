@@ -20,7 +20,7 @@ class ClientAdapter:
 
     Attributes:
         access: The way to the subject.
-        statement: What it claims.
+        ics: What it claims.
         options: What the tester asks for.
         link: How to call the way to it, in the results.
         capture: The file in which it is recorded, beside the results; empty for none.
@@ -28,7 +28,7 @@ class ClientAdapter:
     """
 
     access: Access
-    statement: Ics
+    ics: Ics
     options: Options
     link: str = ""
     capture: str = ""
@@ -38,7 +38,7 @@ class ClientAdapter:
 
     def subject(self, observer: Observer) -> ClientUnderTest:
         """The client under test."""
-        return ClientUnderTest(self.access, self.statement, observer)
+        return ClientUnderTest(self.access, self.ics, observer)
 
     def begin(self, subject: ClientUnderTest) -> Mapping[str, Any]:
         """See whether it is there, and says of an operation that nobody has that it lacks it.

@@ -51,7 +51,7 @@ class ClientUnderTest:
 
     Args:
         access: The way to it.
-        statement: What it claims.
+        ics: What it claims.
         observer: Watches everything.
 
     Attributes:
@@ -65,9 +65,9 @@ class ClientUnderTest:
         off: Never: a client stays.
     """
 
-    def __init__(self, access: Access, statement: Ics, observer: Observer) -> None:
-        self.access, self.statement, self.observer = access, statement, observer
-        self.dialect = statement.dialect
+    def __init__(self, access: Access, ics: Ics, observer: Observer) -> None:
+        self.access, self.ics, self.observer = access, ics, observer
+        self.dialect = ics.dialect
         self.tolerated: list[tuple[str, str, str, str]] = []
         self.found: dict[str, str] = {}
         self.known: dict[str, Any] = {}
@@ -110,7 +110,7 @@ class ClientUnderTest:
     @property
     def transfer_s(self) -> float:
         """After what silence it abandons a transfer (5.4, L795)."""
-        return self.statement.transfer_s
+        return self.ics.transfer_s
 
     def pause(self, for_s: float) -> None:
         """Let time pass, listening to everything."""
@@ -137,9 +137,9 @@ class ClientUnderTest:
             CaseSkipped: It cannot.
         """
         if self.access.attended:
-            if (kept := self._open_line()) and kept.polls.at_rest:
-                kept.heard.clear()
-                kept.polls.renew()
+            if (kept := self._open_line()) and kept.auto_responder.at_rest:
+                kept.inbox.clear()
+                kept.auto_responder.renew()
                 return kept
             self.close_lines()  # a case was skipped in the midst of something
         line, call = self.dial(judged=judged)
@@ -200,7 +200,7 @@ class ClientUnderTest:
 
     def _next(self, line: IncomingConnection, *, judged: bool) -> IncomingConnection | None:
         """Another connection, if one follows on one that was only to show that somebody listens."""
-        silent = line.over and not (line.heard or line.noise)
+        silent = line.over and not (line.inbox or line.invalid_bytes)
         link = self.access.accept(self.access.now_s + _VAIN_S) if silent else None
         return None if link is None else self._connected(link, judged=judged)
 
@@ -361,7 +361,7 @@ class ClientUnderTest:
 
     def _silence(self) -> str:
         """What there is in place of an answer, and what it may wait for that nobody ordered."""
-        unserved = (seen for line in self._lines for seen in line.heard)
+        unserved = (seen for line in self._lines for seen in line.inbox)
         sent = dict.fromkeys(seen.name or f"{seen.frame}" for seen in unserved)
         return f"silence; it has sent by itself {', '.join(sent)}" if sent else "silence"
 

@@ -74,7 +74,7 @@ def executing(subject: ClientUnderTest, line: IncomingConnection, order: Order) 
     """Give an order, and accept it."""
     call = ordered(subject, line, order)
     line.reply(order.name, data=b"1")
-    line.polls.answers["get_status"] = order.status.encode()
+    line.auto_responder.answers["get_status"] = order.status.encode()
     return call
 
 

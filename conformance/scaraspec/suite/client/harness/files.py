@@ -91,7 +91,7 @@ def expect_failed(subject: ClientUnderTest, call: Call, requirement: str = "5.2/
 
 def transfer_frames(line: IncomingConnection) -> list[FrameSeen]:
     """The frames of clause 5 that came and that nobody has taken."""
-    return [seen for seen in line.heard if seen.frame.opcode in _TRANSFER]
+    return [seen for seen in line.inbox if seen.frame.opcode in _TRANSFER]
 
 
 def gives_up(seen: FrameSeen | ReceivedFrame) -> bool:
@@ -125,7 +125,7 @@ def expect_no_transfer(
     came = transfer_frames(line)
     for seen in filter(but, came.copy()) if but else ():
         came.remove(seen)
-        line.heard.remove(seen)
+        line.inbox.remove(seen)
     expect(
         not came,
         message,
@@ -198,7 +198,7 @@ class Upload:
         remote = remote or Path(local).name
         self.call = subject.begin("upload", local=local, remote=remote)
         _expect_named(line, self.call, remote, "5.2/1")
-        line.heard[:] = [seen for seen in line.heard if not gives_up(seen)]  # one before it
+        line.inbox[:] = [seen for seen in line.inbox if not gives_up(seen)]  # one before it
 
     def accept(self) -> None:
         """Answer the name: the file has been created."""
@@ -304,7 +304,7 @@ def give_back(
     while not (subject.access.attended or line.over or subject.speaks(call, _SLICE_S)):
         if subject.access.now_s >= deadline_s:
             break
-        if any(seen.name == "download_name" for seen in line.heard):
+        if any(seen.name == "download_name" for seen in line.inbox):
             line.request("download_name")
             line.reply("download_name")
             for chunk in chunks_of(content):

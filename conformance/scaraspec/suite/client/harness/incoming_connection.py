@@ -51,12 +51,12 @@ class IncomingConnection(Connection):
     """One connection; made by `ClientUnderTest.open`.
 
     Attributes:
-        polls: What the client asks of its own accord.
+        auto_responder: What the client asks of its own accord.
         cut_s: How long to wait between the pieces of a frame; 0 to send each as a whole.
     """
 
     def __init__(self, name: str, link: Link, subject: "ClientUnderTest", *, judged: bool) -> None:
-        self.polls = AutoResponder(subject.awaits)
+        self.auto_responder = AutoResponder(subject.awaits)
         self.cut_s = 0.0
         self._behind: list[bytes] = []
         self._subject = subject
@@ -84,7 +84,7 @@ class IncomingConnection(Connection):
             CaseSkipped: The client lacks the operation, or its operator is away.
         """
         command = BY_NAME[name]
-        opcodes = {command.opcode, command.also} - {None}
+        opcodes = {command.opcode, command.alternate_opcode} - {None}
         patience_s = self._subject.answer_s if within_s is None else within_s
 
         def wanted(seen: FrameSeen) -> bool:
@@ -97,7 +97,7 @@ class IncomingConnection(Connection):
                 request = self.awaited(wanted, patience_s, f"{name} was not sent")
         except OperationRefused as refusal:
             self.finish()
-            if self.heard or self.noise:  # it has sent something else
+            if self.inbox or self.invalid_bytes:  # it has sent something else
                 raise self.no_answer(f"{refusal}") from None
             refusal.after_s = self._subject.access.now_s - begun_s
             if refusal.after_s > _ALONE_S:
@@ -111,7 +111,7 @@ class IncomingConnection(Connection):
             raise
         finally:
             self._wanted = _nothing
-        self.polls.taken(request.seen)
+        self.auto_responder.taken(request.seen)
         self._subject.came(name, call)
         return request
 
@@ -123,7 +123,7 @@ class IncomingConnection(Connection):
         self._answer_polls()
         received = super()._receive(deadline_s, others)
         self._answer_polls()
-        if self.ending is not None and not (self.closed or self.heard):
+        if self.ending is not None and not (self.closed or self.inbox):
             self._over(self.link.close, Kind.CLOSED)
         return received
 
@@ -133,15 +133,15 @@ class IncomingConnection(Connection):
         self._answering = True
         try:
             while not (self.over or self.mid_frame):
-                unwanted = [seen for seen in self.heard if not self._wanted(seen)]
-                poll = self.polls.next(unwanted, self._subject.access.now_s)
+                unwanted = [seen for seen in self.inbox if not self._wanted(seen)]
+                poll = self.auto_responder.next(unwanted, self._subject.access.now_s)
                 if poll is None:
                     break
-                self.heard.remove(poll)
+                self.inbox.remove(poll)
                 if poll.name in REPLIES:
                     self._subject.polled.add(poll.frame)
                 fetched = bool(self._subject.known.get(FETCHES))
-                frames = self.polls.answer(poll, self._subject.programs, fetched=fetched)
+                frames = self.auto_responder.answer(poll, self._subject.programs, fetched=fetched)
                 with suppress(NoReply):  # it asks, and hangs up
                     for frame in frames:
                         self.send_frame(frame)
@@ -150,7 +150,7 @@ class IncomingConnection(Connection):
 
     def _sent(self, seen: FrameSeen) -> None:
         self._sent_ns.append(seen.place.time_ns)
-        self.polls.sent(seen)
+        self.auto_responder.sent(seen)
 
     def has_been_in_time(self, since_ns: int) -> None:
         """Go on only where since then no silence of ours was as long as to end a transfer.
@@ -159,7 +159,7 @@ class IncomingConnection(Connection):
             CaseInconclusive: This machine was too slow, or the client left nothing to answer.
         """
         self.pump()
-        due = [self._subject.now_ns] if any(seen.name in _OF_FILES for seen in self.heard) else []
+        due = [self._subject.now_ns] if any(seen.name in _OF_FILES for seen in self.inbox) else []
         spoken_ns = [since_ns, *(time_ns for time_ns in self._sent_ns if time_ns > since_ns), *due]
         silence_s = max((then - at for at, then in pairwise(spoken_ns)), default=0) / _NS
         if silence_s > limits_of(self._subject).early_s:

@@ -179,7 +179,7 @@ def blame(line: IncomingConnection, *, of_length: str = "3/7") -> None:
         CaseFailed: There are some.
     """
     line.flush()
-    for noise in line.noise:
+    for noise in line.invalid_bytes:
         diagnosis = diagnose(noise)
         raise CaseFailed(
             f"what the client sent is no frame: {diagnosis.fault.value}",
@@ -187,7 +187,7 @@ def blame(line: IncomingConnection, *, of_length: str = "3/7") -> None:
             observed=f"{show(noise.data)} ({noise.data[:20].hex(' ').upper()})",
             requirement=_violated(noise, diagnosis, of_length),
         )
-    for seen in line.heard:
+    for seen in line.inbox:
         if seen.frame.opcode not in BY_OPCODE:
             raise CaseFailed(
                 "the client sends an opcode that nobody has defined",
@@ -414,10 +414,10 @@ def _brought_about(line: IncomingConnection, call: Call) -> list[str]:
     opcode = BY_NAME[OPENINGS.get(call.name, call.name)].opcode
     due = [
         f"{seen.frame}"
-        for seen in line.heard
+        for seen in line.inbox
         if seen.frame.opcode == opcode or seen.frame.opcode not in BY_OPCODE
     ]
-    return due + [show(noise.data) for noise in line.noise]
+    return due + [show(noise.data) for noise in line.invalid_bytes]
 
 
 def of_each(names: Collection[str], try_one: Callable[[str], None]) -> None:

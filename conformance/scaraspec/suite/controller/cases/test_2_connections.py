@@ -116,7 +116,7 @@ def test_second_client(subject: ControllerUnderTest) -> None:
     version, time = (first.request(name).encode() for name in ("get_version", "get_time"))
     first.send_bytes(version[:2])
     second = subject.open(login=False)
-    subject.pause(MOMENT_S / subject.statement.time_scale)  # half a frame may wait for a second
+    subject.pause(MOMENT_S / subject.ics.time_scale)  # half a frame may wait for a second
     if _displaced(subject, first, second):
         return
     first.send_bytes(version[2:])
@@ -153,7 +153,7 @@ def _displaced(
 ) -> bool:
     """Whether the newcomer has taken the place of the one before (A-2-2)."""
     second.pump()
-    if first.ends(within_s=SILENCE_S / subject.statement.time_scale) is None:
+    if first.ends(within_s=SILENCE_S / subject.ics.time_scale) is None:
         return False
     subject.log_in(second)
     second.ask("get_status")

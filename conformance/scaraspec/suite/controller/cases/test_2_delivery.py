@@ -70,7 +70,7 @@ def _send_slowly(
     """Send on several connections at once, piece by piece; await each reply."""
     for number, now in enumerate(itertools.zip_longest(*(each for _, each in parts.values()))):
         if number:
-            subject.pause(SLOWEST_S / subject.statement.time_scale)
+            subject.pause(SLOWEST_S / subject.ics.time_scale)
         for line, part in zip(parts, now, strict=True):
             line.send_bytes(part or b"")
     for line, (name, _) in parts.items():

@@ -93,8 +93,8 @@ class _Stranger:
 
     def _hear(self, line: OutgoingConnection, for_s: float) -> None:
         line.wait(for_s)
-        self.granted += [seen for seen in line.heard if _grants(seen.value)]
-        line.heard.clear()
+        self.granted += [seen for seen in line.inbox if _grants(seen.value)]
+        line.inbox.clear()
 
     def expect_nothing(self) -> None:
         """Fail the subject if anything was answered with yes.
@@ -209,7 +209,7 @@ def test_wrong_login(subject: ControllerUnderTest) -> None:
 @case("2/11", name="beside", hazards=(Hazard.STATE,))
 def test_beside_another(subject: ControllerUnderTest) -> None:
     """While one client is logged in, another one that is not tries settings."""
-    subject.several()
+    subject.require_multiple_connections()
     subject.open()
     stranger = _Stranger(subject)
     with _settings_tried(subject) as settings:

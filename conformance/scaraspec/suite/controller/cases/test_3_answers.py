@@ -50,7 +50,7 @@ def test_opcodes_of_settings(subject: ControllerUnderTest, line: OutgoingConnect
     """Settings, which are set to what they are, and an upload are answered under their opcodes."""
     for name, setter in examples(_SETTINGS):
         value = line.ask(name).value
-        if value is not None and setter not in subject.statement.lacks:
+        if value is not None and setter not in subject.ics.unsupported:
             _ask_under_its_opcode(line, setter, value)
     _ask_under_its_opcode(line, "upload_name", subject.new_name())
     if subject.access.needs_login:
@@ -75,13 +75,13 @@ def _ask_under_its_opcode(
     try:
         return line.ask(name, value)
     except NoReply as error:
-        if not line.heard:
+        if not line.inbox:
             error.requirement = "3/31"
             raise
         raise CaseFailed(
             f"{name} was answered under another opcode",
             expected=f"{BY_NAME[name].opcode:02X}",
-            observed=f"{line.heard[0].frame}",
+            observed=f"{line.inbox[0].frame}",
             requirement="3/11",
         ) from None
 
@@ -131,7 +131,7 @@ def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) ->
                 expected=show(said.get(query.name, b"")),
                 observed=show(data),
             )
-        line.heard.clear()
+        line.inbox.clear()
 
 
 @case("3/31", name="many-files", hazards=_STATE)

@@ -81,7 +81,7 @@ def _told_apart(line: OutgoingConnection, name: str) -> Iterator[None]:
         yield
     except CaseFailed:
         for _ in range(_SHORT_REPLIES):
-            if line.noise or line.ending:
+            if line.invalid_bytes or line.ending:
                 break
             line.send("get_status")
             line.wait(SILENCE_S)
@@ -92,7 +92,7 @@ def _told_apart(line: OutgoingConnection, name: str) -> Iterator[None]:
 def _no_noise(line: OutgoingConnection, name: str) -> None:
     """Say what is wrong with bytes that are no frame."""
     line.pump()
-    for noise in line.noise:
+    for noise in line.invalid_bytes:
         found = diagnose(noise)
         requirement = _BLAME.get(found.fault, "3/1")
         if requirement == "3/7" and found.observed == "0":
@@ -109,7 +109,11 @@ def _no_noise(line: OutgoingConnection, name: str) -> None:
 def test_reply_without_data(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The default program is asked for, of which there may be none; its frame is a frame."""
     command = line.send("get_default_program")
-    came = [seen for seen in line.sync() if seen.frame.opcode in (command.opcode, command.also)]
+    came = [
+        seen
+        for seen in line.sync()
+        if seen.frame.opcode in (command.opcode, command.alternate_opcode)
+    ]
     _no_noise(line, "get_default_program")
     if not came:
         subject.tolerate(
@@ -164,7 +168,7 @@ def test_nothing_while_idle(subject: ControllerUnderTest) -> None:
 def _is_silent(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A frame of another kind than the document knows fails; others are only warned of (A-3-16)."""
     _no_noise(line, "nothing")
-    for seen in line.heard:
+    for seen in line.inbox:
         expect(
             seen.frame.opcode in BY_OPCODE,
             "a frame with an undefined opcode came while nothing was asked",
@@ -180,14 +184,14 @@ def _is_silent(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             requirement="3/16",
         )
         subject.tolerate("3/26", "A-3-16", "unsolicited frame", f"{seen.frame} came unasked")
-    line.heard.clear()
+    line.inbox.clear()
 
 
 @case("3/10")
 def test_opcodes_of_replies(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """No query is answered with an opcode that the document does not define."""
     answers = [answer.seen for answer in ask_all(subject, line)]
-    for seen in (*answers, *line.heard):
+    for seen in (*answers, *line.inbox):
         expect(
             seen.frame.opcode in BY_OPCODE,
             "a reply bears an undefined opcode",
@@ -245,7 +249,7 @@ def _came(subject: ControllerUnderTest, line: OutgoingConnection) -> list[FrameS
         if line.ending is None:
             raise
         subject.tolerate("3/6", "on_unknown", "close", "a query with data ends the connection")
-        return line.heard
+        return line.inbox
 
 
 _FULL_OF_MARKS: Final = (

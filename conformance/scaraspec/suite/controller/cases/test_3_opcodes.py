@@ -19,7 +19,12 @@ from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, outpu
 from scaraspec.suite.controller.harness.requests.queries import known_to
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
 from scaraspec.suite.controller.harness.state.preserve import kept
-from scaraspec.suite.controller.harness.two_stage.tasks import RUN, has, interrupted, lasting
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    RUN,
+    interrupted,
+    lasting,
+    require_command,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect, expect_equal
@@ -76,8 +81,8 @@ def test_settings_behind_undefined_opcodes(
 ) -> None:
     """A gripper centre, a default program and outputs that are on stay behind all of them."""
     for name in ("set_gripper_center", "set_default_program", "set_digital_output"):
-        has(subject, name)
-    subject.several()
+        require_command(subject, name)
+    subject.require_multiple_connections()
     subject.moved = True
     program = store_program(subject, line)
     with kept(subject, line, "gripper centre"), default_kept(subject, line), outputs_kept(line):
@@ -119,7 +124,7 @@ def test_undefined_opcodes_beside_a_program(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """A program that runs goes on behind all of them, which another client sends at once."""
-    subject.several()
+    subject.require_multiple_connections()
     other = subject.open(judged=False)
     with lasting(subject, line, RUN) as task:
         other.send_bytes(b"".join(Frame(A2C, opcode).encode() for opcode in _UNDEFINED))
@@ -168,7 +173,7 @@ def _only_themselves(
     if line.ending is not None:
         subject.tolerate("3/21", "on_unknown", "close", "the connection was closed")
     told = subject.observer.told_unasked - opcodes
-    for seen in line.heard:
+    for seen in line.inbox:
         if seen.frame.opcode in told:
             continue
         expect(
@@ -180,7 +185,7 @@ def _only_themselves(
         subject.tolerate(
             "3/21", "on_unknown", "0", f"an undefined opcode is answered: {seen.frame}"
         )
-    line.heard.clear()
+    line.inbox.clear()
 
 
 # ---------------------------------------------------------------------- what must not change

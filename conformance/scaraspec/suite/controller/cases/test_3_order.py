@@ -29,7 +29,11 @@ from scaraspec.suite.controller.harness.requests.queries import (
     replies_to,
     some_queries,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import finish, has, jog_somewhere
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    finish,
+    jog_somewhere,
+    require_command,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import given
@@ -90,7 +94,7 @@ def test_same_opcode(subject: ControllerUnderTest) -> None:
 def test_last_setting_stays(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment sets the gripper centre eight times; the last one stays."""
     _takes_several(subject)
-    has(subject, "set_gripper_center", "get_gripper_center")
+    require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     try:
         for centres in (_CENTRES, _CENTRES[::-1]):
@@ -109,7 +113,7 @@ def test_last_setting_stays(subject: ControllerUnderTest, line: OutgoingConnecti
 def test_queries_between_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment sets and asks in turn; each question is answered as of its place."""
     _takes_several(subject)
-    has(subject, "set_gripper_center", "get_gripper_center")
+    require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     requests: list[tuple[str, object]] = []
     for each in _CENTRES:
@@ -129,7 +133,7 @@ def test_queries_between_settings(subject: ControllerUnderTest, line: OutgoingCo
 def test_last_time_stays(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment sets the clock ahead and back; the last time stays."""
     _takes_several(subject)
-    has(subject, "set_time", "get_time")
+    require_command(subject, "set_time", "get_time")
     before: datetime | None = line.ask("get_time").value
     if before is None:
         raise CaseInconclusive("the subject does not say its time")
@@ -152,7 +156,7 @@ def test_last_time_stays(subject: ControllerUnderTest, line: OutgoingConnection)
 def test_upload_in_one_segment(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment brings a name and the chunks of its file, which is stored as it was sent."""
     _takes_several(subject)
-    has(subject, "upload_name", "upload_chunk")
+    require_command(subject, "upload_name", "upload_chunk")
     name, content = subject.new_name(), content_of(200 * _CHUNKS)
     requests: list[tuple[str, object]] = [("upload_name", name)]
     requests += [("upload_chunk", chunk) for chunk in chunks_of(content)]
@@ -167,12 +171,12 @@ def test_upload_in_one_segment(subject: ControllerUnderTest, line: OutgoingConne
 def test_stop_behind_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """One segment brings a jog, a lock and an emergency stop: it moves, is busy, and stands."""
     _takes_several(subject)
-    has(subject, "jog", "emergency_stop")
+    require_command(subject, "jog", "emergency_stop")
     with returning(subject, line):
         jog_somewhere(subject, line)  # finds out in which notation (A-4.28-1)
         stop(subject, line)
         refuses = subject.dialect["busy_reply"] != "queue"
-        locks = refuses and "lock_joints" not in subject.statement.lacks
+        locks = refuses and "lock_joints" not in subject.ics.unsupported
         between = [("lock_joints", None)] if locks else []
         for direction in JogDirection:
             _send_together(line, [("jog", direction), *between, ("emergency_stop", None)])
@@ -204,7 +208,7 @@ def test_stop_behind_a_jog(subject: ControllerUnderTest, line: OutgoingConnectio
 def _locked_between(line: OutgoingConnection, jog: ReceivedFrame, stopped: ReceivedFrame) -> bool:
     """Whether a lock was accepted between a jog and its stop, and before anything had ended."""
     between = range(jog.seen.place.offset_bytes, stopped.seen.place.offset_bytes)
-    for seen in line.heard:
+    for seen in line.inbox:
         if seen.place.offset_bytes not in between:
             continue
         if seen.frame.tagged:

@@ -33,11 +33,11 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     accepted,
     find_out_whether_it_listens,
     finish,
-    harmless,
-    has,
+    harmless_requests,
     lasting,
-    offered,
+    require_command,
     start_program,
+    try_request,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -74,17 +74,17 @@ def test_one_tagged_result(
         observed="the final result first",
         requirement="3/16",
     )
-    line.heard[:0] = line.sync()
+    line.inbox[:0] = line.sync()
     _no_result(line, name, f"{name} ended a second time", "3/18")
 
 
 @case("3/18", name="twice", hazards=_MOTION)
 def test_no_second_result(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Every command ends once; time passes, and none of them ends again."""
-    names = [name for name in TWO_STAGE if name not in subject.statement.lacks]
+    names = [name for name in TWO_STAGE if name not in subject.ics.unsupported]
     for name in names:
         perform(subject, line, name)
-        line.heard.clear()
+        line.inbox.clear()
     line.wait(_LATER_S)
     for name in names:
         _no_result(line, name, f"{name} ended a second time", "3/18")
@@ -118,7 +118,7 @@ def _says_how_it_ended(data: bytes) -> bool:
 
 
 def _no_result(line: OutgoingConnection, name: str, message: str, requirement: str) -> None:
-    for seen in line.heard:
+    for seen in line.inbox:
         if _is_result(seen, name):
             raise CaseFailed(
                 message, expected="no result", observed=f"{seen.frame}", requirement=requirement
@@ -135,7 +135,7 @@ def test_queries_bear_no_tag(subject: ControllerUnderTest, line: OutgoingConnect
     try:
         ask_all(subject, line)
     except NoReply:
-        tagged = next((seen for seen in line.heard if seen.frame.tagged), None)
+        tagged = next((seen for seen in line.inbox if seen.frame.tagged), None)
         if tagged is None:
             raise
         raise CaseFailed(
@@ -162,14 +162,14 @@ def test_again_and_again(subject: ControllerUnderTest, line: OutgoingConnection)
             "a final result came ahead of its first reply",
             requirement="3/16",
         )
-        line.heard[:0] = line.sync()
+        line.inbox[:0] = line.sync()
         _no_result(line, RUN, "a run ended a second time", "3/18")
 
 
 @case("3/18", name="own-connection", hazards=_MOTION)
 def test_result_for_whom_asked(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While another client is connected, the result comes to the one that asked."""
-    subject.several()
+    subject.require_multiple_connections()
     other = subject.open()
     find_out_whether_it_listens(subject, line)
     with returning(subject, line):
@@ -200,10 +200,10 @@ def test_no_result_of_what_is_refused(
     ]
     refused = []
     for name, value, data in examples(requests):
-        if name in subject.statement.lacks:
+        if name in subject.ics.unsupported:
             continue
         line = alive(subject, line)
-        answer = offered(line, name, value, data=data)
+        answer = try_request(line, name, value, data=data)
         if answer is None or answer.accepted is False:
             refused.append(name)
     _stay_without_result(alive(subject, line), refused)
@@ -216,12 +216,12 @@ def test_no_result_of_what_came_while_busy(
     """While a program runs, other commands are refused, and none of them has a result."""
     if subject.dialect["busy_reply"] == "queue":
         raise CaseSkipped("the subject claims to execute afterwards what comes while it is busy")
-    has(subject, RUN)
-    requests = harmless(subject, line)
+    require_command(subject, RUN)
+    requests = harmless_requests(subject, line)
     with lasting(subject, line, RUN) as task:
         refused = []
         for name, value in requests.items():
-            answer = offered(line, name, value)
+            answer = try_request(line, name, value)
             task.lasts()
             if name != RUN and (answer is None or answer.accepted is False):
                 refused.append(name)

@@ -148,7 +148,7 @@ def test_every_wrong_end(subject: ControllerUnderTest) -> None:
     line = subject.open(judged=False)
     line.send_bytes(data)
     recovers(subject, line)
-    if any(seen.name == "get_status" for seen in line.heard):
+    if any(seen.name == "get_status" for seen in line.inbox):
         message = "a request with a wrong end byte was answered"
         subject.tolerate("3/20", "A-3-10", "answered", message)
 
@@ -247,9 +247,9 @@ def test_wrong_direction(subject: ControllerUnderTest, opcode: int, data: bytes)
     line.send_bytes(frame)
     line.apart()
     nothing_else(line, requirement="3/23")
-    if any(seen.frame.opcode == opcode for seen in line.heard):
+    if any(seen.frame.opcode == opcode for seen in line.inbox):
         subject.tolerate("3/23", "A-3-13", "accepted", "a frame of the other direction was served")
-    line.heard.clear()
+    line.inbox.clear()
     how = recovers(subject, line)
     nothing_else(line, requirement="3/23")
     _tell(subject, "3/23", how)
@@ -269,7 +269,7 @@ def test_own_reply(subject: ControllerUnderTest) -> None:
 @case("3/20", "3/19", name="bystander")
 def test_bystander(subject: ControllerUnderTest) -> None:
     """No damage on one connection ends another, as it would where the program dies and restarts."""
-    subject.several()
+    subject.require_multiple_connections()
     bystander = subject.open()
     for data in examples(_DAMAGED):
         survives(subject, data, requirement="3/20")
@@ -342,7 +342,7 @@ def test_silent_half_frames(subject: ControllerUnderTest) -> None:
     subject.pause(_GIVEN_UP_S)
     _serves(subject)
     for line in lines:
-        line.heard.clear()
+        line.inbox.clear()
         if line.ending is None:
             recovers(subject, line)
             nothing_else(line, requirement="3/29")
@@ -350,7 +350,7 @@ def test_silent_half_frames(subject: ControllerUnderTest) -> None:
 
 def _hang(subject: ControllerUnderTest) -> list[OutgoingConnection]:
     """Several connections, each in the middle of a frame."""
-    subject.several()
+    subject.require_multiple_connections()
     lines = [subject.open(judged=False)]
     with suppress(CaseFailed):  # it may not serve so many (A-2-2)
         while len(lines) <= _HANGING:
@@ -366,5 +366,5 @@ def _serves(subject: ControllerUnderTest) -> None:
     line = subject.open()
     line.ask("get_time")
     line.ask("get_status")
-    expect(not line.heard, "a new connection was sent what another one had asked for")
+    expect(not line.inbox, "a new connection was sent what another one had asked for")
     line.close()

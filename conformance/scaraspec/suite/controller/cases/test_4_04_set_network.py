@@ -118,7 +118,7 @@ def _expect_set(
 ) -> OutgoingConnection:
     """Set a network, as `_set` does, and read it back; the connection that is in use then."""
     line = _set(subject, line, wanted, again=again)
-    if subject.statement.network_applies == "after-restart":
+    if subject.ics.network_applies == "after-restart":
         subject.hook("restart")
         line = alive(subject, line)
     shown, line = _shown(subject, line)
@@ -139,7 +139,7 @@ def _network_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Ite
         with kept(subject, line, "network"):
             yield
     finally:
-        if subject.statement.network_applies == "after-restart":
+        if subject.ics.network_applies == "after-restart":
             with suppress(CaseInconclusive):
                 subject.hook("restart")
 

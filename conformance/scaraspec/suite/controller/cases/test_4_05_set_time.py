@@ -118,7 +118,7 @@ def _expect_rollover(
     subject: ControllerUnderTest, line: OutgoingConnection, time: datetime
 ) -> Reading:
     first = set_to(subject, line, time - _SECOND)
-    line.wait(_AFTER_S / subject.statement.time_scale)
+    line.wait(_AFTER_S / subject.ics.time_scale)
     message = f"the clock does not go over to {time}"
     expect_ran(subject, first, read(subject, line), message, "4.5/6")
     return first
@@ -130,7 +130,7 @@ def test_new_year(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     with kept(subject, line, "clock"):
         for time in examples(_GRAVEST):
             first = _expect_rollover(subject, line, time)
-        line.wait((_LATER_S - _AFTER_S) / subject.statement.time_scale)
+        line.wait((_LATER_S - _AFTER_S) / subject.ics.time_scale)
         message = "the clock did not go on from the time that was set"
         expect_ran(subject, first, read(subject, line), message, "4.5/4")
 

@@ -32,7 +32,7 @@ def test_time(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The time is 14 digits of the calendar, never goes back, and gains a second a second."""
     first = before = read(subject, line)
     for _ in range(_STEPS):
-        line.wait(_STEP_S / subject.statement.time_scale)
+        line.wait(_STEP_S / subject.ics.time_scale)
         for _ in range(_TIMES):
             now = read(subject, line)
             _expect_on(before, now)
@@ -46,7 +46,7 @@ def test_minutes(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     """In the course of minutes the clock neither gains nor loses, whether it is read or not."""
     patient(subject, _MINUTES_S)
     first = read(subject, line)
-    line.wait(_MINUTES_S / subject.statement.time_scale)
+    line.wait(_MINUTES_S / subject.ics.time_scale)
     line = alive(subject, line)
     message = "the clock gains or loses in the course of minutes"
     expect_ran(subject, first, read(subject, line), message, "4.6/4")
@@ -58,7 +58,7 @@ def test_days(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     patient(subject, _PARTS * _HOURS_S)
     first = before = read(subject, line)
     for _ in range(_PARTS):
-        line.wait(_HOURS_S / subject.statement.time_scale)
+        line.wait(_HOURS_S / subject.ics.time_scale)
         line = alive(subject, line)
         now = read(subject, line)
         _expect_on(before, now)

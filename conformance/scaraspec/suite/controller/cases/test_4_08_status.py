@@ -94,7 +94,7 @@ def _watch_program(
         if not expect_status(subject, line, command, code, requirement):
             raise CaseSkipped(f"{command} was over before the status could be asked for")
         for _ in range(int(_WAIT_S / _STEP_S) - 1):
-            line.wait(_STEP_S / subject.statement.time_scale)
+            line.wait(_STEP_S / subject.ics.time_scale)
             if not expect_status(subject, line, command, code, requirement):
                 break
         else:
@@ -127,7 +127,7 @@ def _watch(
     with lasting(subject, line, command) as task:
         if not expect_status(subject, line, command, task.state, requirement):
             raise CaseSkipped(f"{command} was over before the status could be asked for")
-        line.wait(subject.statement.motion.jog_s / 2)
+        line.wait(subject.ics.motion.jog_s / 2)
         expect_status(subject, line, command, task.state, requirement)
         with suppress(NoReply):  # a robot that executes need not answer (A-4-3)
             told = line.ask("get_running_program")

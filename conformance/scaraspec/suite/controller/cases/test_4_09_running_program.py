@@ -111,7 +111,7 @@ def _read(subject: ControllerUnderTest, line: OutgoingConnection, name: bytes) -
 
 def _expect_grown(subject: ControllerUnderTest, first: _Reading, then: _Reading, what: str) -> None:
     """Hold two run times against the time between them."""
-    scale = subject.statement.time_scale
+    scale = subject.ics.time_scale
     least_s = (then.asked_s - first.told_s) * scale
     most_s = (then.told_s - first.asked_s) * scale
     grown_s, slack_s = then.run_time_s - first.run_time_s, _SLACK_S + _DRIFT * most_s
@@ -149,7 +149,7 @@ def test_running(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     """
     other = store_program(subject, line)
     name = store_wait_program(subject, line, _WAIT_S, long_name(subject, NAME_MAX_BYTES))
-    if not subject.statement.lacks.isdisjoint(_DEFAULTS):
+    if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
         _expect_told(subject, line, name, other)
         return
     with default_kept(subject, line):
@@ -166,7 +166,7 @@ def _expect_told(
         first = clock = None
         for _ in range(1 + int(_WAIT_S / _STEP_S)):
             if first:
-                line.wait(_STEP_S / subject.statement.time_scale)
+                line.wait(_STEP_S / subject.ics.time_scale)
             now = _read(subject, line, name)
             if now is None:
                 break
@@ -206,7 +206,7 @@ def _expect_listed_beside(
 
 def _clock(subject: ControllerUnderTest, line: OutgoingConnection) -> Reading | None:
     """What the clock shows; None where that is not told, as while it executes (A-4-3)."""
-    if "get_time" in subject.statement.lacks:
+    if "get_time" in subject.ics.unsupported:
         return None
     try:
         return read(subject, line)
@@ -239,7 +239,7 @@ def _expect_flag_and_status(line: OutgoingConnection, requirement: str) -> None:
 @case("4.9/4", "4.9/6", "4.9/10", name="simulated", hazards=PROGRAMS)
 def test_simulated(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program is simulated it is told by its name, or not at all, whatever ran before."""
-    if RUN not in subject.statement.lacks:
+    if RUN not in subject.ics.unsupported:
         start_program(subject, line, RUN, seconds=0)
         finish(subject, line, RUN)
     name = store_wait_program(subject, line, _WAIT_S)
@@ -271,7 +271,7 @@ def _watch_carries(
     lasts_s = marks_s[-1] + 5
     patient(subject, lasts_s)
     name = store_wait_program(subject, line, lasts_s)
-    scale = subject.statement.time_scale
+    scale = subject.ics.time_scale
     try:
         begun_s = _now_s(subject)
         begin(subject, line, "run_program", name)

@@ -13,7 +13,7 @@ from scaraspec.suite.controller.harness.malformed.payloads import Malformed, mal
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import NameRefused, expect_stored, upload
 from scaraspec.suite.controller.harness.requests.motion import stop_motion
-from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, offered
+from scaraspec.suite.controller.harness.two_stage.tasks import RUN, lasting, try_request
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
@@ -46,15 +46,15 @@ def _expect_refused(
     Returns:
         The connection to go on with.
     """
-    offered = offer(subject, line, "delete_program", wrong)
+    try_request = offer(subject, line, "delete_program", wrong)
     expect(
-        not offered.accepted,
+        not try_request.accepted,
         f"{wrong.kind} was deleted with the answer 1",
         expected="0",
-        observed=f"{offered} to {show(wrong.data)}",
+        observed=f"{try_request} to {show(wrong.data)}",
         requirement=requirement,
     )
-    return offered.line
+    return try_request.line
 
 
 @case("4.11/3", "4.11/2", hazards=_DESTRUCTIVE)
@@ -135,7 +135,7 @@ def test_not_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None
 def test_while_it_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program that runs may be deleted or not (A-4.11-1); afterwards the answer holds."""
     with lasting(subject, line, RUN) as task:
-        answer = offered(line, "delete_program", task.program)
+        answer = try_request(line, "delete_program", task.program)
         task.lasts()
     if answer is None:
         raise CaseSkipped("the robot did not answer a deletion while a program ran (A-4-3)")

@@ -108,7 +108,7 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
             if farthest(joints_of(line), before) > STANDSTILL:
                 message = "the arm moved after set_default_program"
                 subject.tolerate("4.13/6", "A-4.12-3", "moves", message)
-            if RUN not in subject.statement.lacks:
+            if RUN not in subject.ics.unsupported:
                 find_out_whether_it_listens(subject, line)
                 start_program(subject, line, RUN)
                 if listens(subject, line):

@@ -28,8 +28,12 @@ def test_opcode(line: OutgoingConnection) -> None:
     """The temperatures come with 0x0F, or with 0x0E as printed."""
     command = BY_NAME["get_motor_temperatures"]
     line.send("get_motor_temperatures")
-    came = line.answers()
-    answers = [seen for seen in came if seen.frame.opcode in (command.opcode, command.reply_also)]
+    came = line.collect_replies()
+    answers = [
+        seen
+        for seen in came
+        if seen.frame.opcode in (command.opcode, command.alternate_reply_opcode)
+    ]
     if not answers:
         observed = "; ".join(f"{seen.frame}" for seen in came)
         if not observed:

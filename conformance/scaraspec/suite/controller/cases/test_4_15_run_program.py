@@ -16,14 +16,14 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     accepted,
     done,
     finish,
-    has,
     lasting,
-    offered,
+    require_command,
     require_responsive,
     start_program,
     stop_nothing,
     stored,
     stored_as,
+    try_request,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
@@ -40,7 +40,7 @@ _LONG_BYTES = 25
 @case("4.15/2", name="missing", hazards=_MOTION)
 def test_checked_before_the_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A run that cannot be is refused at once: nothing executes behind the reply."""
-    has(subject, RUN)
+    require_command(subject, RUN)
     subject.moved = True
     first = line.ask(RUN, subject.new_name())
     status = line.ask("get_status")
@@ -87,7 +87,7 @@ def test_not_run_with_a_fault(subject: ControllerUnderTest, line: OutgoingConnec
 @case("4.15/3", hazards=_MOTION)
 def test_refusal(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What cannot be run is refused with "0|" and a code of two characters."""
-    has(subject, RUN)
+    require_command(subject, RUN)
     subject.moved = True
     for _ in range(2):
         first = line.ask(RUN, subject.new_name())
@@ -141,7 +141,7 @@ def test_end_of_a_run(subject: ControllerUnderTest, line: OutgoingConnection) ->
     begun = start_program(subject, line, RUN, BRIEFLY_S)
     line.wait(0.2)
     if line.ask("get_status").value == "01":
-        early = [seen for seen in line.heard if seen.frame.tagged]
+        early = [seen for seen in line.inbox if seen.frame.tagged]
         expect(
             not early,
             "the final result of a run came while the program was running",
@@ -163,10 +163,10 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
 
     Nor is the default program in its place, as far as there is one.
     """
-    has(subject, RUN)
+    require_command(subject, RUN)
     program = stored(subject, line, 0, long_name(subject, _LONG_BYTES))
     _expect_near_ones_missing(subject, line, program)
-    if not subject.statement.lacks.isdisjoint(_DEFAULTS):
+    if not subject.ics.unsupported.isdisjoint(_DEFAULTS):
         return
     with default_kept(subject, line):
         line.ask("set_default_program", program)
@@ -211,13 +211,13 @@ def test_deleted_program(subject: ControllerUnderTest, line: OutgoingConnection)
 @case("4.15/7", name="not-whole", hazards=_MOTION)
 def test_unfinished_upload(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A program of which nothing but the name was sent never runs to a good end."""
-    has(subject, RUN)
+    require_command(subject, RUN)
     subject.moved = True
     name = subject.new_name()
     other = subject.open() if subject.takes_several else line
     if not other.ask("upload_name", name).accepted:
         return
-    first = offered(line, RUN, name)
+    first = try_request(line, RUN, name)
     if first is not None and first.accepted:
         expect(
             not finish(subject, line, RUN).done,
@@ -235,7 +235,7 @@ def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         return
     with lasting(subject, line, RUN) as task:
         for program in (task.program, other, task.program):
-            answer = offered(line, RUN, program)
+            answer = try_request(line, RUN, program)
             expect(
                 answer is None or not answer.accepted,
                 "a second run was accepted during a run",
@@ -243,7 +243,7 @@ def test_second_run(subject: ControllerUnderTest, line: OutgoingConnection) -> N
                 observed=f"{answer}",
             )
         if subject.takes_several:
-            answer = offered(subject.open(), RUN, other)
+            answer = try_request(subject.open(), RUN, other)
             expect(
                 answer is None or not answer.accepted,
                 "a second run was accepted during another client's",

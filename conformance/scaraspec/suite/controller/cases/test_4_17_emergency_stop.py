@@ -40,9 +40,9 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     accepted,
     done,
     finish,
-    has,
     interrupted,
     lasting,
+    require_command,
     start_program,
     stored,
 )
@@ -81,7 +81,7 @@ def test_nothing_to_stop(subject: ControllerUnderTest, line: OutgoingConnection)
 
     What follows it in its segment is served.
     """
-    has(subject, STOP)
+    require_command(subject, STOP)
     subject.moved = True
     for _ in range(3):
         answer = line.ask(STOP)

@@ -19,14 +19,14 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
     SIMULATE,
     accepted,
-    begin,
+    begin_or_skip,
     done,
     finish,
-    has,
     home_at,
     lasting,
-    offered,
+    require_command,
     start_program,
+    try_request,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -39,12 +39,12 @@ _REST_S = 0.3
 @case("4.18/2", hazards=_MOTION)
 def test_refused_during_a_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program runs the reset is refused with "0|01", however often, and changes nothing."""
-    has(subject, RESET)
+    require_command(subject, RESET)
     if subject.dialect["busy_reply"] == "queue":
         return
     with home_at(subject, line), lasting(subject, line, RUN) as task:
         for _ in range(3):
-            answer = offered(line, RESET)
+            answer = try_request(line, RESET)
             task.lasts()
             expect(
                 answer is not None and text_of(answer) in (b"0|01", b"0 01"),
@@ -66,7 +66,7 @@ def test_refused_during_a_simulation(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """While a program is simulated the reset is refused, with that state."""
-    has(subject, RESET)
+    require_command(subject, RESET)
     if subject.dialect["busy_reply"] != "queue":
         with home_at(subject, line), lasting(subject, line, SIMULATE) as task:
             expect_busy(subject, line, task, RESET)
@@ -75,7 +75,7 @@ def test_refused_during_a_simulation(
 @case("4.18/3", hazards=_MOTION)
 def test_idle_robot_is_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An idle robot accepts the reset with "1", at first and when something was stopped before."""
-    has(subject, RESET)
+    require_command(subject, RESET)
     with returning(subject, line):
         for stopped in examples((False, True, False)):
             if stopped:
@@ -83,7 +83,7 @@ def test_idle_robot_is_reset(subject: ControllerUnderTest, line: OutgoingConnect
                 stop(subject, line)
                 stop_motion(subject, line)
             with home_at(subject, line):  # behind the program, which may set another (A-6.3-3)
-                answer = begin(subject, line, RESET)
+                answer = begin_or_skip(subject, line, RESET)
                 expect(
                     text_of(answer) == b"1",
                     "the first reply to a reset is more than the flag 1",
@@ -122,7 +122,7 @@ def test_reset_from_a_fault(
     subject: ControllerUnderTest, line: OutgoingConnection, fault: str
 ) -> None:
     """A reset does not succeed while a fault lasts; when its cause is gone the robot is idle."""
-    has(subject, RESET)
+    require_command(subject, RESET)
     with returning(subject, line), home_at(subject, line):
         subject.moved = True
         try:

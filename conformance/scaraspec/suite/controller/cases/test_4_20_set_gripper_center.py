@@ -16,7 +16,13 @@ from scaraspec.suite.controller.harness.requests.poses import expect_numbers, gr
 from scaraspec.suite.controller.harness.state.defaults import default_kept, expect_default
 from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.controller.harness.two_stage.executing import unless_others_run
-from scaraspec.suite.controller.harness.two_stage.tasks import RESET, begin, done, has, home_at
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    RESET,
+    begin_or_skip,
+    done,
+    home_at,
+    require_command,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
@@ -110,16 +116,16 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
 @case("4.20/3", "4.21/3", "4.13/3", name="behind-resets", hazards=PROGRAMS)
 def test_behind_resets(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Gripper centre, initial position and default program stay behind a reset, and another."""
-    has(subject, RESET)
+    require_command(subject, RESET)
     program = store_program(subject, line)
     with kept(subject, line, "gripper centre"), default_kept(subject, line):
         _set(subject, line, _SLIGHT)
-        names = "set_default_program" not in subject.statement.lacks
+        names = "set_default_program" not in subject.ics.unsupported
         named = names and line.ask("set_default_program", program).accepted
         with home_at(subject, line):
             home = initial_of(line)
             for _ in range(2):
-                begin(subject, line, RESET)
+                begin_or_skip(subject, line, RESET)
                 done(subject, line, RESET)
                 _expect_shown(line, _SLIGHT)
                 message = "a reset has changed the initial tool position"

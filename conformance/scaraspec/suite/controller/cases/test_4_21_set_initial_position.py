@@ -74,7 +74,7 @@ def _expect_shown(
 @case("4.21/3", "4.21/2")
 def test_set(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The position that was set is read back, and the gripper centre remains what it was."""
-    reach = round(subject.statement.motion.step_mm * 10)
+    reach = round(subject.ics.motion.step_mm * 10)
     steps = st.integers(-reach, reach).map(lambda tenths: tenths / 10)
     taken: list[Pose] = []
 
@@ -145,7 +145,7 @@ def test_moves_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -
         near = _near(line)
         before = joints_of(line)
         subject.moved = True
-        step = subject.statement.motion.step_mm
+        step = subject.ics.motion.step_mm
         if not _set(line, near._replace(z=near.z + step)).accepted:
             _set(line, near._replace(z=near.z - step))
         line.wait(_SOON_S)

@@ -15,7 +15,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
 )
 from scaraspec.suite.controller.harness.state.preserve import kept
 from scaraspec.suite.controller.harness.two_stage.performing import expect_stays
-from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has
+from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, require_command
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
@@ -55,7 +55,7 @@ def test_coordinates(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 @case("4.23/5", name="behind-a-move", hazards=(Hazard.STATE, Hazard.MOTION), slow=True)
 def test_rest_behind_a_move(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Where a move has ended the tool stays: a second later it stands there still."""
-    has(subject, MOVE)
+    require_command(subject, MOVE)
     with returning(subject, line):
         _, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)

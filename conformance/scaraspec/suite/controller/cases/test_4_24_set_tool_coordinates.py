@@ -37,8 +37,8 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     done,
     find_out_whether_it_listens,
     finish,
-    has,
-    offered,
+    require_command,
+    try_request,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -71,15 +71,15 @@ def _told(
 @case("4.24/3", "4.24/4", hazards=_MOTION)
 def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An impossible move is refused with "0|code", four bytes in a frame of that length."""
-    has(subject, MOVE)
+    require_command(subject, MOVE)
     with returning(subject, line) as pose:
         for pose_beyond in examples(_far(pose)):
             answer = ask_move(subject, line, pose_beyond, SLOWEST_PERCENT)
             expect(
-                not line.noise,
+                not line.invalid_bytes,
                 "the refusal of a move is no frame of the length that it announces",
                 expected="CC 39 04 30 7C 30 35 AA",
-                observed=" ".join(noise.data.hex(" ") for noise in line.noise),
+                observed=" ".join(noise.data.hex(" ") for noise in line.invalid_bytes),
                 requirement="4.24/4",
             )
             if answer.accepted:  # A-4.24-5: it may be found out later
@@ -102,7 +102,7 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
 @case("4.24/9", hazards=_MOTION)
 def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A target a kilometre away is refused or fails, with 05 or 06, and the arm stays."""
-    has(subject, MOVE)
+    require_command(subject, MOVE)
     with returning(subject, line) as pose:
         for pose_beyond in examples(_far(pose)):
             answer = _told(subject, line, ask_move(subject, line, pose_beyond, SLOWEST_PERCENT))
@@ -125,7 +125,7 @@ def test_beyond_all_reach(subject: ControllerUnderTest, line: OutgoingConnection
 @case("4.24/5", "4.24/6", "4.24/8", hazards=_MOTION)
 def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A move to where the arm stands is accepted at every speed from 1 to 100 %, and ends there."""
-    has(subject, MOVE)
+    require_command(subject, MOVE)
     gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
 
@@ -149,7 +149,7 @@ def test_every_speed(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 @case("4.24/8", "4.24/5", "4.24/6", "4.27/6", hazards=_MOTION)
 def test_there_and_back(subject: ControllerUnderTest, line: OutgoingConnection, axis: str) -> None:
     """A step along one axis ends at the pose that was commanded, and so does the way back."""
-    has(subject, MOVE)
+    require_command(subject, MOVE)
     find_out_whether_it_listens(subject, line)
     gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
@@ -195,7 +195,7 @@ def _expect_reached(
 @case("4.24/8", name="in-between", hazards=_MOTION, slow=True)
 def test_fractions(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Targets with decimals are reached as they are, one after the other."""
-    has(subject, MOVE)
+    require_command(subject, MOVE)
     find_out_whether_it_listens(subject, line)
     gripper = line.ask("get_gripper_center").value
     with returning(subject, line) as pose:
@@ -212,7 +212,7 @@ def test_fractions(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 @case("4.24/3", name="malformed", hazards=_MOTION)
 def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A request that is not seven numbers moves nothing; it is refused, or not answered."""
-    has(subject, MOVE)
+    require_command(subject, MOVE)
     subject.moved = True
     with returning(subject, line) as pose:
         here = pose._replace(**{axis: round(getattr(pose, axis), 1) for axis in AXES})
@@ -221,7 +221,7 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
         ]
         for wrong in examples(wrongs):
             line = alive(subject, line)
-            answer = offered(line, MOVE, data=wrong.data)
+            answer = try_request(line, MOVE, data=wrong.data)
             if answer is None:
                 continue
             if not answer.accepted:

@@ -14,11 +14,11 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
     STATES,
     finish,
-    has,
     lasting,
     locked_again,
-    offered,
     release,
+    require_command,
+    try_request,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
@@ -29,7 +29,7 @@ _MOTION = (Hazard.STATE, Hazard.MOTION)
 @case("4.25/2", "4.25/3", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A release is answered "1", and one of released joints with "1" or "0|code"; each "1" ends."""
-    has(subject, RELEASE, LOCK)
+    require_command(subject, RELEASE, LOCK)
     with locked_again(subject, line):
         answer, result = release(subject, line)
         expect(
@@ -38,7 +38,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
             expected="1",
             observed=f"{answer}",
         )
-        again = offered(line, RELEASE)
+        again = try_request(line, RELEASE)
         if again is not None:
             expect_first_reply(RELEASE, again)
             if again.accepted is False:
@@ -51,7 +51,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 @case("4.25/3", hazards=_MOTION)
 def test_end_of_a_release(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A release ends with "11": at once, or when the joints are locked again (A-4.25-2)."""
-    has(subject, RELEASE, LOCK)
+    require_command(subject, RELEASE, LOCK)
     for _ in range(2):
         performed = perform(subject, line, RELEASE)
         result = performed.result
@@ -70,11 +70,11 @@ def test_not_during_motion(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str
 ) -> None:
     """While a program or a move executes a release is refused, and does not happen later."""
-    has(subject, RELEASE, LOCK)
+    require_command(subject, RELEASE, LOCK)
     if subject.dialect["busy_reply"] == "queue":
         return
     with locked_again(subject, line), lasting(subject, line, name) as task:
-        answer = offered(line, RELEASE)
+        answer = try_request(line, RELEASE)
         task.lasts()
         expect(
             answer is None or not answer.accepted,

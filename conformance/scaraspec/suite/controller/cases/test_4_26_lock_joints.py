@@ -11,12 +11,12 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     LOCK,
     MOVE,
     RELEASE,
-    begin,
+    begin_or_skip,
     done,
     finish,
-    has,
     locked_again,
     release,
+    require_command,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
@@ -27,7 +27,7 @@ _MOTION = (Hazard.MOTION,)
 @case("4.26/2", hazards=_MOTION)
 def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A lock of released joints is answered "1", one of locked joints with "1" or "0|code"."""
-    has(subject, LOCK, RELEASE)
+    require_command(subject, LOCK, RELEASE)
     subject.moved = True
     again = line.ask(LOCK)
     expect_first_reply(LOCK, again)
@@ -37,7 +37,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         subject.tolerate("4.26/2", "A-4.25-3", "0|code", "locked joints were not locked again")
     with locked_again(subject, line):
         release(subject, line)
-        answer = begin(subject, line, LOCK)
+        answer = begin_or_skip(subject, line, LOCK)
         expect(
             text_of(answer) == b"1",
             "the first reply to a lock is more than the flag 1",
@@ -50,11 +50,11 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
 @case("4.26/3", hazards=_MOTION)
 def test_end_of_a_lock(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A lock ends with "11", and behind it the arm can be moved again."""
-    has(subject, LOCK, RELEASE)
+    require_command(subject, LOCK, RELEASE)
     with locked_again(subject, line):
         for _ in range(2):
             release(subject, line)
-            begin(subject, line, LOCK)
+            begin_or_skip(subject, line, LOCK)
             done(subject, line, LOCK)
             perform(subject, line, MOVE)
 
@@ -62,10 +62,10 @@ def test_end_of_a_lock(subject: ControllerUnderTest, line: OutgoingConnection) -
 @case("4.26/5", hazards=_MOTION)
 def test_locked_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Behind a lock that ended with "11" the joint angles do not change."""
-    has(subject, LOCK, RELEASE)
+    require_command(subject, LOCK, RELEASE)
     with locked_again(subject, line):
         release(subject, line)
-        begin(subject, line, LOCK)
+        begin_or_skip(subject, line, LOCK)
         done(subject, line, LOCK)
     first = joints_of(line)
     for pause_s in (0.0, 0.1, 0.3):

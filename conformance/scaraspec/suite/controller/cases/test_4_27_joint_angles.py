@@ -12,7 +12,13 @@ from scaraspec.suite.controller.harness.requests.motion import (
     returning,
     same_place,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has, lasting
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    MOVE,
+    accepted,
+    done,
+    lasting,
+    require_command,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
 
@@ -20,7 +26,7 @@ from scaraspec.suite.engine.expectations import expect
 @case("4.27/2", "4.27/3")
 def test_four_numbers(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The angles are four numbers between bars in a frame of their length, time after time."""
-    has(subject, "get_joint_angles")
+    require_command(subject, "get_joint_angles")
     for _ in range(10):
         answer = line.ask("get_joint_angles")
         expect(
@@ -29,7 +35,7 @@ def test_four_numbers(subject: ControllerUnderTest, line: OutgoingConnection) ->
             expected="20.4|30.5|38.0|0",
             observed=f"{answer}",
         )
-    noise = line.noise
+    noise = line.invalid_bytes
     expect(
         not noise,
         "a reply with the joint angles is no frame of the length that it announces",
@@ -46,9 +52,9 @@ def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) ->
         for _ in range(30):
             joints_of(line)
             expect(
-                not line.noise,
+                not line.invalid_bytes,
                 "a reply with the joint angles is no frame of the length that it announces",
-                observed=" ".join(each.data.hex(" ") for each in line.noise),
+                observed=" ".join(each.data.hex(" ") for each in line.invalid_bytes),
                 requirement="4.27/3",
             )
             if task.over:
@@ -59,7 +65,7 @@ def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) ->
 @case("4.27/4")
 def test_idle_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While the robot is idle the joint angles do not change."""
-    has(subject, "get_joint_angles")
+    require_command(subject, "get_joint_angles")
     if line.ask("get_status").value != "00":
         return
     first = joints_of(line)
@@ -86,7 +92,7 @@ def test_idle_joints_stay(subject: ControllerUnderTest, line: OutgoingConnection
 @case("4.27/6", hazards=(Hazard.MOTION,))
 def test_motion_shows(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A step that changes the tool coordinates changes the joint angles; 4.24/8 tries all axes."""
-    has(subject, "get_joint_angles", MOVE)
+    require_command(subject, "get_joint_angles", MOVE)
     with returning(subject, line) as pose:
         before = joints_of(line)
         _, answer = begin_step_somewhere(subject, line)

@@ -31,11 +31,11 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     accepted,
     begin_jog,
     finish,
-    has,
     interrupted,
     jog_somewhere,
-    offered,
+    require_command,
     require_responsive,
+    try_request,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
@@ -79,7 +79,7 @@ _NO_DIRECTION: Final = tuple(
 
 def _jogged(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Let a jog go on until it shows, or for as long as it may."""
-    left_s = subject.statement.motion.jog_s
+    left_s = subject.ics.motion.jog_s
     if not listens(subject, line, jogs=True):
         line.wait(left_s)
         return
@@ -115,7 +115,7 @@ def test_direction(
         )
         single = sum(abs(p - q) > STANDSTILL for p, q in zip(joints, after, strict=True)) == 1
         if max(abs(along), across) <= STANDSTILL:
-            longest_s = subject.statement.motion.jog_s
+            longest_s = subject.ics.motion.jog_s
             message = f"the arm did not move towards {direction} within {longest_s:g} s"
             raise CaseSkipped(f"{message}: it has no room there, or needs a longer [motion] jog_s")
         if single and along < across:
@@ -143,7 +143,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         if not listens(subject, line, jogs=True):
             stop(subject, line)
             return
-        again = offered(line, JOG, JogDirection.PLUS_Y)
+        again = try_request(line, JOG, JogDirection.PLUS_Y)
         if again is None:
             subject.tolerate("4.28/4", "busy_reply", "silence", "a jog was not answered during one")
         else:
@@ -227,7 +227,7 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         jog_somewhere(subject, line)
         line.close()
         other = other or subject.open()
-        left_s = subject.statement.motion.jog_s  # the loss has to be noticed, the arm to slow down
+        left_s = subject.ics.motion.jog_s  # the loss has to be noticed, the arm to slow down
         while (goes_on := status_of(subject, other) in BUSY) and left_s > 0:
             other.wait(_SLICE_S)
             left_s -= _SLICE_S
@@ -258,13 +258,13 @@ def test_lost_link(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 @case("4.28/7", hazards=_MOTION)
 def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What is not one byte of 1 to 4 is not answered "1", and moves nothing."""
-    has(subject, JOG)
+    require_command(subject, JOG)
     subject.moved = True
     with returning(subject, line):
         before = joints_of(line)
         for wrong in examples(_NO_DIRECTION):
             line = alive(subject, line)
-            answer = offered(line, JOG, data=wrong.data)
+            answer = try_request(line, JOG, data=wrong.data)
             expect(
                 answer is None or not answer.accepted,
                 f"a jog was accepted whose direction is none: {wrong}",
@@ -303,7 +303,7 @@ def test_notations(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             for direction in examples(JogDirection):
                 data = request.encode(direction, dialect.replace(jog_byte=notation))
                 before = pose_of(line)
-                answer = offered(line, JOG, data=data)
+                answer = try_request(line, JOG, data=data)
                 if answer is not None and answer.accepted:
                     taken.append(notation)
                     _jogged(subject, line)

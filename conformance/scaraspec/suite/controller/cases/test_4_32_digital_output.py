@@ -137,7 +137,7 @@ def test_while_running(subject: ControllerUnderTest, line: OutgoingConnection) -
 @case("4.32/4", "4.32/6", name="while-moving", hazards=_MOTION)
 def test_while_moving(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same while the arm moves, and jogs, and while its joints are released."""
-    lacks = subject.statement.lacks
+    lacks = subject.ics.unsupported
     moves = [name for name in (MOVE, JOG) if name not in lacks]
     releases = lacks.isdisjoint({RELEASE, LOCK})
     if not (moves or releases):

@@ -6,7 +6,7 @@ from typing import Final
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.state.preserve import alive
-from scaraspec.suite.controller.harness.two_stage.tasks import offered
+from scaraspec.suite.controller.harness.two_stage.tasks import try_request
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect
@@ -100,7 +100,7 @@ def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) ->
     """A port 0, or one above 40, is answered "0"; or not, as a wrong argument may be (A-3-9)."""
     for port in examples(_NO_PORTS):
         line = alive(subject, line)
-        answer = offered(line, "get_analog_input", data=port)
+        answer = try_request(line, "get_analog_input", data=port)
         if answer is None:
             option = "ignore" if line.ending is None else "close"
             message = f"port {port.decode()}, which cannot be, is not answered"

@@ -6,7 +6,12 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import SILENCE_S, ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.refusals import text_of
-from scaraspec.suite.controller.harness.two_stage.tasks import RUN, has, lasting, offered
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    RUN,
+    lasting,
+    require_command,
+    try_request,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import (
     CaseFailed,
@@ -26,11 +31,11 @@ _GOING_S: Final = 1.0
 @case("4.35/2", "4/15", name="busy", hazards=(*_LAST, Hazard.STATE), last=True)
 def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """While a program runs the shutdown is refused with "0|01", and the robot stays on."""
-    has(subject, _SHUTDOWN)
+    require_command(subject, _SHUTDOWN)
     if subject.dialect["busy_reply"] == "queue":
         raise CaseSkipped("a robot that queues would be gone when the program has ended")
     with lasting(subject, line, RUN) as task:
-        answer = offered(line, _SHUTDOWN)
+        answer = try_request(line, _SHUTDOWN)
         task.lasts()
         expect(
             answer is not None and answer.accepted is False and answer.code == "01",
@@ -58,7 +63,7 @@ def test_not_while_a_program_runs(subject: ControllerUnderTest, line: OutgoingCo
 @case("4.35/2", "4.35/5", hazards=_LAST, last=True)
 def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """An idle robot answers "1" and nothing more, and is gone; the suite waits for its return."""
-    has(subject, _SHUTDOWN)
+    require_command(subject, _SHUTDOWN)
     answer = line.ask(_SHUTDOWN)
     expect(
         answer.accepted and text_of(answer) == b"1",
@@ -67,7 +72,7 @@ def test_shutdown(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
         observed=f"{answer}",
     )
     line.wait(SILENCE_S)
-    tagged = [seen for seen in line.heard if seen.frame.tagged]
+    tagged = [seen for seen in line.inbox if seen.frame.tagged]
     expect(
         not tagged,
         "a final result follows the reply to the shutdown",

@@ -57,19 +57,19 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     STOP,
     TWO_STAGE,
     accepted,
-    begin,
+    begin_or_skip,
     done,
     find_out_whether_it_listens,
     finish,
-    harmless,
-    has,
+    harmless_requests,
     home_at,
     interrupted,
     lasting,
-    offered,
+    require_command,
     require_responsive,
     start_program,
     stored,
+    try_request,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -118,7 +118,7 @@ def test_one_reply_and_one_result(
             observed=f"{performed.result}",
             requirement="4/2",
         )
-    line.heard[:0] = line.sync()
+    line.inbox[:0] = line.sync()
     line.no_result(name, for_s=0)
 
 
@@ -130,7 +130,7 @@ def test_result_in_transfers(subject: ControllerUnderTest, line: OutgoingConnect
         pause_s = 2 * robot.ours_s(1) / len(content) * BUFFER_BYTES
 
         def slowly() -> None:
-            if not any(seen.frame.tagged for seen in line.heard):
+            if not any(seen.frame.tagged for seen in line.inbox):
                 line.wait(pause_s)
 
         name, tried = subject.new_name(), False
@@ -181,7 +181,7 @@ def test_refusals_end_it(subject: ControllerUnderTest, line: OutgoingConnection)
 @case("4/3", "4/5", name="stopped", hazards=_MOTION)
 def test_stopped_commands_fail(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """What an emergency stop has ended fails with "00|code", where it has a result of its own."""
-    for name in examples(name for name in STATES if name not in {JOG, *subject.statement.lacks}):
+    for name in examples(name for name in STATES if name not in {JOG, *subject.ics.unsupported}):
         with lasting(subject, line, name, queries=False) as task:
             task.lasts()
             stop(subject, line)
@@ -249,7 +249,7 @@ def test_faults_refuse(
     subject: ControllerUnderTest, line: OutgoingConnection, fault: str, code: str
 ) -> None:
     """A robot at fault refuses what would move it, with the code of its fault."""
-    values = harmless(subject, line)
+    values = harmless_requests(subject, line)
     subject.moved = True
     try:
         subject.hook(fault, **({"joints": "inner_arm"} if fault == "motor_fault" else {}))
@@ -291,7 +291,7 @@ def test_busy(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
 
     So it is on another connection.
     """
-    values = harmless(subject, line)
+    values = harmless_requests(subject, line)
     beside = subject.open() if subject.takes_several else line
     with lasting(subject, line, name) as task:
         for other, value in examples(values.items()):
@@ -308,14 +308,14 @@ def test_nothing_is_queued(subject: ControllerUnderTest, line: OutgoingConnectio
     Nor does it keep the arm from where it was to go.
     """
     require_responsive(subject, line)
-    values = harmless(subject, line)
+    values = harmless_requests(subject, line)
     with returning(subject, line):
         _, begun = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
         accepted(MOVE, begun)
         refused = {
             BY_NAME[name].opcode
             for name in (RUN, MOVE, LOCK)
-            if (answer := offered(line, name, values.get(name))) is None or not answer.accepted
+            if (answer := try_request(line, name, values.get(name))) is None or not answer.accepted
         }
         done(subject, line, MOVE)
         line.ask("get_tool_coordinates")  # which tells the judge (4.24/8)
@@ -342,7 +342,7 @@ def test_refused_moves_stay_refused(subject: ControllerUnderTest, line: Outgoing
         if not nearby:
             raise CaseSkipped("there is no room for a step")
         start_program(subject, line, RUN, BRIEFLY_S)
-        answer = offered(line, MOVE, target(nearby[0], subject.statement.motion.speed_percent))
+        answer = try_request(line, MOVE, target(nearby[0], subject.ics.motion.speed_percent))
         done(subject, line, RUN)
         if answer is not None and answer.accepted:
             done(subject, line, MOVE)
@@ -384,7 +384,7 @@ def test_never_idle_meanwhile(
                 break
             line.wait(0.01)
         for query in known_to(subject):
-            if offered(line, *query) is None:
+            if try_request(line, *query) is None:
                 _answered_late(subject, line, query, name)
 
 
@@ -415,7 +415,7 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
             answered += len(replies_to(line, sent))
             results += [
                 ReceivedFrame(seen, seen.value)
-                for seen in line.heard
+                for seen in line.inbox
                 if seen.frame.tagged and seen.frame.opcode == opcode
             ]
             line.wait(0.05)
@@ -433,7 +433,7 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
             observed=" ".join(map(str, results)),
             requirement="3/18",
         )
-        line.heard.clear()
+        line.inbox.clear()
         status = status_at_rest(line)
         expect(
             status.value == IDLE,
@@ -461,7 +461,11 @@ def test_queries_meanwhile(subject: ControllerUnderTest, line: OutgoingConnectio
             except NoReply as error:
                 message = f"{error} while a program ran"
                 raise CaseFailed(message, observed=error.observed, requirement="3/31") from None
-        expect(not line.noise, "bytes that are no frame came between replies", requirement="3/32")
+        expect(
+            not line.invalid_bytes,
+            "bytes that are no frame came between replies",
+            requirement="3/32",
+        )
 
     with lasting(subject, line, RUN):
         tried(QUERIES)
@@ -517,7 +521,7 @@ def _is_replied_to_at_its_end(
 @case("4/14", name="reset", hazards=_MOTION, slow=True)
 def test_reply_before_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The first reply to a reset comes before the arm goes its way, not with the final result."""
-    has(subject, MOVE, RESET)
+    require_command(subject, MOVE, RESET)
     with returning(subject, line), home_at(subject, line):
         together = [_comes_with_its_result(subject, line) for _ in range(2)]
         expect(
@@ -536,7 +540,7 @@ def _comes_with_its_result(subject: ControllerUnderTest, line: OutgoingConnectio
     asked_s = subject.now_ns / _NS
     prompt_s = line.ask("get_status").time_s - asked_s
     asked_s = subject.now_ns / _NS
-    answer = begin(subject, line, RESET)
+    answer = begin_or_skip(subject, line, RESET)
     late_s = answer.time_s - asked_s
     lasted_s = finish(subject, line, RESET).time_s - answer.time_s
     late = late_s > max(_BRIEF_S, _TIMES_LATER * prompt_s)
@@ -560,7 +564,7 @@ def test_free_again(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 @case("4/15", "4/6", "4.17/6", name="second-client", hazards=_MOTION, slow=True)
 def test_second_client(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A second client sees the first one's program run, is refused, can stop it, and leaves."""
-    subject.several()
+    subject.require_multiple_connections()
     other = subject.open()
     program = stored(subject, other, 0)
     with lasting(subject, line, RUN) as task:

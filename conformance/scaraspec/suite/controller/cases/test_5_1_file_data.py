@@ -252,7 +252,7 @@ def _not_complete(
     if got is None:
         return
     message = f"a file of 600 bytes was taken for complete before the chunks at {missing} came"
-    claimed = "chunk_order" in subject.statement.claimed
+    claimed = "chunk_order" in subject.ics.claimed
     if claimed and subject.dialect["chunk_order"] == "any" and 400 in sent:
         subject.tolerate("5.1/13", "chunk_order", "any", message)
         return

@@ -29,7 +29,7 @@ from scaraspec.suite.controller.harness.requests.files import (
     transfer_frames,
     upload,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import offered
+from scaraspec.suite.controller.harness.two_stage.tasks import try_request
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply, expect
@@ -146,10 +146,10 @@ def test_path_in_a_new_name(subject: ControllerUnderTest, line: OutgoingConnecti
     plain = subject.new_name()
     for path in examples((b"../%s", b"../../%s", b"a/../%s", b"./%s", b"/%s", b"/tmp/%s", b"a/%s")):
         name = path % plain
-        offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
-        line = offered.line
+        try_request = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        line = try_request.line
         message = f"the name {name.decode()} was accepted"
-        expect(not offered.accepted, message, expected="0", observed="1")
+        expect(not try_request.accepted, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="backslash", hazards=_DESTRUCTIVE)
@@ -158,9 +158,9 @@ def test_backslash_in_a_new_name(subject: ControllerUnderTest, line: OutgoingCon
     for path in examples((b".\\%s", b"a\\..\\%s", b"..\\%s")):
         plain = subject.new_name()
         name = path % plain
-        offered = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
-        line = offered.line
-        if offered.accepted:
+        try_request = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
+        line = try_request.line
+        if try_request.accepted:
             offer(line, Chunk(1, 0, 1, b"!"))
             line = again(subject, line)
             message = f"the name {name.decode()} has stored {plain.decode()}"
@@ -176,10 +176,10 @@ def test_path_to_a_file(subject: ControllerUnderTest, line: OutgoingConnection) 
         (b"./%s", b"a/../%s", b"/%s", b".\\%s", b"a\\..\\%s", b"../programs/../%s")
     ):
         name = path % plain
-        offered = malformed.offer(subject, line, "download_name", Malformed("a path", name))
-        line = offered.line
+        try_request = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        line = try_request.line
         message = f"{name.decode()} fetched {plain.decode()}"
-        expect(not offered.accepted, message, expected="0", observed="1")
+        expect(not try_request.accepted, message, expected="0", observed="1")
 
 
 @case("5.2/15", name="system")
@@ -189,10 +189,10 @@ def test_path_to_the_system(subject: ControllerUnderTest, line: OutgoingConnecti
     for name in examples(
         [way + file for way in up for file in (b"etc/passwd", b"windows\\win.ini")]
     ):
-        offered = malformed.offer(subject, line, "download_name", Malformed("a path", name))
-        line = offered.line
+        try_request = malformed.offer(subject, line, "download_name", Malformed("a path", name))
+        line = try_request.line
         message = f"{name.decode()} was fetched"
-        expect(not offered.accepted, message, expected="0", observed="1")
+        expect(not try_request.accepted, message, expected="0", observed="1")
 
 
 # The chunks
@@ -353,11 +353,11 @@ def test_chunk_on_another_connection(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """A chunk on a connection that named no file is not taken into the upload of another one."""
-    subject.several()
+    subject.require_multiple_connections()
     name, content = subject.new_name(), content_of(450)
     begin(line, name)
     other = subject.open()
-    answer = offered(other, "upload_chunk", Chunk(450, 0, 200, bytes(200)))
+    answer = try_request(other, "upload_chunk", Chunk(450, 0, 200, bytes(200)))
     expect(answer is None or not answer.accepted, "a chunk was taken without a name")
     for chunk in chunks_of(content):
         send(line, chunk)
@@ -436,7 +436,7 @@ def test_two_files(subject: ControllerUnderTest, line: OutgoingConnection) -> No
 @case("5.2/12", name="two-connections")
 def test_two_uploads_at_once(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Two connections upload and then fetch in turns, and each file is what was sent."""
-    subject.several()
+    subject.require_multiple_connections()
     lines = (line, subject.open())
     names = [subject.new_name() for _ in lines]
     contents = [content_of(650, number) for number in (0, 1)]
@@ -457,7 +457,7 @@ def test_one_name_on_two_connections(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """Where two connections upload under one name, one of them is refused, or one file is whole."""
-    subject.several()
+    subject.require_multiple_connections()
     lines = (line, subject.open())
     name = subject.new_name()
     contents = [content_of(450, number) for number in (0, 1)]

@@ -129,7 +129,7 @@ def test_deleted_file(subject: ControllerUnderTest, line: OutgoingConnection) ->
 @case("5.3/3", name="unfinished", hazards=(Hazard.STATE,))
 def test_unfinished_file(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A file that is still being uploaded elsewhere is not fetched as if it were whole."""
-    subject.several()
+    subject.require_multiple_connections()
     name = subject.new_name()
     begin(line, name)
     send(line, Chunk(650, 0, 200, _CONTENT[:200]))
@@ -153,7 +153,7 @@ def test_content_follows(subject: ControllerUnderTest, line: OutgoingConnection)
     name = some_file(subject, line, _CONTENT)
     line.send("download_name", name)
     behind = line.reply("download_name").seen.place.offset_bytes
-    early = [seen for seen in line.heard if seen.place.offset_bytes < behind]
+    early = [seen for seen in line.inbox if seen.place.offset_bytes < behind]
     expect(
         not early,
         "a chunk came before the answer to the name",
@@ -204,7 +204,7 @@ def test_one_file_on_two_connections(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """One file that two connections fetch at the same time comes whole to both."""
-    subject.several()
+    subject.require_multiple_connections()
     got = _fetch_together(subject, line, [some_file(subject, line, _CONTENT)] * 2)
     message = "two connections that fetch one file get different contents"
     expect(got is None or got[0] == got[1], message, expected="the same twice")
@@ -215,7 +215,7 @@ def test_two_files_on_two_connections(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """Two files that two connections fetch at the same time come to each its own."""
-    subject.several()
+    subject.require_multiple_connections()
     contents = [content_of(650, number) for number in (0, 1)]
     names = [some_file(subject, line, content) for content in contents]
     got = _fetch_together(subject, line, names)
@@ -261,7 +261,7 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
 
     def survived(on: OutgoingConnection, silence: Silence) -> None:
         on.pump()
-        early = [seen.frame for seen in on.heard if seen.name == "download_chunk"]
+        early = [seen.frame for seen in on.inbox if seen.name == "download_chunk"]
         message = "something was sent while the answer to a chunk was awaited"
         expect(not early, message, observed=f"{early}", requirement="5.3/6")
         silence.in_time(limits.early_s)

@@ -71,7 +71,7 @@ def test_name_on_a_second_connection(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """A file is created on any connection, also while another one is open."""
-    subject.several()
+    subject.require_multiple_connections()
     for on in (line, subject.open(), line):
         name = subject.new_name()
         answer = on.ask("upload_name", data=name)
@@ -452,7 +452,7 @@ _OTHERS = ("get_status", "get_time", "get_version", "list_programs", "get_joint_
 
 def _others(subject: ControllerUnderTest, line: OutgoingConnection, status: str) -> None:
     """Ask for other things; the status has to be this one."""
-    for name in examples(each for each in _OTHERS if each not in subject.statement.lacks):
+    for name in examples(each for each in _OTHERS if each not in subject.ics.unsupported):
         try:
             answer = line.ask(name)
         except NoReply as error:
@@ -489,14 +489,14 @@ def _upload_among_others(
         line.ask("delete_program", data=other)
         message = "the list is another one within an upload"
         expect_equal(_listed(subject, line, name, other), listed, message, requirement="5.4/8")
-        if {"get_time", "set_time"}.isdisjoint(subject.statement.lacks):
+        if {"get_time", "set_time"}.isdisjoint(subject.ics.unsupported):
             line.ask("set_time", shifted(read(subject, line).time, _AHEAD))
         send(line, chunk, "5.4/8", "a chunk was refused after other commands")
 
 
 def _listed(subject: ControllerUnderTest, line: OutgoingConnection, *but: bytes) -> list[bytes]:
     """The programs besides these, sorted; none where none are listed."""
-    lacks = "list_programs" in subject.statement.lacks
+    lacks = "list_programs" in subject.ics.unsupported
     return [] if lacks else sorted(set(program_names(subject, line)).difference(but))
 
 
@@ -543,7 +543,7 @@ def test_commands_on_another_connection(
     subject: ControllerUnderTest, line: OutgoingConnection
 ) -> None:
     """While one connection uploads, another one is served."""
-    subject.several()
+    subject.require_multiple_connections()
     other = subject.open()
     name = subject.new_name()
     status = other.ask("get_status").value

@@ -197,7 +197,7 @@ _BRANCHES: Final[tuple[Block, ...]] = (
 def test_branches(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The branch of what holds is executed and the other is not, and what follows it is."""
     with bench(subject, line) as robot:
-        robot.performs([statement for block in _BRANCHES for statement in block])
+        robot.performs([ics for block in _BRANCHES for ics in block])
 
 
 @case("6.5/24", name="apart", hazards=PROGRAMS)

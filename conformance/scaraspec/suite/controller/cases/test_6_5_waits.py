@@ -124,7 +124,7 @@ def _lasted(subject: ControllerUnderTest, robot: Bench, waits: Sequence[int]) ->
 
 def _expect_lasted(subject: ControllerUnderTest, trial: Trial, waits: Sequence[int]) -> None:
     """Check how long it took; each of its waits may be late."""
-    seconds, scale = sum(waits), subject.statement.time_scale
+    seconds, scale = sum(waits), subject.ics.time_scale
     link_s = _LINK_S if scale > 1 else 0.0
     late_s = sum(max(_SLACK_S, _SLACK * each) for each in waits)
     longest_s = (seconds + late_s) / scale + link_s

@@ -17,7 +17,7 @@ from scaraspec.suite.controller.harness.requests.motion import (
     pose_of,
     returning,
 )
-from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, has
+from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, accepted, done, require_command
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, expect
@@ -47,7 +47,7 @@ def _gripper(line: OutgoingConnection, centre: Point) -> Iterator[None]:
 @case("7/1", hazards=_STATE)
 def test_tool_point(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The tool coordinates stay where they are when the gripper's centre changes (7.1, 7.2)."""
-    has(subject, "get_tool_coordinates", "set_gripper_center")
+    require_command(subject, "get_tool_coordinates", "set_gripper_center")
     with _gripper(line, Point(0.0, 0.0, 0.0)):
         bare = pose_of(line)
         line.ask("set_gripper_center", _OFFSET)
@@ -69,7 +69,7 @@ def test_tool_point(subject: ControllerUnderTest, line: OutgoingConnection) -> N
 @case("7/1", name="steady")
 def test_tool_point_is_one(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same point is told again and again, to every connection, with x, y, z and thetaX."""
-    has(subject, "get_tool_coordinates")
+    require_command(subject, "get_tool_coordinates")
     first = pose_of(line)
     others = [line, subject.open()] if subject.takes_several else [line]
     for each in others:
@@ -85,7 +85,7 @@ def test_tool_point_is_one(subject: ControllerUnderTest, line: OutgoingConnectio
 @case("7/2", hazards=_MOTION)
 def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """Whatever thetaY and thetaZ a move names, x, y, z and thetaX are where it goes."""
-    has(subject, MOVE)
+    require_command(subject, MOVE)
     with returning(subject, line) as pose:
         for theta_y, theta_z in examples(((7.0, 0.0), (0.0, 7.0), (-3.5, 3.5))):
             named = pose._replace(theta_y=theta_y, theta_z=theta_z)
@@ -110,7 +110,7 @@ def test_meaningless_angles(subject: ControllerUnderTest, line: OutgoingConnecti
 @case("7/5", "4.27/6", hazards=_MOTION)
 def test_one_geometry(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The same pose has the same joint angles when the arm comes back, another pose has others."""
-    has(subject, MOVE)
+    require_command(subject, MOVE)
     with returning(subject, line) as pose:
         joints = joints_of(line)
         there, answer = begin_step_somewhere(subject, line)

@@ -17,10 +17,10 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
     SIMULATE,
     finish,
-    has,
     lasting,
-    offered,
+    require_command,
     start_program,
+    try_request,
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -73,7 +73,7 @@ def test_refusals(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     subject.moved = True
     missing = subject.new_name()
     for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, _FAR))):
-        if name not in subject.statement.lacks:
+        if name not in subject.ics.unsupported:
             answer = line.ask(name, data=data)
             if answer.accepted:  # what is wrong may be found out late (A-4.15-1, A-4.24-5)
                 finish(subject, line, name)
@@ -86,7 +86,7 @@ def test_refusals_of_a_busy_robot(subject: ControllerUnderTest, line: OutgoingCo
     """While a program runs, status and refusals bear codes of the table."""
     with lasting(subject, line, RUN):
         _expect_code(subject, line.ask("get_status").frame.data)
-        answer = offered(line, LOCK)
+        answer = try_request(line, LOCK)
         if answer is not None and answer.accepted is False and _code_of(answer):
             _expect_code(subject, _code_of(answer))
 
@@ -96,7 +96,7 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
     """Programs that are not there are run and simulated; the code says 20, at either stage."""
     subject.moved = True
     for name in examples((RUN, SIMULATE)):
-        has(subject, name)
+        require_command(subject, name)
         answer = line.ask(name, subject.new_name())
         if answer.accepted:
             answer = finish(subject, line, name)

@@ -15,7 +15,13 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import expect_stored, send, upload
 from scaraspec.suite.controller.harness.requests.queries import ask_all
-from scaraspec.suite.controller.harness.two_stage.tasks import MOVE, RUN, SIMULATE, finish, has
+from scaraspec.suite.controller.harness.two_stage.tasks import (
+    MOVE,
+    RUN,
+    SIMULATE,
+    finish,
+    require_command,
+)
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
@@ -59,7 +65,7 @@ def test_bars(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
 def test_bar_before_a_code(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The run of a missing program is refused, with one bar before the code (A-0-2)."""
     for name in examples((RUN, SIMULATE)):
-        has(subject, name)
+        require_command(subject, name)
         answer = line.ask(name, subject.new_name())
         said = [answer, finish(subject, line, name)] if answer.accepted else [answer]
         _without(said, Defect.SPACE_FOR_BAR, Defect.FIELD_COUNT)
@@ -118,7 +124,7 @@ def test_digits_are_characters(subject: ControllerUnderTest, line: OutgoingConne
 @case("T/3", name="settings", hazards=_STATE)
 def test_flags_of_settings(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """The flag of what is set and of what is sent is a character."""
-    has(subject, "set_gripper_center")
+    require_command(subject, "set_gripper_center")
     centre = line.ask("get_gripper_center").value
     name = subject.new_name()
     answers = [line.ask("set_gripper_center", centre), line.ask("upload_name", name)]
@@ -171,7 +177,7 @@ _numbers = (
 @example(texts=("0.00001", "-0.0000001", "1000000"))
 def test_numbers_that_were_set(subject: ControllerUnderTest, texts: tuple[str, str, str]) -> None:
     """Numbers of many sizes are set, and come back as plain decimal text."""
-    has(subject, "set_gripper_center", "get_gripper_center")
+    require_command(subject, "set_gripper_center", "get_gripper_center")
     line = subject.open()
     before = line.ask("get_gripper_center").value
     try:
@@ -193,7 +199,7 @@ def test_numbers_that_were_set(subject: ControllerUnderTest, texts: tuple[str, s
 @case("T/5", name="decimals", hazards=_STATE)
 def test_decimals_are_taken(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A number may have no decimals, or more than are needed."""
-    has(subject, "set_gripper_center", "get_gripper_center")
+    require_command(subject, "set_gripper_center", "get_gripper_center")
     before = line.ask("get_gripper_center").value
     try:
         for data in examples((b"20|30|40", b"20.0|30.0|40.0", b"20.000|30.00|40", b"-20|-30.5|0")):
@@ -232,7 +238,7 @@ def test_codes_of_refusals(subject: ControllerUnderTest, line: OutgoingConnectio
     missing = subject.new_name()
     far = b"1|900000|900000|900000|0|0|0"
     for name, data in examples(((RUN, missing), (SIMULATE, missing), (MOVE, far))):
-        if name in subject.statement.lacks:
+        if name in subject.ics.unsupported:
             continue
         answer = line.ask(name, data=data)
         said = [answer, finish(subject, line, name)] if answer.accepted else [answer]

@@ -35,7 +35,7 @@ class ControllerAdapter:
 
     Attributes:
         access: The way to the subject.
-        statement: What it claims.
+        ics: What it claims.
         password: What opens it.
         options: What the tester asks for.
         link: How to call the way to it, in the results.
@@ -47,7 +47,7 @@ class ControllerAdapter:
     """
 
     access: Access
-    statement: Ics
+    ics: Ics
     password: bytes
     options: Options
     link: str = ""
@@ -67,7 +67,7 @@ class ControllerAdapter:
         """The controller under test."""
         return ControllerUnderTest(
             self.access,
-            self.statement,
+            self.ics,
             self.password,
             observer,
             self.options.allowed,

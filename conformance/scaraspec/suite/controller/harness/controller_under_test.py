@@ -72,7 +72,7 @@ class ControllerUnderTest:
 
     Args:
         access: The way to it.
-        statement: What it claims.
+        ics: What it claims.
         password: What opens it.
         observer: Watches everything.
         allowed: The hazards that the tester permits.
@@ -97,7 +97,7 @@ class ControllerUnderTest:
     def __init__(  # noqa: PLR0913 - the collaborators of a run
         self,
         access: Access,
-        statement: Ics,
+        ics: Ics,
         password: bytes,
         observer: Observer,
         allowed: frozenset[Hazard],
@@ -106,9 +106,9 @@ class ControllerUnderTest:
         draw_token: Callable[[], str] = random_token,
         say: Callable[[str], None] = lambda _: None,
     ) -> None:
-        self.access, self.statement, self.password = access, statement, password
+        self.access, self.ics, self.password = access, ics, password
         self.observer, self.allowed = observer, allowed
-        self.dialect = statement.dialect
+        self.dialect = ics.dialect
         self.tolerated: list[tuple[str, str, str, str]] = []
         self.found: dict[str, str] = {}
         self.known: dict[str, Any] = {}
@@ -123,7 +123,7 @@ class ControllerUnderTest:
         self.journal = journal
         self.files = OwnFiles(journal, draw_token)
         self.others = OtherClients(self)
-        self.guard = Guard(journal, self.files, password, statement.reply_s, self.others)
+        self.guard = Guard(journal, self.files, password, ics.reply_s, self.others)
         self._lines: list[OutgoingConnection] = []
         self._left: list[OutgoingConnection] = []
         self._connections = itertools.count(1)
@@ -138,17 +138,17 @@ class ControllerUnderTest:
     @property
     def reply_s(self) -> float:
         """For how long a reply is waited for."""
-        return self.statement.reply_s
+        return self.ics.reply_s
 
     @property
     def transfer_s(self) -> float:
         """After what silence it abandons a transfer."""
-        return self.statement.transfer_s
+        return self.ics.transfer_s
 
     @property
     def longest_s(self) -> float:
         """For how long a final result is waited for."""
-        return self.statement.motion.longest_s
+        return self.ics.motion.longest_s
 
     # ------------------------------------------------------------------ connections
 
@@ -230,7 +230,7 @@ class ControllerUnderTest:
     @property
     def _may_serve_one(self) -> bool:
         """Whether it serves one client at a time, or nobody knows yet (A-2-2)."""
-        known = {*self.found, *self.statement.claimed}
+        known = {*self.found, *self.ics.claimed}
         return self.dialect["max_clients"] == "one" or "max_clients" not in known
 
     def _open(self, *, judged: bool) -> OutgoingConnection:
@@ -264,8 +264,8 @@ class ControllerUnderTest:
 
     def _overlook_greeting(self, line: OutgoingConnection) -> None:
         """Drop what a subject sends unasked on every connection: the judge warns of it (A-3-16)."""
-        opcodes = self.known.setdefault(_GREETING, {seen.frame.opcode for seen in line.heard})
-        line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode not in opcodes]
+        opcodes = self.known.setdefault(_GREETING, {seen.frame.opcode for seen in line.inbox})
+        line.inbox[:] = [s for s in line.inbox if s.frame.tagged or s.frame.opcode not in opcodes]
 
     def pump_others(self, line: Connection, /) -> list[Link]:
         """Take what came on the other connections; give the links on which more may come."""
@@ -310,7 +310,7 @@ class ControllerUnderTest:
         many = self.dialect["max_clients"] == "many" and not self.known.get(DISPLACES)
         return self.access.several and many
 
-    def several(self) -> None:
+    def require_multiple_connections(self) -> None:
         """Go on only where several connections can be open at once.
 
         Raises:
@@ -334,7 +334,7 @@ class ControllerUnderTest:
 
     def has_hook(self, name: str) -> bool:
         """Whether the statement of conformance names this hook."""
-        return name in self.statement.hooks
+        return name in self.ics.hooks
 
     def hook(self, name: str, **values: object) -> None:
         """Handle the subject.
@@ -343,7 +343,7 @@ class ControllerUnderTest:
             CaseSkipped: The statement of conformance names no such hook.
             CaseInconclusive: The hook failed.
         """
-        hook = self.statement.hooks.get(name)
+        hook = self.ics.hooks.get(name)
         if hook is None:
             raise CaseSkipped(
                 f"it needs the hook {name} in [hooks] of the statement of conformance"
@@ -444,7 +444,7 @@ class ControllerUnderTest:
                     break
                 if self.guard.stop.withholds(BY_NAME[remedy].opcode):
                     continue
-                if remedy not in self.statement.lacks and line.ask(remedy).accepted:
+                if remedy not in self.ics.unsupported and line.ask(remedy).accepted:
                     with suppress(NoReply):
                         line.result(remedy, within_s=self.reply_s)
         if self.moved:
@@ -477,7 +477,7 @@ class ControllerUnderTest:
 
     def _runs_ours(self, line: OutgoingConnection) -> bool:
         """Whether it runs what a case has stored, though its status may say that it is idle."""
-        if _RUNNING in self.statement.lacks | self.unanswered:
+        if _RUNNING in self.ics.unsupported | self.unanswered:
             return False
         with suppress(NoReply):
             told = line.ask(_RUNNING).value

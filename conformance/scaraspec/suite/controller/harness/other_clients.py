@@ -64,7 +64,7 @@ class OtherClients(Interference):
 
     def __init__(self, subject: "ControllerUnderTest") -> None:
         self._subject = subject
-        self.settings = {name: FollowedSetting(subject.statement.time_scale) for name in QUERIES}
+        self.settings = {name: FollowedSetting(subject.ics.time_scale) for name in QUERIES}
         self.deviating: dict[str, bool] = {}
         self._cases: dict[str, _Case] = {}
         self._proofs: dict[str, str] = {}

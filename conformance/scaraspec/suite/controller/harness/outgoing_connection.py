@@ -64,9 +64,9 @@ class OutgoingConnection(Connection):
     def _drop_results(self, command: Command) -> None:
         """Drop final results without a tag, which the judge has seen: no later request has them."""
         self.pump()
-        self.heard[:] = [
+        self.inbox[:] = [
             seen
-            for seen in self.heard
+            for seen in self.inbox
             if seen.frame.tagged or seen.frame.opcode != command.opcode or _outcome(seen) is None
         ]
 
@@ -98,8 +98,8 @@ class OutgoingConnection(Connection):
         except PayloadError as error:
             raise CaseInconclusive(f"{name} cannot be asked: {error}") from None
         opcode = command.opcode
-        if command.also is not None and dialect["op_get_default"] == "0x13":
-            opcode = command.also
+        if command.alternate_opcode is not None and dialect["op_get_default"] == "0x13":
+            opcode = command.alternate_opcode
         return Frame(A2C, opcode, payload)
 
     def in_time(self) -> None:
@@ -134,9 +134,9 @@ class OutgoingConnection(Connection):
     def _drop_unasked(self, command: Command) -> None:
         """Drop what came of itself: it answers no later request (A-3-16), and may be outdated."""
         if unasked := [seen.place for seen in self._subject.observer.unasked]:
-            self.heard[:] = [
+            self.inbox[:] = [
                 seen
-                for seen in self.heard
+                for seen in self.inbox
                 if seen.frame.opcode != command.opcode or seen.place not in unasked
             ]
 
@@ -147,7 +147,9 @@ class OutgoingConnection(Connection):
             NoReply: None came.
         """
         command = BY_NAME[name]
-        opcodes = {command.opcode, command.also, command.reply_also} - {None}
+        opcodes = {command.opcode, command.alternate_opcode, command.alternate_reply_opcode} - {
+            None
+        }
         answer = self._due(
             Due(name),
             lambda seen: not seen.frame.tagged and seen.frame.opcode in opcodes,
@@ -176,7 +178,7 @@ class OutgoingConnection(Connection):
             NoReply: None came.
         """
         due, opcode = Due(name, result=True), BY_NAME[name].opcode
-        in_vain = self._subject.patience.vain(due)
+        in_vain = self._subject.patience.given_up(due)
         untagged = untagged or (in_vain and not self._subject.is_tried(due.requirement))
         answer = self._due(
             due,
@@ -204,7 +206,7 @@ class OutgoingConnection(Connection):
             answer = self.awaited(wanted, patience.within_s(due, asked_s), message)
         except NoReply as error:
             error.owed = due.requirement
-            if patience.vain(due):
+            if patience.given_up(due):
                 error.requirement = due.requirement
             if asked_s >= full_s and not self.over:
                 patience.missed(due)
@@ -221,7 +223,7 @@ class OutgoingConnection(Connection):
         """
         self.wait(for_s)
         opcode = BY_NAME[name].opcode
-        for seen in self.heard:
+        for seen in self.inbox:
             if seen.frame.tagged and seen.frame.opcode == opcode:
                 message = f"a final result of {name} came that must not come"
                 raise CaseFailed(
@@ -256,21 +258,21 @@ class OutgoingConnection(Connection):
         if self._subject.dialect["pipelining"] == "one":
             self.apart()
         self.send("get_status")
-        before = list(self.heard)
-        self.heard.clear()
+        before = list(self.inbox)
+        self.inbox.clear()
         opcode = BY_NAME["get_status"].opcode
         deadline_s = self.link.now_s + self._subject.reply_s
         while True:
-            while self.heard:
-                seen = self.heard.pop(0)
+            while self.inbox:
+                seen = self.inbox.pop(0)
                 if seen.frame.opcode == opcode and not seen.frame.tagged:
                     return before
                 before.append(seen)
             if not self._more(deadline_s):
-                self.heard[:0] = before
+                self.inbox[:0] = before
                 raise self.no_answer("get_status was not answered")
 
-    def answers(self) -> list[FrameSeen]:
+    def collect_replies(self) -> list[FrameSeen]:
         """As `sync`, and where nothing came a moment longer: not all answer in order (A-3-14).
 
         Raises:
@@ -279,8 +281,8 @@ class OutgoingConnection(Connection):
         came = self.sync()
         if not came:
             self.wait(_APART_S)
-            came = list(self.heard)
-            self.heard.clear()
+            came = list(self.inbox)
+            self.inbox.clear()
         return came
 
     # ------------------------------------------------------------------ ending

@@ -59,12 +59,12 @@ def _op_get_default(subject: ControllerUnderTest) -> str | None:
     """Ask with either opcode (A-4.12-1), which may be undefined to it (A-3-9)."""
     command = BY_NAME["get_default_program"]
     replies = {}
-    for opcode in (command.opcode, command.also):
+    for opcode in (command.opcode, command.alternate_opcode):
         assert opcode is not None, "the document prints two"
         line = subject.open()
         line.send_frame(Frame(A2C, opcode))
         with suppress(NoReply):
-            for seen in line.answers():
+            for seen in line.collect_replies():
                 if seen.frame.opcode == opcode:
                     replies[f"0x{opcode:02X}"] = seen.frame.data
         line.close()
@@ -109,9 +109,9 @@ def _prelogin(subject: ControllerUnderTest) -> str | None:
     line.wait(SILENCE_S)
     if line.ending is not None:
         return "close"
-    if not line.heard:
+    if not line.inbox:
         return "ignore"
-    said = line.heard[0].frame.data
+    said = line.inbox[0].frame.data
     claimed = subject.dialect["prelogin"]
     served = claimed if claimed in ("reads", "all") else "reads"
     return "failure" if said == b"0" else served
@@ -125,7 +125,7 @@ def _prog_ext(subject: ControllerUnderTest) -> str | None:
         if _breaks_off(subject):
             _look_how_long_it_lasts(subject)
             taken.append(extension)
-    subject.dialect = subject.dialect.replace(prog_ext=subject.statement.dialect["prog_ext"])
+    subject.dialect = subject.dialect.replace(prog_ext=subject.ics.dialect["prog_ext"])
     return "any" if len(taken) > 1 else next(iter(taken), None)
 
 
@@ -153,7 +153,7 @@ def _endian(subject: ControllerUnderTest) -> str | None:
 
     The one that is claimed comes first: a receiver may take both.
     """
-    claimed = subject.statement.dialect["endian"]
+    claimed = subject.ics.dialect["endian"]
     for order in sorted(("little", "big"), key=lambda order: order != claimed):
         subject.dialect = subject.dialect.replace(endian=order)
         line = subject.open()

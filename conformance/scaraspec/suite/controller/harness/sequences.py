@@ -79,7 +79,7 @@ def acts_within(
 
     What is named several times is drawn as often.
     """
-    lacks = subject.statement.lacks
+    lacks = subject.ics.unsupported
     return [
         name
         for name in only or _ACTS

@@ -57,14 +57,14 @@ class TimeoutPolicy:
         """It did not come in the time that it has."""
         self._missed[due] += 1
 
-    def vain(self, due: Due) -> bool:
+    def given_up(self, due: Due) -> bool:
         """Whether it was awaited in full twice, and never came."""
         return due not in self._came and self._missed[due] >= _TWICE
 
     def within_s(self, due: Due, full_s: float) -> float:
         """For how long to wait for what has so much time."""
         short_s = _RESULT_S if due.result else _REPLY_S
-        return min(full_s, short_s) if self.vain(due) else full_s
+        return min(full_s, short_s) if self.given_up(due) else full_s
 
     def rest_s(self, full_s: float) -> float:
         """For how long to wait until the robot rests: shorter where waiting has been in vain."""
@@ -79,4 +79,4 @@ class TimeoutPolicy:
 
     def unanswered(self) -> frozenset[str]:
         """The commands whose first reply is awaited in vain."""
-        return frozenset(due.name for due in self._missed if not due.result and self.vain(due))
+        return frozenset(due.name for due in self._missed if not due.result and self.given_up(due))

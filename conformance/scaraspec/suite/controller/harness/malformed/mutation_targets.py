@@ -183,7 +183,7 @@ def nothing_else(
     Raises:
         CaseFailed: It has.
     """
-    for seen in line.heard:
+    for seen in line.inbox:
         opcode = seen.frame.opcode
         expect(
             opcode in opcodes and not seen.frame.tagged,
@@ -193,9 +193,9 @@ def nothing_else(
             requirement=requirement if opcode in BY_OPCODE else "3/10",
         )
     expect(
-        not line.noise,
+        not line.invalid_bytes,
         "bytes came that are no frame",
         expected="frames",
-        observed=line.noise[0].data.hex(" ") if line.noise else "",
+        observed=line.invalid_bytes[0].data.hex(" ") if line.invalid_bytes else "",
         requirement="3/32",
     )

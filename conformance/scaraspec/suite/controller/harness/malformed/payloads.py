@@ -93,7 +93,7 @@ def offer(
         line.pump()
         if line.ending is None:
             raise
-        came = line.heard
+        came = line.inbox
     for seen in came:
         if seen.frame.opcode == opcode and not seen.frame.tagged:
             return Offered(ReceivedFrame(seen, seen.value), alive(subject, line))

@@ -81,7 +81,7 @@ def expect_ran(
     Raises:
         CaseFailed: It did not.
     """
-    scale = subject.statement.time_scale
+    scale = subject.ics.time_scale
     least_s = max(then.asked_s - first.answered_s, 0.0) * scale
     most_s = (then.answered_s - first.asked_s) * scale
     slack_s = SLACK_S + _DRIFT * most_s

@@ -273,11 +273,11 @@ def transfer_frames(line: OutgoingConnection, *, stray: bool = False) -> list[Fr
     """
     line.apart()
     try:
-        came = line.sync() if line.ending is None else line.heard
+        came = line.sync() if line.ending is None else line.inbox
     except NoReply:
         if line.ending is None:  # it may end the link (A-5-26)
             raise
-        came = line.heard
+        came = line.inbox
     came = [seen for seen in came if seen.frame.opcode in _TRANSFER]
     return [seen for seen in came if not (stray and refuses_an_answer(seen.frame))]
 

@@ -83,7 +83,7 @@ def neighbours(subject: ControllerUnderTest, pose: Pose, axis: str) -> list[Pose
     Raises:
         CaseSkipped: The arm stands outside of the box in which it may be moved.
     """
-    motion = subject.statement.motion
+    motion = subject.ics.motion
     if not in_box(subject, pose):
         raise CaseSkipped(f"the arm stands at {pose[:3]}, outside of motion.box_mm: bring it there")
     value = getattr(pose, axis)
@@ -99,7 +99,7 @@ def part_way(pose: Pose, there: Pose, part: float) -> Pose:
 
 def in_box(subject: ControllerUnderTest, pose: Pose) -> bool:
     """Whether the statement of conformance lets the tool be there."""
-    box_mm = subject.statement.motion.box_mm
+    box_mm = subject.ics.motion.box_mm
     return all(low <= v <= high for v, (low, high) in zip(pose[:3], box_mm, strict=False))
 
 
@@ -111,7 +111,7 @@ def ask_move(
 ) -> ReceivedFrame:
     """Ask for a move, by default at the speed that the statement of conformance allows."""
     subject.moved = True
-    speed = subject.statement.motion.speed_percent if speed_percent is None else speed_percent
+    speed = subject.ics.motion.speed_percent if speed_percent is None else speed_percent
     return line.ask(_MOVE, target(pose, speed))
 
 
@@ -216,7 +216,7 @@ def listens(subject: ControllerUnderTest, line: OutgoingConnection, *, jogs: boo
     if jogs and not subject.known.get(DEAF):
         if _DEAF_JOGGING not in subject.known:
             try:
-                line.ask("get_status", within_s=subject.statement.motion.jog_s)
+                line.ask("get_status", within_s=subject.ics.motion.jog_s)
             except NoReply:
                 if line.ending is not None:
                     return False
@@ -289,7 +289,7 @@ def halt(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedFram
 def _await_own_result(line: OutgoingConnection) -> None:
     """Let the result of what was stopped come, where it comes behind the stop's (A-4.17-4)."""
     left_s = SILENCE_S
-    while left_s > 0 and not any(seen.frame.tagged for seen in line.heard):
+    while left_s > 0 and not any(seen.frame.tagged for seen in line.inbox):
         line.wait(_POLL_S)
         left_s -= _POLL_S
 
@@ -346,7 +346,7 @@ def _drop_late_replies(line: OutgoingConnection) -> None:
     """Drop what was answered only when the robot had ended: it tells of then, not of now."""
     opcode = BY_NAME["get_status"].opcode
     line.pump()
-    line.heard[:] = [s for s in line.heard if s.frame.tagged or s.frame.opcode != opcode]
+    line.inbox[:] = [s for s in line.inbox if s.frame.tagged or s.frame.opcode != opcode]
 
 
 @contextmanager
@@ -354,12 +354,12 @@ def _set_aside(line: OutgoingConnection, name: str) -> Iterator[None]:
     """Take no final result of an earlier request of this command for that of the next."""
     opcode = BY_NAME[name].opcode
     line.pump()
-    earlier = [s for s in line.heard if s.frame.tagged and s.frame.opcode == opcode]
-    line.heard[:] = [s for s in line.heard if s not in earlier]
+    earlier = [s for s in line.inbox if s.frame.tagged and s.frame.opcode == opcode]
+    line.inbox[:] = [s for s in line.inbox if s not in earlier]
     try:
         yield
     finally:
-        line.heard[:0] = earlier
+        line.inbox[:0] = earlier
 
 
 def end_of(
@@ -418,7 +418,7 @@ def release_latch(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     subject.known[_LATCHES] = True
     for remedy in (_RESET, _LOCK):  # it may have let go of its joints (A-4.25-1)
         with _set_aside(line, remedy):
-            if remedy not in subject.statement.lacks and line.ask(remedy).accepted:
+            if remedy not in subject.ics.unsupported and line.ask(remedy).accepted:
                 end_of(subject, line, remedy)
                 line.wait(_POLL_S)
                 break

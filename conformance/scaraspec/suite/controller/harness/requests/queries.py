@@ -53,7 +53,7 @@ def known_to(
 
     What it never answers fails where it is asked for by itself (3/31), and nothing else.
     """
-    without = subject.statement.lacks | subject.unanswered
+    without = subject.ics.unsupported | subject.unanswered
     return [query for query in queries if query.name not in without]
 
 

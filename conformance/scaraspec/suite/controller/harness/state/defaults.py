@@ -36,7 +36,7 @@ def default_kept(subject: ControllerUnderTest, line: OutgoingConnection) -> Iter
 def _default(line: OutgoingConnection) -> bytes:
     """The default program; empty where there is none, which need not be answered (A-4.12-2)."""
     line.send("get_default_program")
-    for seen in line.answers():
+    for seen in line.collect_replies():
         if seen.name == "get_default_program" and isinstance(seen.value, bytes):
             return seen.value
     return b""
@@ -53,7 +53,7 @@ def ask_default(
     line = alive(subject, line)
     line.send_frame(Frame(A2C, opcode))
     try:
-        replies = [seen for seen in line.answers() if seen.frame.opcode in OPCODES]
+        replies = [seen for seen in line.collect_replies() if seen.frame.opcode in OPCODES]
     except NoReply:
         return None
     if not replies:

@@ -76,6 +76,6 @@ def patient(subject: ControllerUnderTest, lasts_s: float) -> None:
     Raises:
         CaseSkipped: It may not.
     """
-    ours_s = lasts_s / subject.statement.time_scale
+    ours_s = lasts_s / subject.ics.time_scale
     if ours_s > subject.access.patience_s:
         raise CaseSkipped(f"it lasts {ours_s:.0f} s: grant them with --patience")

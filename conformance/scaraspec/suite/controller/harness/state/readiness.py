@@ -74,7 +74,7 @@ def come_back(subject: ControllerUnderTest) -> list[str]:
 
 
 def _command(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> None:
-    if name not in subject.statement.lacks and line.ask(name).accepted:
+    if name not in subject.ics.unsupported and line.ask(name).accepted:
         end_of(subject, line, name)
 
 
@@ -84,7 +84,7 @@ def _goes(
     pose: Pose,
     speed_percent: int | None = None,
 ) -> bool:
-    lacks = _MOVE in subject.statement.lacks
+    lacks = _MOVE in subject.ics.unsupported
     if lacks or not ask_move(subject, line, pose, speed_percent).accepted:
         return False
     end = end_of(subject, line, _MOVE)
@@ -107,7 +107,7 @@ def _step_aside(
 ) -> None:
     """Go a step away from the ends of the travel, along one axis after another."""
     subject.known.setdefault(_STOOD, stood)
-    step_mm = subject.statement.motion.step_mm
+    step_mm = subject.ics.motion.step_mm
     for axis in AXES:
         for by in (step_mm,) * _TRIES + (-step_mm,) * _TRIES:
             there = _beside(pose_of(line), axis, by)

@@ -241,7 +241,7 @@ def _read_clock(subject: ControllerUnderTest, line: OutgoingConnection) -> list[
 def _ahead_s(subject: ControllerUnderTest, before: list[float]) -> float:
     """How far a clock must be ahead now; that of a fast simulator gains all the time."""
     ahead_s, at_s = before
-    return ahead_s + (subject.statement.time_scale - 1) * (subject.now_ns / _NS - at_s)
+    return ahead_s + (subject.ics.time_scale - 1) * (subject.now_ns / _NS - at_s)
 
 
 def _clock_differs(
@@ -249,7 +249,7 @@ def _clock_differs(
 ) -> bool:
     if now is None:
         return True
-    slack_s = _CLOCK_SLACK_S * max(subject.statement.time_scale, 1)
+    slack_s = _CLOCK_SLACK_S * max(subject.ics.time_scale, 1)
     return abs(now[0] - _ahead_s(subject, before)) > slack_s
 
 

@@ -225,7 +225,7 @@ def _read(
         The value; None if it varies, or if the controller does not tell it.
     """
     query, setting = QUERIES[name], subject.others.settings[name]
-    if query in subject.statement.lacks | subject.unanswered:
+    if query in subject.ics.unsupported | subject.unanswered:
         return None
     with suppress(NoReply):
         if name == PROGRAMS:

@@ -67,7 +67,7 @@ class Arm:
     @property
     def speed_percent(self) -> int:
         """How fast it may go."""
-        return self.subject.statement.motion.speed_percent
+        return self.subject.ics.motion.speed_percent
 
     @property
     def slow_percent(self) -> int:
@@ -80,7 +80,7 @@ class Arm:
 
     def step(self, start: Values, index: int, share: float = 1.0) -> Values:
         """A place that differs from another by a step, or a share of one, in one value."""
-        scale = min(1.0, self.subject.statement.motion.step_mm / _FULL_STEP_MM)
+        scale = min(1.0, self.subject.ics.motion.step_mm / _FULL_STEP_MM)
         length = share * scale * _STEPS[self.meaning][index]
         a, b, c, d = (value + (length if at == index else 0) for at, value in enumerate(start))
         return a, b, c, d

@@ -191,6 +191,6 @@ def finish(
         NoReply: It does not end.
         CaseFailed: It is not at rest then.
     """
-    within_s = subject.longest_s + lasts_s / subject.statement.time_scale
+    within_s = subject.longest_s + lasts_s / subject.ics.time_scale
     line.result(command, within_s=within_s)
     expect_rest(subject, line, f"the robot is not idle although {command} has ended")

@@ -28,14 +28,14 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     SIMULATE,
     STOP,
     accepted,
-    begin,
+    begin_or_skip,
     finish,
-    has,
     home_at,
     interrupted,
     jog_somewhere,
     locked_again,
     release,
+    require_command,
     start_program,
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
@@ -62,7 +62,7 @@ def perform(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -
     Raises:
         CaseFailed: It refuses, or a final result that is due does not come.
     """
-    has(subject, name)
+    require_command(subject, name)
     with returning(subject, line) as pose:
         return _PERFORM.get(name, _simply)(subject, line, name, pose)
 
@@ -81,7 +81,7 @@ def _status(subject: ControllerUnderTest, line: OutgoingConnection) -> ReceivedF
 def _simply(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, _: Pose
 ) -> Performed:
-    return _ended(subject, line, name, begin(subject, line, name))
+    return _ended(subject, line, name, begin_or_skip(subject, line, name))
 
 
 def _perform_program(
@@ -97,14 +97,14 @@ def _perform_lock(
     first = line.ask(name)
     if first.accepted is False and first.code not in BUSY:
         release(subject, line)
-        first = begin(subject, line, name)
+        first = begin_or_skip(subject, line, name)
     return _ended(subject, line, name, accepted(name, first))
 
 
 def _perform_move(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, pose: Pose
 ) -> Performed:
-    first = begin(subject, line, name, target(pose, SLOWEST_PERCENT))
+    first = begin_or_skip(subject, line, name, target(pose, SLOWEST_PERCENT))
     return _ended(subject, line, name, first)
 
 

@@ -20,7 +20,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     Task,
     finish,
     locked_again,
-    offered,
+    try_request,
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect
@@ -107,7 +107,7 @@ def expect_busy(
         CaseFailed: It does, or refuses with another state than its own.
         CaseSkipped: The task was over before the answer.
     """
-    answer = offered(line, name, value)
+    answer = try_request(line, name, value)
     if answer is None:
         message = f"the busy robot did not answer {name}"
         subject.tolerate("4/6", "busy_reply", "silence", message)

@@ -49,7 +49,7 @@ def prove_stop(subject: ControllerUnderTest) -> None:
     What is wrong with it is in `StopMonitor.failure` afterwards.
     """
     stop = subject.guard.stop
-    if STOP in subject.statement.lacks:
+    if STOP in subject.ics.unsupported:
         message = "the statement of conformance says that the controller lacks it"
         stop.fail("4.17/6", message, "an emergency stop", "none")
     for start in (_leave_error, _step, _step_once_locked, _program, _jog):
@@ -115,13 +115,13 @@ def _look(line: OutgoingConnection) -> Pose:
 
 def _leave_error(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
     """A reset, where nothing else ends an error."""
-    if line.ask("get_status").value in (IDLE, *BUSY) or RESET in subject.statement.lacks:
+    if line.ask("get_status").value in (IDLE, *BUSY) or RESET in subject.ics.unsupported:
         return None
     return _Started(RESET) if line.ask(RESET).accepted else None
 
 
 def _step(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
-    if MOVE in subject.statement.lacks:
+    if MOVE in subject.ics.unsupported:
         return None
     there, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
     return _Started(MOVE, there) if answer.accepted else None
@@ -129,21 +129,21 @@ def _step(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | 
 
 def _step_once_locked(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
     """A step of a robot whose joints may have been loose (A-4.25-1)."""
-    if {LOCK, MOVE} & subject.statement.lacks or not line.ask(LOCK).accepted:
+    if {LOCK, MOVE} & subject.ics.unsupported or not line.ask(LOCK).accepted:
         return None
     end_of(subject, line, LOCK)
     return _step(subject, line)
 
 
 def _program(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
-    if RUN in subject.statement.lacks or Hazard.STATE not in subject.allowed:
+    if RUN in subject.ics.unsupported or Hazard.STATE not in subject.allowed:
         return None
     start_program(subject, line, RUN)
     return _Started(RUN)
 
 
 def _jog(subject: ControllerUnderTest, line: OutgoingConnection) -> _Started | None:
-    if JOG in subject.statement.lacks:
+    if JOG in subject.ics.unsupported:
         return None
     jog_somewhere(subject, line)
     return _Started(JOG)

@@ -76,7 +76,7 @@ _NS: Final = 1e9
 # ---------------------------------------------------------------------- beginning
 
 
-def begin(
+def begin_or_skip(
     subject: ControllerUnderTest, line: OutgoingConnection, name: str, value: Any = None
 ) -> ReceivedFrame:
     """Ask an idle robot for a two-stage command that it can do.
@@ -85,19 +85,19 @@ def begin(
         CaseFailed: It refuses.
         CaseSkipped: It does not have this command.
     """
-    has(subject, name)
+    require_command(subject, name)
     subject.moved = True
     return accepted(name, line.ask(name, value))
 
 
-def has(subject: ControllerUnderTest, *names: str) -> None:
+def require_command(subject: ControllerUnderTest, *names: str) -> None:
     """Go on only where the subject has these commands.
 
     Raises:
         CaseSkipped: It says that it lacks one.
     """
     for name in names:
-        if name in subject.statement.lacks:
+        if name in subject.ics.unsupported:
             raise CaseSkipped(f"the subject lacks {name}")
 
 
@@ -134,7 +134,7 @@ def stored(
         reply_s = line.ask("get_status").time_s - asked_s
         seconds = max(LASTS_S, int(_ASKED * reply_s))
     name = name or subject.new_name()
-    scaled = math.ceil(seconds * subject.statement.time_scale)
+    scaled = math.ceil(seconds * subject.ics.time_scale)
     _upload_wait(subject, line, name, scaled)
     return name
 
@@ -169,9 +169,9 @@ def start_program(
     Raises:
         CaseFailed: It is refused.
     """
-    has(subject, name)
+    require_command(subject, name)
     subject.moved = True
-    if RUN not in subject.statement.lacks:
+    if RUN not in subject.ics.unsupported:
         with suppress(CaseFailed, CaseInconclusive):  # it is for the cases about layouts to say so
             find_layout(subject, line)
     release_latch(subject, line)
@@ -189,7 +189,7 @@ def begin_jog(
     Raises:
         NoReply: Neither is answered.
     """
-    has(subject, JOG)
+    require_command(subject, JOG)
     find_out_whether_it_listens(subject, line)
     request, spoken = BY_NAME[JOG].request, subject.dialect["jog_byte"]
     first: ReceivedFrame | None = None
@@ -223,7 +223,7 @@ def jog_somewhere(subject: ControllerUnderTest, line: OutgoingConnection) -> Rec
     return accepted(JOG, answer)
 
 
-def offered(
+def try_request(
     line: OutgoingConnection, name: str, value: Any = None, *, data: bytes | None = None
 ) -> ReceivedFrame | None:
     """Ask for what may be refused or not answered (A-4-2, A-3-9); None where silence follows.
@@ -234,9 +234,9 @@ def offered(
     """
     line.send(name, value, data=data)
     try:
-        line.heard[:0] = line.sync()
+        line.inbox[:0] = line.sync()
     except NoReply:
-        replies = [s for s in line.heard if s.name == name and not s.frame.tagged]
+        replies = [s for s in line.inbox if s.name == name and not s.frame.tagged]
         granted = name in TWO_STAGE and any(ReceivedFrame(s, s.value).accepted for s in replies)
         if line.ending is None and not granted:
             raise
@@ -245,7 +245,7 @@ def offered(
     return None
 
 
-def harmless(subject: ControllerUnderTest, line: OutgoingConnection) -> Mapping[str, Any]:
+def harmless_requests(subject: ControllerUnderTest, line: OutgoingConnection) -> Mapping[str, Any]:
     """For every two-stage command but the stop, a request that does next to nothing."""
     program = stored(subject, line, 0)
     values: dict[str, Any] = {
@@ -257,7 +257,7 @@ def harmless(subject: ControllerUnderTest, line: OutgoingConnection) -> Mapping[
     return {
         name: values.get(name)
         for name in TWO_STAGE
-        if name != STOP and name not in subject.statement.lacks
+        if name != STOP and name not in subject.ics.unsupported
     }
 
 
@@ -287,7 +287,7 @@ class Task:
     def over(self) -> bool:
         """Whether its final result is there."""
         self.line.pump()
-        return any(self._ends(seen) for seen in self.line.heard)
+        return any(self._ends(seen) for seen in self.line.inbox)
 
     def _ends(self, seen: FrameSeen) -> bool:
         return seen.frame.tagged and seen.frame.opcode == BY_NAME[self.name].opcode
@@ -303,7 +303,7 @@ class Task:
                 seen.place.connection != where.connection
                 or seen.place.offset_bytes < where.offset_bytes
             )
-            for seen in self.line.heard
+            for seen in self.line.inbox
         )
 
     def lasts(self) -> None:
@@ -373,7 +373,7 @@ def _program(subject: ControllerUnderTest, line: OutgoingConnection, task: Task)
 
 @contextmanager
 def _step(subject: ControllerUnderTest, line: OutgoingConnection, task: Task) -> Iterator[None]:
-    has(subject, task.name)
+    require_command(subject, task.name)
     _, answer = begin_step_somewhere(subject, line, SLOWEST_PERCENT)
     accepted(task.name, answer)
     yield
@@ -388,12 +388,12 @@ def _jog(subject: ControllerUnderTest, line: OutgoingConnection, _: Task) -> Ite
 @contextmanager
 def _way_home(subject: ControllerUnderTest, line: OutgoingConnection, task: Task) -> Iterator[None]:
     """A reset that has a step to go, where it goes to the initial tool position (A-4.18-3)."""
-    has(subject, task.name)
+    require_command(subject, task.name)
     with home_at(subject, line):
         _, answer = begin_step_somewhere(subject, line)
         accepted(MOVE, answer)
         done(subject, line, MOVE)
-        begin(subject, line, RESET)
+        begin_or_skip(subject, line, RESET)
         yield
 
 
@@ -437,7 +437,7 @@ def stop_nothing(subject: ControllerUnderTest, line: OutgoingConnection) -> None
     What begins afterwards goes on.
     """
     subject.moved = True
-    if STOP not in subject.statement.lacks and line.ask(STOP).accepted:
+    if STOP not in subject.ics.unsupported and line.ask(STOP).accepted:
         finish(subject, line, STOP)
         stop_motion(subject, line)
 
@@ -492,7 +492,7 @@ def release(
     Raises:
         CaseFailed: The idle robot refuses it.
     """
-    first = begin(subject, line, RELEASE)
+    first = begin_or_skip(subject, line, RELEASE)
     left_s = subject.reply_s
     while True:
         with suppress(NoReply):
