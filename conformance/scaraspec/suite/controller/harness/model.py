@@ -6,6 +6,7 @@ whatever is left of a sequence is a sequence again. What may be refused for a li
 from the reply, and nothing is expected where the document leaves the outcome open.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import datetime, timedelta
@@ -62,6 +63,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
     RUN,
     SIMULATE,
     STATES,
+    STOP,
     accepted,
     done,
     stop_nothing,
@@ -83,6 +85,13 @@ _DAYS: Final = (3, -5, 40, -30)  # by which the clock is set aside
 _YEARS: Final = range(2001, 2099)
 _SUMMER: Final = datetime(2024, 6, 15, 12)  # noqa: DTZ001 - the document names no zone
 _ALL_OFF: Final = (False,) * len(ALL_OUTPUTS)
+_IDLE_STOP: Final = "stop nothing"
+_SWITCHED_OFF_BY: Final = [
+    frozenset(chosen)
+    for count in range(5)
+    for chosen in itertools.combinations((RUN, SIMULATE, STOP, _IDLE_STOP), count)
+]
+"""What switches all outputs off: each controller does it at some of these events (A-4.32-3)."""
 _TOLD: Final = 8
 """How many of the steps behind which a long sequence fails are told."""
 _MEANWHILE: Final = frozenset(
@@ -141,10 +150,11 @@ class Model:
         self._running: tuple[str, bytes, OutgoingConnection] | None = None
         if {"set_initial", "move"} & set(acts):
             self._here = pose_of(self._lines[0])
-        self._if_off: set[Bits] = set()  # the outputs if a stop or program start switched all off
+        self._outputs: dict[frozenset[str], Bits] = {}  # by what switches all off
         if "set_output" in acts:
             self._ports = settable(self._lines[0])
-            self._before = self._outputs = outputs(self._lines[0])
+            self._before = outputs(self._lines[0])
+            self._outputs = dict.fromkeys(_SWITCHED_OFF_BY, self._before)
 
     def take(self, step: Step) -> None:
         """Do a step, and check what follows from it.
@@ -194,7 +204,9 @@ class Model:
                     self._let_go(name, line)
             if "set_output" in self._acts:
                 for port in self._ports:
-                    if self._before[port - 1] != self._outputs[port - 1]:
+                    if any(
+                        self._before[port - 1] != bits[port - 1] for bits in self._outputs.values()
+                    ):
                         set_output(line, port, on=self._before[port - 1])
             if self._password != self._subject.password:
                 change(line, self._password, self._subject.password)
@@ -540,22 +552,26 @@ class Model:
             observed=f"{answer}",
             requirement="4.32/4",
         )
-        self._outputs = with_port(self._outputs, port, on=on)
-        self._if_off = {with_port(bits, port, on=on) for bits in self._if_off}
+        self._outputs = {by: with_port(bits, port, on=on) for by, bits in self._outputs.items()}
         return f"set output {port} to {on:d}"
 
     def _get_outputs(self, _: Step, line: OutgoingConnection) -> str | None:
         if self._deaf:
             return None
-        shown = outputs(line)
-        if shown != self._outputs and shown in self._if_off:
+        shown, as_set = outputs(line), self._outputs[frozenset()]
+        if shown != as_set and shown in self._outputs.values():
             told = "a program that begins, or is stopped, switches the outputs off"
             self._subject.tolerate("4.32/6", "A-4.32-3", "off", told)
-            self._outputs = shown
-        message = "the outputs are others than were set"
-        expect_equal(digits(shown), digits(self._outputs), message, requirement="4.32/6")
-        self._if_off.clear()
+        else:
+            message = "the outputs are others than were set"
+            expect_equal(digits(shown), digits(as_set), message, requirement="4.32/6")
+        self._outputs = dict.fromkeys(_SWITCHED_OFF_BY, shown)
         return "ask for the outputs"
+
+    def _may_switch_off(self, event: str) -> None:
+        for by in self._outputs:
+            if event in by:
+                self._outputs[by] = _ALL_OFF
 
     def _run(self, step: Step, line: OutgoingConnection) -> str | None:
         return self._begin(RUN, self._name(step), line)
@@ -589,7 +605,7 @@ class Model:
             return f"{command} {show(name)}, which is not there"
         accepted(command, answer)
         self._centre = self._initial = None  # a program brings its own, perhaps (A-6.3-3)
-        self._if_off.add(_ALL_OFF)  # it configures the ports, perhaps (A-4.32-3)
+        self._may_switch_off(command)
         if name in self._endless:
             self._running = command, name, line
             return f"{command} {show(name)}, which does not end"
@@ -644,10 +660,10 @@ class Model:
 
     def _stop(self, _step: Step, line: OutgoingConnection) -> str | None:
         """On the connection that began it: the others are told of no result."""
-        self._if_off.add(_ALL_OFF)
+        self._may_switch_off(STOP if self._running else _IDLE_STOP)
         if not self._running:
             stop_nothing(self._subject, line)
-            return "stop nothing"
+            return _IDLE_STOP
         if self._is_over(within_s=0):
             return None
         command, _name, owner = self._running
