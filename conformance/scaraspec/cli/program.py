@@ -6,7 +6,7 @@ import click
 
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     LAYOUTS,
     MAX_FILE_BYTES,
     PointMeaning,

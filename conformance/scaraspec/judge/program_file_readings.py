@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from scaraspec.judge.dialect_detector import Sighting
 from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     MAX_FILE_BYTES,
     Operation,
     Program,

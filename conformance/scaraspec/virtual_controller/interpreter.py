@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import TypeVar
 
 from scaraspec.protocol.payloads import Outcome
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     Condition,
     Node,
     NodeType,
@@ -30,7 +30,7 @@ from scaraspec.protocol.programs import (
     WaitTimer,
     lint,
 )
-from scaraspec.protocol.programs.model import SECOND_US
+from scaraspec.protocol.program_files.model import SECOND_US
 from scaraspec.protocol.readings import Dialect
 from scaraspec.virtual_controller.arm import Joints, Pose, UnreachableError, checked, inverse
 from scaraspec.virtual_controller.motion import Motion, curve, move, straight

@@ -15,7 +15,7 @@ from scaraspec.cli.main import group
 from scaraspec.cli.problems import Problem
 from scaraspec.client import Pending
 from scaraspec.client.words import OPERATIONS
-from scaraspec.protocol.programs import Node, NodeType, Program, WaitSeconds, build
+from scaraspec.protocol.program_files import Node, NodeType, Program, WaitSeconds, build
 
 SCARASPEC = str(Path(sys.executable).with_name("scaraspec"))
 ENDS_WITHIN_S = 30

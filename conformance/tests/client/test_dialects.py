@@ -5,7 +5,7 @@ from datetime import datetime
 import pytest
 
 from scaraspec.client import Client, Interrupted, State
-from scaraspec.protocol.programs import Node, NodeType, Program, WaitSeconds, build
+from scaraspec.protocol.program_files import Node, NodeType, Program, WaitSeconds, build
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.transports.memory import MemoryNetwork
 from scaraspec.virtual_controller.brain import Brain

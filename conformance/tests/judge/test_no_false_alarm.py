@@ -29,7 +29,7 @@ from scaraspec.protocol.errors import FAILURES
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import JogDirection
-from scaraspec.protocol.programs import Node, NodeType, Program, SetOutput, WaitSeconds, build
+from scaraspec.protocol.program_files import Node, NodeType, Program, SetOutput, WaitSeconds, build
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.engine.strategies import payload_values

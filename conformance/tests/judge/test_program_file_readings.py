@@ -4,7 +4,7 @@ import pytest
 
 from scaraspec.judge.program_file_readings import file_sightings
 from scaraspec.protocol.direction import A2C
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     LAYOUTS,
     Node,
     NodeType,

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from scaraspec.cli.main import main
-from scaraspec.protocol.programs import Program, build
+from scaraspec.protocol.program_files import Program, build
 from scaraspec.transports.connect import connect
 from scaraspec.transports.link import Link
 

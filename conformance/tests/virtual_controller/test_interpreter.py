@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from scaraspec.protocol.payloads import Outcome
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     Condition,
     Node,
     NodeType,

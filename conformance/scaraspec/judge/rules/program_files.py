@@ -10,9 +10,9 @@ from typing import Final
 from scaraspec.judge.requirements import REQUIREMENTS, Method, Strength
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, rule, tolerated
 from scaraspec.protocol.fields import show
-from scaraspec.protocol.programs import LintFinding, ProgramDefect, Severity, lint
-from scaraspec.protocol.programs.layout import FOOTER, MAGIC
-from scaraspec.protocol.programs.lint import MAX_FINDINGS
+from scaraspec.protocol.program_files import LintFinding, ProgramDefect, Severity, lint
+from scaraspec.protocol.program_files.layout import FOOTER, MAGIC
+from scaraspec.protocol.program_files.lint import MAX_FINDINGS
 from scaraspec.protocol.transfer import State
 from scaraspec.traffic.events import Transfer
 from scaraspec.traffic.robot_state import RobotState

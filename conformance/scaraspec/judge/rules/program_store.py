@@ -9,8 +9,8 @@ from typing import Final
 from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, places_of, rule, tolerated
 from scaraspec.judge.rules.two_stage import TWO_STAGE
 from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
-from scaraspec.protocol.programs import MAX_FILE_BYTES, Severity, lint
-from scaraspec.protocol.programs.layout import MAGIC
+from scaraspec.protocol.program_files import MAX_FILE_BYTES, Severity, lint
+from scaraspec.protocol.program_files.layout import MAGIC
 from scaraspec.traffic.events import Exchange, Transfer
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState

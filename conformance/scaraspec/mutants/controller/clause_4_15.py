@@ -3,7 +3,7 @@
 from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.protocol.programs import Program
+from scaraspec.protocol.program_files import Program
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.robot import RUNNING

@@ -5,15 +5,8 @@ from itertools import pairwise
 from typing import ClassVar, Final
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.protocol.programs import (
-    NodeType,
-    Program,
-    ProgramError,
-    Severity,
-    lint,
-    parse,
-)
-from scaraspec.protocol.programs.layout import DEFAULT_LAYOUT, FOOTER, MAGIC
+from scaraspec.protocol.program_files import NodeType, Program, ProgramError, Severity, lint, parse
+from scaraspec.protocol.program_files.layout import DEFAULT_LAYOUT, FOOTER, MAGIC
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.interpreter import Run
 

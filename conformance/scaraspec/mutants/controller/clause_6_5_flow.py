@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 from scaraspec.mutants.controller.interpreting import misrun
 from scaraspec.protocol.payloads import Outcome
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     Node,
     NodeType,
     Operation,

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 from scaraspec.mutants.controller.interpreting import misrun
-from scaraspec.protocol.programs import Node, Point
+from scaraspec.protocol.program_files import Node, Point
 from scaraspec.virtual_controller.arm import Joints
 from scaraspec.virtual_controller.interpreter import Run
 from scaraspec.virtual_controller.motion import Motion, curve, hold, move

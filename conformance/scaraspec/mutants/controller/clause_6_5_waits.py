@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 from scaraspec.mutants.controller.interpreting import misrun
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     Condition,
     Node,
     WaitInput,

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import ClassVar
 
 from scaraspec.mutants.controller.interpreting import misrun
-from scaraspec.protocol.programs import Operation, Opt, ResultType, ValueType
+from scaraspec.protocol.program_files import Operation, Opt, ResultType, ValueType
 from scaraspec.virtual_controller.interpreter import Run
 
 _COMPARING = (

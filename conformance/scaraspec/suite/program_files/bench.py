@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Final
 
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.protocol.programs import Layout, Node, Program, Variable, listing, parse
+from scaraspec.protocol.program_files import Layout, Node, Program, Variable, listing, parse
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.files import upload

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from scaraspec.protocol.programs import Node, Opt, ValueType, Variable
+from scaraspec.protocol.program_files import Node, Opt, ValueType, Variable
 from scaraspec.suite.controller.harness.requests.ports import ALL_OUTPUTS, Bits, with_port
 from scaraspec.suite.program_files import writing as programs
 from scaraspec.suite.program_files.writing import Operand

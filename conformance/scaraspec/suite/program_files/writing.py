@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Final
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     LAYOUTS,
     Condition,
     Layout,
@@ -28,7 +28,7 @@ from scaraspec.protocol.programs import (
     WaitTimer,
     build,
 )
-from scaraspec.protocol.programs.model import PORTS, SECOND_US
+from scaraspec.protocol.program_files.model import PORTS, SECOND_US
 from scaraspec.protocol.readings import Dialect
 
 INPUTS: Final = range(1, 7)

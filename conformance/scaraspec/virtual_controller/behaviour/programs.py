@@ -7,7 +7,7 @@ from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, NameListPart
-from scaraspec.protocol.programs import Program, ProgramError, parse
+from scaraspec.protocol.program_files import Program, ProgramError, parse
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, SILENCE, Base, Silence, refused
 from scaraspec.virtual_controller.interpreter import Run, runnable
 from scaraspec.virtual_controller.robot import RUNNING, SIMULATING, Task

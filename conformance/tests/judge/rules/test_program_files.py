@@ -6,7 +6,7 @@ from math import inf
 import pytest
 
 from scaraspec.judge.requirements import REQUIREMENTS, Method
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     LAYOUTS,
     Node,
     NodeType,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from scaraspec.protocol.programs import Node, NodeType, Program, WaitSeconds, build
+from scaraspec.protocol.program_files import Node, NodeType, Program, WaitSeconds, build
 from scaraspec.protocol.transfer import FILE_DATA, chunks_of
 
 PROGRAM = build(Program(nodes=(Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(1)),)))

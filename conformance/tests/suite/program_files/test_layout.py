@@ -5,7 +5,7 @@ import pytest
 from scaraspec.judge.verdicts import Conclusion
 from scaraspec.mutants.controller import ControllerMutant
 from scaraspec.mutants.controller_run import prove_controller
-from scaraspec.protocol.programs import LAYOUTS, Layout, Program, ProgramError, parse
+from scaraspec.protocol.program_files import LAYOUTS, Layout, Program, ProgramError, parse
 from scaraspec.protocol.readings import Dialect
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.program_files.layout import twin_of

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scaraspec.protocol.programs import NodeType, Opt
+from scaraspec.protocol.program_files import NodeType, Opt
 from scaraspec.suite.program_files.model import (
     Assign,
     Block,

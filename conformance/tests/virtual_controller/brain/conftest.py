@@ -9,7 +9,7 @@ import pytest
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
-from scaraspec.protocol.programs import Node, NodeType, Program, WaitSeconds, build
+from scaraspec.protocol.program_files import Node, NodeType, Program, WaitSeconds, build
 from scaraspec.protocol.readings import Dialect
 from scaraspec.transports.link import Ending
 from scaraspec.transports.memory import MemoryLink, MemoryNetwork

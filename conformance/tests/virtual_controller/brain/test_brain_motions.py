@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from scaraspec.protocol.commands import COMMANDS
-from scaraspec.protocol.programs import Node, NodeType, Point
+from scaraspec.protocol.program_files import Node, NodeType, Point
 
 _MOVE = b"10|200|300|324|34.6|34.5|0"
 _TWO_STAGE = [row.name for row in COMMANDS if row.two_stage]

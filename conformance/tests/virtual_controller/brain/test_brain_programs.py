@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     Condition,
     Node,
     NodeType,

@@ -14,7 +14,7 @@ from typing import Any, Final
 from scaraspec.protocol.commands import JointValues, PortValue, Pose, RunningProgram
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.protocol.programs import ProgramError, listing, parse
+from scaraspec.protocol.program_files import ProgramError, listing, parse
 from scaraspec.protocol.transfer import State
 from scaraspec.traffic.events import Exchange, FrameSeen, Transfer
 from scaraspec.traffic.wire import Kind, WireEvent

@@ -16,7 +16,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.protocol.commands import COMMANDS, Command
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.programs import listing, parse
+from scaraspec.protocol.program_files import listing, parse
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec_recorder.recordings.capture import capture_sink, draw_capture
 from scaraspec_recorder.sinks.decoder import Deriver

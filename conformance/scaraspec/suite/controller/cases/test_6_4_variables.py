@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from scaraspec.protocol.programs import Opt
+from scaraspec.protocol.program_files import Opt
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import outputs, set_output

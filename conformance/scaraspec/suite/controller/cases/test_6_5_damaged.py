@@ -9,8 +9,8 @@ from typing import Final
 
 from hypothesis import strategies as st
 
-from scaraspec.protocol.programs import Layout, Node, NodeType, Opt, Variable, detect
-from scaraspec.protocol.programs.layout import FOOTER, MAGIC
+from scaraspec.protocol.program_files import Layout, Node, NodeType, Opt, Variable, detect
+from scaraspec.protocol.program_files.layout import FOOTER, MAGIC
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.arm import arm

@@ -4,7 +4,7 @@ from typing import Final
 
 from hypothesis import Phase, assume, settings
 
-from scaraspec.protocol.programs import Opt
+from scaraspec.protocol.program_files import Opt
 from scaraspec.protocol.transfer import chunks_of
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection

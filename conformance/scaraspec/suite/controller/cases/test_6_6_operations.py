@@ -6,7 +6,7 @@ Each program tells by its outputs what came of it; what it should be the suite's
 from collections.abc import Iterator
 from typing import Final
 
-from scaraspec.protocol.programs import Node, Opt
+from scaraspec.protocol.program_files import Node, Opt
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.requests.ports import (

@@ -16,7 +16,7 @@ import pytest
 from scaraspec.mutants.controller.clause_6_5_damaged import TakesShortCurves
 from scaraspec.mutants.controller.transferring import SendsAfterTheEnd
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     Node,
     NodeType,
     Operation,

@@ -16,7 +16,7 @@ from scaraspec.protocol.commands import Command, RunningProgram
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.protocol.programs import Program
+from scaraspec.protocol.program_files import Program
 from scaraspec.virtual_controller import motion
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence

@@ -13,7 +13,7 @@ from typing import Final
 
 from scaraspec.judge.tolerances import farthest, turned
 from scaraspec.protocol.commands import Point
-from scaraspec.protocol.programs import Node
+from scaraspec.protocol.program_files import Node
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.controller.harness.two_stage.tasks import require_responsive

@@ -11,7 +11,7 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from scaraspec.protocol.fields import show
-from scaraspec.protocol.programs.model import (
+from scaraspec.protocol.program_files.model import (
     SECOND_US,
     Node,
     Operation,
@@ -22,8 +22,8 @@ from scaraspec.protocol.programs.model import (
     WaitSeconds,
     WaitTimer,
 )
-from scaraspec.protocol.programs.structure import Structure
-from scaraspec.protocol.programs.tables import (
+from scaraspec.protocol.program_files.structure import Structure
+from scaraspec.protocol.program_files.tables import (
     Condition,
     NodeType,
     Opt,

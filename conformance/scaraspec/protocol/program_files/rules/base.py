@@ -6,9 +6,9 @@ from enum import Enum
 from functools import cached_property
 from typing import TypeVar
 
-from scaraspec.protocol.programs.layout import Layout
-from scaraspec.protocol.programs.model import Node, NodeData, Program
-from scaraspec.protocol.programs.structure import Structure
+from scaraspec.protocol.program_files.layout import Layout
+from scaraspec.protocol.program_files.model import Node, NodeData, Program
+from scaraspec.protocol.program_files.structure import Structure
 
 _Data = TypeVar("_Data", bound=NodeData)
 

@@ -2,7 +2,7 @@
 
 from enum import Enum
 
-from scaraspec.protocol.programs.layout import (
+from scaraspec.protocol.program_files.layout import (
     FOOTER,
     LAYOUTS,
     MAGIC,

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     Condition,
     Node,
     NodeType,

@@ -8,8 +8,8 @@ import struct
 from collections.abc import Iterator
 from dataclasses import fields
 
-from scaraspec.protocol.programs.faults import check_envelope, misfit
-from scaraspec.protocol.programs.layout import (
+from scaraspec.protocol.program_files.defects import check_envelope, misfit
+from scaraspec.protocol.program_files.layout import (
     CONFIGURATION_BYTES,
     DEFAULT_LAYOUT,
     FOOTER,
@@ -20,7 +20,7 @@ from scaraspec.protocol.programs.layout import (
     Layout,
     detect,
 )
-from scaraspec.protocol.programs.model import (
+from scaraspec.protocol.program_files.model import (
     ALIAS_BYTES,
     DATA_OF_TYPE,
     PORTS,

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     CountsMode,
     Node,
     NodeType,

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     LAYOUTS,
     NO_PROGRAM,
     RULES,
@@ -25,7 +25,7 @@ from scaraspec.protocol.programs import (
     build,
     lint,
 )
-from scaraspec.protocol.programs.model import DATA_OF_TYPE
+from scaraspec.protocol.program_files.model import DATA_OF_TYPE
 
 # Port 1 is a digital input, 2 an analog one, 9 a digital output and 10 a PWM output.
 PORTS = (PortType.DIGITAL_INPUT, PortType.ANALOG_INPUT, 0, 0, 0, 0, 0, 0, 4, 3, *[0] * 30)

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from scaraspec.protocol.programs.model import Operation
-from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
-from scaraspec.protocol.programs.tables import NodeType, Opt, ResultType, ValueType
+from scaraspec.protocol.program_files.model import Operation
+from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
+from scaraspec.protocol.program_files.tables import NodeType, Opt, ResultType, ValueType
 
 _ARITHMETIC = (Opt.ADD, Opt.SUBTRACT, Opt.MULTIPLY, Opt.DIVIDE)
 _COMPUTED = (ResultType.COMPARISON, ResultType.CALCULATION)  # these need an operator

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
-from scaraspec.protocol.programs.codec import parse
-from scaraspec.protocol.programs.faults import ProgramDefect, ProgramError
-from scaraspec.protocol.programs.layout import VARIABLE_BYTES, Layout, detect
-from scaraspec.protocol.programs.model import Program
-from scaraspec.protocol.programs.rules import RULES, LintContext, Problem, Severity
+from scaraspec.protocol.program_files.codec import parse
+from scaraspec.protocol.program_files.defects import ProgramDefect, ProgramError
+from scaraspec.protocol.program_files.layout import VARIABLE_BYTES, Layout, detect
+from scaraspec.protocol.program_files.model import Program
+from scaraspec.protocol.program_files.rules import RULES, LintContext, Problem, Severity
 
 MAX_FINDINGS = 1000
 """More are not listed: errors are found first, and a file so wrong needs no longer list."""

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 
-from scaraspec.protocol.programs.tables import NodeType, PortType, ValueType
+from scaraspec.protocol.program_files.tables import NodeType, PortType, ValueType
 
 ALIAS_BYTES = 30  # L880
 VARIABLE_NAME_BYTES = 20  # L863

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
-from scaraspec.protocol.programs.layout import DEFAULT_LAYOUT
-from scaraspec.protocol.programs.model import Operation, SetOutput, WaitInput
-from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
-from scaraspec.protocol.programs.tables import Condition, Numbered, PortType, ResultType
+from scaraspec.protocol.program_files.layout import DEFAULT_LAYOUT
+from scaraspec.protocol.program_files.model import Operation, SetOutput, WaitInput
+from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
+from scaraspec.protocol.program_files.tables import Condition, Numbered, PortType, ResultType
 
 
 def _layout(subject: LintContext) -> Iterator[Problem]:

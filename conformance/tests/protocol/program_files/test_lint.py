@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     LAYOUTS,
     Layout,
     LintFinding,
@@ -17,7 +17,7 @@ from scaraspec.protocol.programs import (
     lint,
     parse,
 )
-from scaraspec.protocol.programs.lint import MAX_FINDINGS
+from scaraspec.protocol.program_files.lint import MAX_FINDINGS
 
 WAIT = Node(b"", NodeType.WAIT_SECONDS, data=WaitSeconds(1))
 UNKNOWN = Node(b"", 77)

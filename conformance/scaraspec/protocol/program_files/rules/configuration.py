@@ -3,10 +3,10 @@
 import math
 from collections.abc import Iterator
 
-from scaraspec.protocol.programs.layout import is_odd_coordinate
-from scaraspec.protocol.programs.model import Point
-from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
-from scaraspec.protocol.programs.tables import PortType
+from scaraspec.protocol.program_files.layout import is_odd_coordinate
+from scaraspec.protocol.program_files.model import Point
+from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
+from scaraspec.protocol.program_files.tables import PortType
 
 
 def _not_finite(subject: LintContext) -> Iterator[Problem]:

@@ -3,18 +3,18 @@
 The bytes of a file come in as an argument; no file is opened here.
 """
 
-from scaraspec.protocol.programs.codec import build, parse
-from scaraspec.protocol.programs.faults import MAX_FILE_BYTES, ProgramDefect, ProgramError
-from scaraspec.protocol.programs.layout import (
+from scaraspec.protocol.program_files.codec import build, parse
+from scaraspec.protocol.program_files.defects import MAX_FILE_BYTES, ProgramDefect, ProgramError
+from scaraspec.protocol.program_files.layout import (
     DEFAULT_LAYOUT,
     LAYOUTS,
     ByteOrder,
     Layout,
     detect,
 )
-from scaraspec.protocol.programs.lint import NO_PROGRAM, LintFinding, lint
-from scaraspec.protocol.programs.listing import PointMeaning, listing
-from scaraspec.protocol.programs.model import (
+from scaraspec.protocol.program_files.lint import NO_PROGRAM, LintFinding, lint
+from scaraspec.protocol.program_files.listing import PointMeaning, listing
+from scaraspec.protocol.program_files.model import (
     Node,
     NodeData,
     Operation,
@@ -26,15 +26,15 @@ from scaraspec.protocol.programs.model import (
     WaitSeconds,
     WaitTimer,
 )
-from scaraspec.protocol.programs.rules import RULES, LintRule, Severity
-from scaraspec.protocol.programs.structure import (
+from scaraspec.protocol.program_files.rules import RULES, LintRule, Severity
+from scaraspec.protocol.program_files.structure import (
     MOVES,
     CountsMode,
     Structure,
     Unbalanced,
     loop_readings,
 )
-from scaraspec.protocol.programs.tables import (
+from scaraspec.protocol.program_files.tables import (
     Condition,
     NodeType,
     Opt,

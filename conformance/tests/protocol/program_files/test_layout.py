@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     DEFAULT_LAYOUT,
     LAYOUTS,
     ByteOrder,

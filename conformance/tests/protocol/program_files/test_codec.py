@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     DEFAULT_LAYOUT,
     LAYOUTS,
     MAX_FILE_BYTES,

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from scaraspec.protocol.programs.model import PORTS, Operation, SetOutput, WaitInput
-from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
-from scaraspec.protocol.programs.tables import PortType, ResultType, ValueType
+from scaraspec.protocol.program_files.model import PORTS, Operation, SetOutput, WaitInput
+from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
+from scaraspec.protocol.program_files.tables import PortType, ResultType, ValueType
 
 _INPUTS = (PortType.ANALOG_INPUT, PortType.DIGITAL_INPUT)
 _OUTPUTS = (PortType.PWM_OUTPUT, PortType.DIGITAL_OUTPUT)

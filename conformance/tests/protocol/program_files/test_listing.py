@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 from hypothesis import given
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     Layout,
     Node,
     NodeData,

@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     LAYOUTS,
     Layout,
     Node,
@@ -16,7 +16,7 @@ from scaraspec.protocol.programs import (
     WaitSeconds,
     WaitTimer,
 )
-from scaraspec.protocol.programs.model import DATA_OF_TYPE
+from scaraspec.protocol.program_files.model import DATA_OF_TYPE
 
 # Numbers that the tables of the document know are drawn as often as any others.
 _small = st.integers(0, 14)

@@ -11,8 +11,13 @@ from enum import StrEnum
 from itertools import islice
 from types import MappingProxyType
 
-from scaraspec.protocol.programs.model import ALIAS_BYTES, PORTS, SECOND_US, VARIABLE_NAME_BYTES
-from scaraspec.protocol.programs.tables import NodeType
+from scaraspec.protocol.program_files.model import (
+    ALIAS_BYTES,
+    PORTS,
+    SECOND_US,
+    VARIABLE_NAME_BYTES,
+)
+from scaraspec.protocol.program_files.tables import NodeType
 
 MAGIC = b"SCARA"  # L822
 FOOTER = b"ARACS"  # L998

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Iterator
 
-from scaraspec.protocol.programs.model import Node
-from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
-from scaraspec.protocol.programs.structure import MOVES, CountsMode, Unbalanced, loop_readings
-from scaraspec.protocol.programs.tables import NodeType
+from scaraspec.protocol.program_files.model import Node
+from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
+from scaraspec.protocol.program_files.structure import MOVES, CountsMode, Unbalanced, loop_readings
+from scaraspec.protocol.program_files.tables import NodeType
 
 _COUNTING = MOVES | {NodeType.LOOP}
 _LEAST_CURVE_POINTS = 3

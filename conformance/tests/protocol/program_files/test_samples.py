@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.protocol.programs import (
+from scaraspec.protocol.program_files import (
     LAYOUTS,
     ByteOrder,
     NodeType,

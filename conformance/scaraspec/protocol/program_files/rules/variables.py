@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from scaraspec.protocol.programs.model import ALIAS_BYTES, VARIABLE_NAME_BYTES, Operation
-from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
-from scaraspec.protocol.programs.tables import ResultType, ValueType
+from scaraspec.protocol.program_files.model import ALIAS_BYTES, VARIABLE_NAME_BYTES, Operation
+from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
+from scaraspec.protocol.program_files.tables import ResultType, ValueType
 
 
 def _key_twice(subject: LintContext) -> Iterator[Problem]:

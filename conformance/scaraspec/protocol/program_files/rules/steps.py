@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from scaraspec.protocol.programs.model import (
+from scaraspec.protocol.program_files.model import (
     SECOND_US,
     Point,
     SetOutput,
@@ -10,8 +10,8 @@ from scaraspec.protocol.programs.model import (
     WaitSeconds,
     WaitTimer,
 )
-from scaraspec.protocol.programs.rules.base import LintContext, LintRule, Problem, Severity
-from scaraspec.protocol.programs.tables import Condition, NodeType, Opt, PortType
+from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
+from scaraspec.protocol.program_files.tables import Condition, NodeType, Opt, PortType
 
 _TURN_DEG = 360
 _ANCIENT_S = 10**9  # an instant in 2001; the robot is younger

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 
-from scaraspec.protocol.programs.model import Node
-from scaraspec.protocol.programs.tables import NodeType
+from scaraspec.protocol.program_files.model import Node
+from scaraspec.protocol.program_files.tables import NodeType
 
 MOVES = frozenset({NodeType.STRAIGHT_MOVE, NodeType.CURVE_MOVE})
 """The node types whose next `counts` nodes belong to them (L924)."""
