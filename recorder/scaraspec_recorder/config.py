@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.fault_injection.files import load_injection
 from scaraspec_recorder.fault_injection.rules import Injection
 from scaraspec_recorder.quantities import Limits, parse_limits, parse_size
@@ -135,20 +136,45 @@ def read_robot(name: str, table: Mapping[str, Any], prefix: str) -> RobotConfig:
     values = {}
     for key, value in table.items():
         if key not in _KEYS:
-            raise ConfigError(f"{prefix}{key} is no setting{_meant(key, _KEYS)}")
+            raise ConfigError(
+                UserMessage(
+                    "{prefix}{key} is no setting{meant}",
+                    prefix=prefix,
+                    key=key,
+                    meant=_meant(key, _KEYS),
+                )
+            )
         kind, field, read = _KEYS[key]
         if not isinstance(value, kind):
-            raise ConfigError(f"{prefix}{key}: {value!r} is no {_KINDS[kind]}")
+            raise ConfigError(
+                UserMessage(
+                    "{prefix}{key}: {value!r} is no {kinds}",
+                    prefix=prefix,
+                    key=key,
+                    value=value,
+                    kinds=_KINDS[kind],
+                )
+            )
         try:
             values[field] = read(value)
         except ValueError as error:
-            raise ConfigError(f"{prefix}{key}: {error}") from None
+            raise ConfigError(
+                UserMessage("{prefix}{key}: {error}", prefix=prefix, key=key, error=error)
+            ) from None
     if not values.get("url"):
-        raise ConfigError(f"{prefix}url is missing: name the controller, as tcp://192.168.1.2")
+        raise ConfigError(
+            UserMessage(
+                "{prefix}url is missing: name the controller, as tcp://192.168.1.2", prefix=prefix
+            )
+        )
     values.setdefault("listen", DEFAULT_LISTEN[values.get("mode", Mode.EXPLICIT)])
     robot = RobotConfig(name, **values)
     if robot.i_mean_it and not robot.injection:
-        raise ConfigError(f"{prefix}i-mean-it means nothing without inject: leave it out")
+        raise ConfigError(
+            UserMessage(
+                "{prefix}i-mean-it means nothing without inject: leave it out", prefix=prefix
+            )
+        )
     return robot
 
 
@@ -163,10 +189,19 @@ def read_config(path: Path) -> tuple[RobotConfig, ...]:
     for_all = _load(path)
     tables = for_all.pop("robots", None)
     if not isinstance(tables, dict) or not 0 < len(tables) <= _MOST_ROBOTS:
-        raise ConfigError(f"{path} must name robots: write tables such as [robots.line-3]")
+        raise ConfigError(
+            UserMessage("{path} must name robots: write tables such as [robots.line-3]", path=path)
+        )
     for key in for_all:
         if key not in _FOR_ALL:
-            raise ConfigError(f"{path}: {key} is no setting for all robots{_meant(key, _FOR_ALL)}")
+            raise ConfigError(
+                UserMessage(
+                    "{path}: {key} is no setting for all robots{meant}",
+                    path=path,
+                    key=key,
+                    meant=_meant(key, _FOR_ALL),
+                )
+            )
     robots = tuple(_from_file(path, name, table, for_all) for name, table in tables.items())
     for key in ("listen", "out"):
         taken: dict[object, str] = {}
@@ -175,16 +210,33 @@ def read_config(path: Path) -> tuple[RobotConfig, ...]:
             other = taken.setdefault(value, robot.name)
             if other != robot.name:
                 raise ConfigError(
-                    f"{path}: {robot.name} and {other} have the same {key}, {value}: name another"
+                    UserMessage(
+                        "{path}: {robot} and {other} have the same {key}, {value}: name another",
+                        path=path,
+                        robot=robot.name,
+                        other=other,
+                        key=key,
+                        value=value,
+                    )
                 )
     return robots
 
 
 def _from_file(path: Path, name: str, table: object, for_all: Mapping[str, Any]) -> RobotConfig:
     if not isinstance(table, dict):
-        raise ConfigError(f"{path}: robots.{name} is no table: write [robots.{name}]")
+        raise ConfigError(
+            UserMessage(
+                "{path}: robots.{name} is no table: write [robots.{name}]", path=path, name=name
+            )
+        )
     if name != safe_name(name):
-        raise ConfigError(f"{path}: {name!r} cannot name files: take letters, digits and hyphens")
+        raise ConfigError(
+            UserMessage(
+                "{path}: {name!r} cannot name files: take letters, digits and hyphens",
+                path=path,
+                name=name,
+            )
+        )
     out = for_all.get("out", str(DEFAULT_OUT))
     own_out = {"out": str(Path(out) / name)} if isinstance(out, str) else {}
     return read_robot(name, {**for_all, **own_out, **table}, f"{path}: robots.{name}.")
@@ -194,7 +246,7 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         return read_toml(path)
     except TomlError as error:
-        raise ConfigError(f"{path} {error}") from None
+        raise ConfigError(UserMessage("{path} {error}", path=path, error=error)) from None
 
 
 def _mode(text: str) -> Mode:

@@ -8,6 +8,8 @@ import reprlib
 from dataclasses import dataclass
 from typing import Final
 
+from scaraspec.user_message import UserMessage
+
 SECOND_NS: Final = 1_000_000_000
 
 _DURATIONS_NS: Final = {
@@ -45,7 +47,11 @@ def parse_duration(text: str) -> int:
         QuantityError: It is no duration, or none at all.
     """
     if (duration_ns := _read(text, _DURATIONS_NS)) is None:
-        raise QuantityError(f"{reprlib.repr(text)} is no duration such as 500ms, 30s, 1h or 30d")
+        raise QuantityError(
+            UserMessage(
+                "{text} is no duration such as 500ms, 30s, 1h or 30d", text=reprlib.repr(text)
+            )
+        )
     return duration_ns
 
 
@@ -56,7 +62,9 @@ def parse_size(text: str) -> int:
         QuantityError: It is no size, or none at all.
     """
     if (size_bytes := _read(text, _SIZES_BYTES)) is None:
-        raise QuantityError(f"{reprlib.repr(text)} is no size such as 512MB or 2GiB")
+        raise QuantityError(
+            UserMessage("{text} is no size such as 512MB or 2GiB", text=reprlib.repr(text))
+        )
     return size_bytes
 
 
@@ -71,9 +79,13 @@ def parse_limits(text: str) -> Limits:
         duration_ns, size_bytes = _read(part, _DURATIONS_NS), _read(part, _SIZES_BYTES)
         if duration_ns is None and size_bytes is None:
             rule = "neither a duration such as 1h nor a size such as 512MB"
-            raise QuantityError(f"{reprlib.repr(part)} is {rule}")
+            raise QuantityError(UserMessage("{part} is {rule}", part=reprlib.repr(part), rule=rule))
         if (duration_ns and limits.duration_ns) or (size_bytes and limits.size_bytes):
-            raise QuantityError(f"{reprlib.repr(text)} names two limits of one kind: name one")
+            raise QuantityError(
+                UserMessage(
+                    "{text} names two limits of one kind: name one", text=reprlib.repr(text)
+                )
+            )
         limits = Limits(limits.duration_ns or duration_ns, limits.size_bytes or size_bytes)
     return limits
 

@@ -4,6 +4,8 @@ import tomllib
 from pathlib import Path
 from typing import Any, Final
 
+from scaraspec.user_message import UserMessage
+
 _MAX_FILE_BYTES: Final = 1 << 20
 
 
@@ -21,10 +23,12 @@ def read_toml(path: Path) -> dict[str, Any]:
         with path.open("rb") as file:
             data = file.read(_MAX_FILE_BYTES + 1)
     except OSError as error:
-        raise TomlError(f"cannot be read: {error.strerror or error}") from None
+        raise TomlError(
+            UserMessage("cannot be read: {value}", value=error.strerror or error)
+        ) from None
     if len(data) > _MAX_FILE_BYTES:
         raise TomlError("is larger than 1 MiB")
     try:
         return tomllib.loads(data.decode())
     except (ValueError, RecursionError) as error:
-        raise TomlError(f"is no TOML file: {error}") from None
+        raise TomlError(UserMessage("is no TOML file: {error}", error=error)) from None

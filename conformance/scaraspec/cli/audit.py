@@ -12,6 +12,7 @@ from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.report import html, terminal
 from scaraspec.report.sanitizing import visible
 from scaraspec.report.translations import Language
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 
 EXAMPLE = "Example: scaraspec audit capture.mcap --html report.html"
@@ -56,7 +57,9 @@ def command(  # noqa: PLR0913 - one for each option
     """
     for target in (json_file, html_file):
         if target and target.exists() and file.exists() and target.samefile(file):
-            raise Problem(f"{target} is the capture: name another file to write")
+            raise Problem(
+                UserMessage("{target} is the capture: name another file to write", target=target)
+            )
     try:
         dialect = Dialect.parse(readings)
         results, notes = audit(file, dialect=dialect, port=port, serial=serial)
@@ -65,9 +68,15 @@ def command(  # noqa: PLR0913 - one for each option
         if html_file:
             html.write(results, html_file, Language(language))
     except (CaptureError, ReadingError) as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     except OSError as error:
-        raise Problem(f"{error.filename} cannot be written: {error.strerror}") from None
+        raise Problem(
+            UserMessage(
+                "{filename} cannot be written: {strerror}",
+                filename=error.filename,
+                strerror=error.strerror,
+            )
+        ) from None
     for note in notes:
         click.echo(visible(f"{file}: {note}"), err=True)
     terminal.show(results, Console())

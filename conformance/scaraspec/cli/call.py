@@ -24,6 +24,7 @@ from scaraspec.protocol.readings import DEFAULT
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import Tcp, parse
+from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec call tcp://127.0.0.1:8877 set_digital_output 8 1"
 
@@ -69,7 +70,7 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     if name not in OPERATIONS:
         near = difflib.get_close_matches(name, OPERATIONS, n=1)
         hint = f"did you mean {near[0]}?" if near else "scaraspec call --help lists them"
-        raise Problem(f"there is no command {name!r}: {hint}")
+        raise Problem(UserMessage("there is no command {name!r}: {hint}", name=name, hint=hint))
     try:
         result = _carry_out(url, name, texts, password, timeout_s)
     except (ClientError, *_USAGE) as error:
@@ -111,7 +112,10 @@ def _carry_out(
             return pending.wait(timeout_s)
         except KeyboardInterrupt:
             raise Problem(
-                f"{name} goes on: only the waiting for it has ended; emergency_stop stops it",
+                UserMessage(
+                    "{name} goes on: only the waiting for it has ended; emergency_stop stops it",
+                    name=name,
+                ),
                 ExitStatus.INCONCLUSIVE,
             ) from None
 

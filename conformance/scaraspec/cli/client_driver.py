@@ -31,7 +31,7 @@ def command(
     try:
         dialect = Dialect.parse(readings)
     except ReadingError as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     times = {"xfer_timeout": transfer_timeout, "reply_timeout": reply_timeout}
     dialect = dialect.replace(**{key: f"{s:g}" for key, s in times.items() if s is not None})
     asyncio.run(serve(lambda url, password: AsyncClient(url, password=password, dialect=dialect)))

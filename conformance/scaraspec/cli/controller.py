@@ -23,6 +23,7 @@ from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import Serial, join_host_port, parse, split_host_port
+from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.behaviour.settings import PASSWORD_MAX_BYTES
 from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.console import Console
@@ -111,7 +112,7 @@ def command(  # noqa: PLR0913 - one for each option
         dialect = Dialect.parse(readings)
         store = _store(password, data, programs)
     except (LinkError, ReadingError, StoreError) as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     now = datetime.now(UTC).replace(tzinfo=None)  # the robot's zone (A-4.5-1)
     brain = _brain(fault)(Plant(now, now_s=0.0), store, dialect, _log if verbose else _pass)
     asyncio.run(_serve(brain, options))
@@ -134,7 +135,7 @@ def _serial(text: str | None) -> Serial | None:
         return Serial(text)
     address = parse(text)
     if not isinstance(address, Serial):
-        raise Problem(f"--serial takes a serial device, not {text!r}")
+        raise Problem(UserMessage("--serial takes a serial device, not {text!r}", text=text))
     return address
 
 
@@ -145,7 +146,12 @@ def _store(password: str | None, data: Path | None, programs: Path | None) -> St
     if password is not None:
         secret = os.fsencode(password)
         if not 1 <= len(secret) <= PASSWORD_MAX_BYTES or b"|" in secret:
-            raise Problem(f"--password takes 1 to {PASSWORD_MAX_BYTES} bytes without '|'")
+            raise Problem(
+                UserMessage(
+                    "--password takes 1 to {password_max_bytes} bytes without '|'",
+                    password_max_bytes=PASSWORD_MAX_BYTES,
+                )
+            )
         store.save(replace(store.settings, password=secret))
     return store
 
@@ -179,13 +185,17 @@ async def _begin(server: Server, options: _Options) -> None:
     except (OSError, UnicodeError) as error:
         where = join_host_port(options.host, options.port)
         raise Problem(
-            f"cannot listen on {where}: {_reason(error)}; choose another --listen, port 0 for any"
+            UserMessage(
+                "cannot listen on {where}: {error}; choose another --listen, port 0 for any",
+                where=where,
+                error=_reason(error),
+            )
         ) from None
     if options.serial is not None:
         try:
             SerialPort(server, *options.serial)
         except SerialPortError as error:
-            raise Problem(f"{error}") from None
+            raise Problem(str(error)) from None
     if options.control:
         Console(server, sys.stdin.fileno(), click.echo)
     where = join_host_port(host, port)
@@ -215,4 +225,10 @@ def _writing(ready_file: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise Problem(f"--ready-file {ready_file} cannot be written: {error.strerror}") from None
+        raise Problem(
+            UserMessage(
+                "--ready-file {ready_file} cannot be written: {strerror}",
+                ready_file=ready_file,
+                strerror=error.strerror,
+            )
+        ) from None

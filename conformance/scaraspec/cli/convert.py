@@ -9,6 +9,7 @@ from scaraspec.cli.options import capture_port
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.judge import Judge
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recordings.capture import draw_capture
 from scaraspec_recorder.sinks.decoder import Deriver
@@ -40,7 +41,10 @@ def _write_pcapng(capture: McapCapture | Capture, target: Path) -> None:
         for event in capture:
             writer.write(event)
     if writer.short_holes:
-        told = f"{writer.short_holes} gaps of unknown length are holes of one byte"
+        told = UserMessage(
+            "{short_holes} gaps of unknown length are holes of one byte",
+            short_holes=writer.short_holes,
+        )
         click.echo(f"{target}: {told}", err=True)
 
 
@@ -64,24 +68,40 @@ def command(source: Path, target: Path, port: int | None) -> None:
     """
     write = _WRITERS.get(target.suffix.lower())
     if not write:
-        raise Problem(f"{target} says no format: end it in {', '.join(_WRITERS)}")
+        raise Problem(
+            UserMessage(
+                "{target} says no format: end it in {writers}",
+                target=target,
+                writers=", ".join(_WRITERS),
+            )
+        )
     try:
         capture = open_capture(source, port=port)
         target.touch(exist_ok=False)
     except CaptureError as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     except FileExistsError:
-        raise Problem(f"{target} exists: name a file that does not") from None
+        raise Problem(
+            UserMessage("{target} exists: name a file that does not", target=target)
+        ) from None
     except OSError as error:
-        raise Problem(f"{target} cannot be written: {error.strerror}") from None
+        raise Problem(
+            UserMessage(
+                "{target} cannot be written: {strerror}", target=target, strerror=error.strerror
+            )
+        ) from None
     try:
         write(capture, target)
     except (CaptureError, ImportError) as error:
         target.unlink()
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     except OSError as error:
         target.unlink()
-        raise Problem(f"{target} cannot be written: {error.strerror}") from None
+        raise Problem(
+            UserMessage(
+                "{target} cannot be written: {strerror}", target=target, strerror=error.strerror
+            )
+        ) from None
     except BaseException:  # interrupted: half a file is none
         target.unlink()
         raise

@@ -13,6 +13,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.suite.client.harness.call import Call
 from scaraspec.suite.client.harness.driver import Driver, DriverError
+from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec driver-check 'scaraspec client-driver'"
 
@@ -55,7 +56,9 @@ def _steps(driver: Driver, timeout_s: float) -> Iterator[str]:
     yield "it starts"
     made_up = driver.wait(driver.begin("levitate"), timeout_s)
     if not made_up.unimplemented:
-        raise DriverError(f"an operation that nobody has is answered {made_up}")
+        raise DriverError(
+            UserMessage("an operation that nobody has is answered {made_up}", made_up=made_up)
+        )
     yield "an operation that nobody has is answered unimplemented"
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
         listener.settimeout(timeout_s)
@@ -70,14 +73,20 @@ def _steps(driver: Driver, timeout_s: float) -> Iterator[str]:
             _serve(link, "get_status", b"", b"00")
             _done(driver, asking, timeout_s)
             if asking.result != "00":
-                raise DriverError(f'get_status was answered 00 and told as {asking}, not "00"')
+                raise DriverError(
+                    UserMessage(
+                        'get_status was answered 00 and told as {asking}, not "00"', asking=asking
+                    )
+                )
             yield "get_status asks, and tells the code as it is on the wire"
             _done(driver, driver.begin("disconnect"), timeout_s)
             if link.recv(1):
                 raise DriverError("disconnect sends something, and does not end the connection")
             yield "disconnect ends the connection"
     if driver.strays:
-        raise DriverError(f"a line of its stdout answers nothing: {driver.strays[0]}")
+        raise DriverError(
+            UserMessage("a line of its stdout answers nothing: {strays}", strays=driver.strays[0])
+        )
 
 
 def _accepted(listener: socket.socket) -> socket.socket:
@@ -95,18 +104,35 @@ def _serve(link: socket.socket, name: str, data: bytes, answer: bytes) -> None:
         try:
             received = link.recv(4096)
         except TimeoutError:
-            raise DriverError(f"{name} was asked for and no request came") from None
+            raise DriverError(
+                UserMessage("{name} was asked for and no request came", name=name)
+            ) from None
         if not received:
-            raise DriverError(f"the connection was ended where a request of {name} was due")
+            raise DriverError(
+                UserMessage("the connection was ended where a request of {name} was due", name=name)
+            )
         for found in framer.feed(received):
             if found != wanted:
-                raise DriverError(f"{name} was sent as {found}, and should be {wanted}")
+                raise DriverError(
+                    UserMessage(
+                        "{name} was sent as {found}, and should be {wanted}",
+                        name=name,
+                        found=found,
+                        wanted=wanted,
+                    )
+                )
             link.sendall(Frame(C2A, opcode, answer).encode())
             return
 
 
 def _done(driver: Driver, call: Call, timeout_s: float) -> None:
     if driver.wait(call, timeout_s).unimplemented:
-        raise DriverError(f"the driver has no operation {call.name}")
+        raise DriverError(UserMessage("the driver has no operation {call}", call=call.name))
     if not call.ok:
-        raise DriverError(f"{call.name} was answered on the wire and is told as {call}")
+        raise DriverError(
+            UserMessage(
+                "{call} was answered on the wire and is told as {call_2}",
+                call=call.name,
+                call_2=call,
+            )
+        )

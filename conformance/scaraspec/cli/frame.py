@@ -8,6 +8,7 @@ from scaraspec.protocol.commands import read
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame, Framer, Skipped
+from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec frame AA0900CC CC09023030AA"
 
@@ -36,7 +37,11 @@ def command(hexadecimal: tuple[str, ...]) -> None:
         try:
             data = bytes.fromhex(digits)
         except ValueError:
-            raise Problem(f"{digits!r} is not hexadecimal: write bytes like AA0900CC") from None
+            raise Problem(
+                UserMessage(
+                    "{digits!r} is not hexadecimal: write bytes like AA0900CC", digits=digits
+                )
+            ) from None
         if not data:
             raise Problem("there are no bytes to read: write them like AA0900CC")
         direction = Direction.C2A if data[:1] == b"\xcc" else Direction.A2C

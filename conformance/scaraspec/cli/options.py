@@ -7,6 +7,7 @@ from typing import Any, Final, TypeVar
 import click
 
 from scaraspec.protocol.port import DEFAULT_PORT
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_duration
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -21,7 +22,7 @@ class Real(click.FloatRange):
         """The number."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
-            self.fail(f"{value!r} is no number.", param, ctx)
+            self.fail(UserMessage("{value!r} is no number.", value=value), param, ctx)
         return number
 
 
@@ -39,7 +40,7 @@ class Duration(click.ParamType[float]):
         try:
             return parse_duration(value) / SECOND_NS
         except QuantityError as error:
-            self.fail(f"{error}.", param, ctx)
+            self.fail(UserMessage("{error}.", error=error), param, ctx)
 
 
 def password_option(default: str | None, text: str) -> Callable[[F], F]:

@@ -5,6 +5,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.user_message import UserMessage
 
 
 class Problem(Exception):  # noqa: N818 - it is told to a user, who made no error in Python
@@ -20,7 +21,14 @@ def no_such_fault(name: str, known: Iterable[str], role: str) -> Problem:
     near = " or ".join(get_close_matches(name, known, n=2))
     meant = f", did you mean {near}?" if near else ";"
     listed = f"scaraspec prove --role {role} --list has all"
-    return Problem(f"--fault {name}: there is no such fault{meant} {listed}")
+    return Problem(
+        UserMessage(
+            "--fault {name}: there is no such fault{meant} {listed}",
+            name=name,
+            meant=meant,
+            listed=listed,
+        )
+    )
 
 
 def make_folder(path: Path) -> None:
@@ -32,8 +40,14 @@ def make_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
-        raise Problem(f"{path} is no folder: name another with --out") from None
+        raise Problem(
+            UserMessage("{path} is no folder: name another with --out", path=path)
+        ) from None
     except (FileNotFoundError, PermissionError) as error:
-        raise Problem(f"the folder {path} cannot be made: {error.strerror}") from None
+        raise Problem(
+            UserMessage(
+                "the folder {path} cannot be made: {strerror}", path=path, strerror=error.strerror
+            )
+        ) from None
     except OSError:
         pass

@@ -19,6 +19,7 @@ from scaraspec.protocol.program_files import (
     listing,
     parse,
 )
+from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec program check pick-and-place.rob"
 
@@ -30,7 +31,9 @@ def _read(file: Path) -> bytes:
         with file.open("rb") as stream:
             return stream.read(MAX_FILE_BYTES + 1)
     except OSError as error:
-        raise Problem(f"{file} cannot be read: {error.strerror}") from None
+        raise Problem(
+            UserMessage("{file} cannot be read: {strerror}", file=file, strerror=error.strerror)
+        ) from None
 
 
 def _parse(file: Path) -> tuple[bytes, Program]:
@@ -38,7 +41,10 @@ def _parse(file: Path) -> tuple[bytes, Program]:
     try:
         return data, parse(data)
     except ProgramError as error:
-        raise Problem(f"{file} is no user program: {error}", ExitStatus.NONCONFORMANT) from None
+        raise Problem(
+            UserMessage("{file} is no user program: {error}", file=file, error=error),
+            ExitStatus.NONCONFORMANT,
+        ) from None
 
 
 @click.group(epilog=EXAMPLE)
@@ -94,9 +100,22 @@ def convert(file: Path, target: Path, layout: str) -> None:
         with target.open("xb") as stream:
             stream.write(build(program, LAYOUTS[layout]))
     except FileExistsError:
-        raise Problem(f"{target} exists; name a file that does not") from None
+        raise Problem(
+            UserMessage("{target} exists; name a file that does not", target=target)
+        ) from None
     except ProgramError as error:
         target.unlink()
-        raise Problem(f"{file} does not fit the layout {layout}: {error}") from None
+        raise Problem(
+            UserMessage(
+                "{file} does not fit the layout {layout}: {error}",
+                file=file,
+                layout=layout,
+                error=error,
+            )
+        ) from None
     except OSError as error:
-        raise Problem(f"{target} cannot be written: {error.strerror}") from None
+        raise Problem(
+            UserMessage(
+                "{target} cannot be written: {strerror}", target=target, strerror=error.strerror
+            )
+        ) from None

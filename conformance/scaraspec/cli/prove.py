@@ -22,6 +22,7 @@ from scaraspec.report.files import write_whole
 from scaraspec.report.model import Role
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import collect
+from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec prove --only 4.15 --out proof"
 
@@ -174,7 +175,7 @@ def _requirements(only: str | None) -> frozenset[str] | None:
     try:
         return frozenset(r.id for r in select(only)) if only else None
     except UnknownRequirementError as error:
-        raise Problem(f"--only: {error}") from None
+        raise Problem(UserMessage("--only: {error}", error=error)) from None
 
 
 def _chosen(role: Role, names: Sequence[str], options: Options) -> list[Mutant[Any]]:

@@ -30,6 +30,7 @@ from scaraspec.transports.url import (
     parse,
     split_host_port,
 )
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.config import (
     DEFAULT_LISTEN,
     DEFAULT_OUT,
@@ -118,7 +119,7 @@ def command(url: str | None, **options: Any) -> None:
         with _metrics(options["metrics"], watches), contextlib.suppress(KeyboardInterrupt):
             asyncio.run(_record(plans, viewer, watches))
     except (ConfigError, UrlError) as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     _tell([watch.look() for watch in watches])
 
 
@@ -177,7 +178,11 @@ def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
     if options["config"]:
         if url or given:
             what = url or f"--{next(iter(given))}"
-            raise Problem(f"{what} and --config do not go together: write it into the file")
+            raise Problem(
+                UserMessage(
+                    "{what} and --config do not go together: write it into the file", what=what
+                )
+            )
         return read_config(Path(options["config"]))
     if not url:
         raise Problem("no controller: name its URL, as tcp://192.168.1.2, or a file with --config")
@@ -190,15 +195,29 @@ def _plan(robot: RobotConfig) -> _Plan:
     if "://" in robot.listen:
         client = parse(robot.listen)
         if isinstance(client, Tcp):
-            raise Problem(f"{robot.listen} is no place to listen: write {join_host_port(*client)}")
+            raise Problem(
+                UserMessage(
+                    "{listen} is no place to listen: write {value}",
+                    listen=robot.listen,
+                    value=join_host_port(*client),
+                )
+            )
         caller, listen = _line(client), ("127.0.0.1", 0)
     else:
         listen = split_host_port(robot.listen, lowest_port=0)
     if robot.mode is not Mode.EXPLICIT and (caller or not isinstance(controller, Tcp)):
-        raise Problem(f"the mode {robot.mode} leads TCP connections aside, and no serial lines")
+        raise Problem(
+            UserMessage(
+                "the mode {mode} leads TCP connections aside, and no serial lines", mode=robot.mode
+            )
+        )
     if robot.injection and not robot.i_mean_it and not is_loopback(listen[0]):
         risk = "other machines can connect to it: add --i-mean-it if they may be disturbed"
-        raise Problem(f"faults are injected at {robot.listen}, and {risk}")
+        raise Problem(
+            UserMessage(
+                "faults are injected at {listen}, and {risk}", listen=robot.listen, risk=risk
+            )
+        )
     return _Plan(robot, controller, listen, caller)
 
 
@@ -211,7 +230,7 @@ def _metrics(
     try:
         from scaraspec_recorder.monitoring import metrics  # noqa: PLC0415 - an optional extra
     except ImportError as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
 
     @contextlib.contextmanager
     def offered() -> Any:
@@ -221,7 +240,7 @@ def _metrics(
                 click.echo(f"metrics at http://{join_host_port(*found)}/metrics")
                 yield
         except metrics.MetricsError as error:
-            raise Problem(f"{error}") from None
+            raise Problem(str(error)) from None
 
     return offered()
 
@@ -298,7 +317,9 @@ async def _record_one(
     except OSError as error:
         place = f"what comes to {robot.listen} into {robot.out}"
         reason = (error.strerror or f"{error}").partition(" (while")[0]  # what Python adds to it
-        raise Problem(f"cannot record {place}: {reason}") from None
+        raise Problem(
+            UserMessage("cannot record {place}: {reason}", place=place, reason=reason)
+        ) from None
 
 
 async def _show(watches: Sequence[Watch], stopped: asyncio.Event) -> None:

@@ -9,6 +9,7 @@ import click
 from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer
 from scaraspec.judge.verdicts import ExitStatus
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recordings.recover import Report, recover
 from scaraspec_recorder.recordings.recovery import hold, is_drawn, redraw
@@ -29,7 +30,9 @@ def command(files: tuple[Path, ...]) -> None:
     whole = True
     for file in files:
         if not file.is_file():
-            raise Problem(f"{file} is no file: name the .mcap files to repair")
+            raise Problem(
+                UserMessage("{file} is no file: name the .mcap files to repair", file=file)
+            )
         try:
             with hold(file.resolve().parent) as unwritten_bytes:
                 report = recover(file)
@@ -46,8 +49,12 @@ def command(files: tuple[Path, ...]) -> None:
             click.echo(f"scaraspec: {error}", err=True)
         except OSError as error:
             advice = "; free as much as it takes" if error.errno == errno.ENOSPC else ""
-            why = f"{error.strerror or error}{advice}"
-            raise Problem(f"{file} cannot be repaired, and is as it was: {why}") from None
+            why = UserMessage("{value}{advice}", value=error.strerror or error, advice=advice)
+            raise Problem(
+                UserMessage(
+                    "{file} cannot be repaired, and is as it was: {why}", file=file, why=why
+                )
+            ) from None
     if not whole:
         raise SystemExit(ExitStatus.INCONCLUSIVE)
 

@@ -16,6 +16,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.transports.connect import connect
 from scaraspec.transports.link import Link, LinkError
 from scaraspec.transports.url import Tcp, parse
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.replay import LinkEndedError, Step, play, steps
 from scaraspec_recorder.sources.capture import open_capture
@@ -113,7 +114,7 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     try:
         over = parse(url)
     except LinkError as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     try:
         source = open_capture(capture, port=port)
         link = connect(url)
@@ -127,11 +128,13 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
         finally:
             link.close()
     except (CaptureError, PayloadError) as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     except LinkEndedError as error:
-        raise Problem(f"{url}: {error}", ExitStatus.INCONCLUSIVE) from None
+        raise Problem(
+            UserMessage("{url}: {error}", url=url, error=error), ExitStatus.INCONCLUSIVE
+        ) from None
     except LinkError as error:
-        raise Problem(f"{error}", ExitStatus.INCONCLUSIVE) from None
+        raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
     tally.tell(connection)
 
 
@@ -140,7 +143,9 @@ def _hazards(text: str) -> set[Hazard]:
         more = {Hazard(name.strip()) for name in text.split(",") if name.strip()}
     except ValueError as error:
         names = ", ".join(hazard.value for hazard in Hazard)
-        raise Problem(f"--allow: {error}; there are {names}") from None
+        raise Problem(
+            UserMessage("--allow: {error}; there are {names}", error=error, names=names)
+        ) from None
     return {Hazard.READ_ONLY} | more
 
 
@@ -150,5 +155,6 @@ def _log_in(link: Link, password: str, timeout_s: float) -> None:
     if step.answered != "yes":
         what = "refuses the password" if step.answered else "does not answer the login"
         raise Problem(
-            f"the controller {what}: name another with --password", ExitStatus.INCONCLUSIVE
+            UserMessage("the controller {what}: name another with --password", what=what),
+            ExitStatus.INCONCLUSIVE,
         )

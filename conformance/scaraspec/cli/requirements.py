@@ -21,6 +21,7 @@ from scaraspec.judge.rules import RULES
 from scaraspec.judge.rules.undecided import UNDECIDED
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import METHODS, collect
+from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
     from scaraspec.report.model import Role
@@ -92,7 +93,7 @@ def command(clause: str | None, *, uncovered: bool, as_json: bool) -> None:
     try:
         chosen = select(clause) if clause else tuple(REQUIREMENTS.values())
     except UnknownRequirementError as unknown:
-        raise Problem(f"--clause: {unknown}") from None
+        raise Problem(UserMessage("--clause: {unknown}", unknown=unknown)) from None
     coverage = Coverage()
     if uncovered:
         chosen = tuple(r for r in chosen if coverage.missing(r))

@@ -21,6 +21,7 @@ from scaraspec.cli.problems import Problem
 from scaraspec.cli.viewer import NO_VIEWER, has_viewer
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.report.sanitizing import visible
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recordings.capture import draw_capture
 from scaraspec_recorder.recordings.recover import recover
@@ -53,9 +54,13 @@ def command(file: Path, port: int | None, at: str | None) -> None:
         try:
             drawn = _drawn(file, port, Path(scratch) / f"{file.stem}.rrd")
         except CaptureError as error:
-            raise Problem(f"{error}") from None
+            raise Problem(str(error)) from None
         except OSError as error:
-            raise Problem(f"{file} cannot be drawn: {error.strerror or error}") from None
+            raise Problem(
+                UserMessage(
+                    "{file} cannot be drawn: {value}", file=file, value=error.strerror or error
+                )
+            ) from None
         _show(drawn, at_ns)
 
 
@@ -72,7 +77,9 @@ def _instant_ns(text: str) -> int:
     try:
         instant = datetime.fromisoformat(text)
     except ValueError:
-        told = f"--at {text!r} is no instant: write 2026-11-21T08:15:30.5, or Unix seconds"
+        told = UserMessage(
+            "--at {text!r} is no instant: write 2026-11-21T08:15:30.5, or Unix seconds", text=text
+        )
         raise Problem(told) from None
     return round(instant.replace(tzinfo=instant.tzinfo or UTC).timestamp() * _NS)
 

@@ -17,6 +17,7 @@ from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S
 from scaraspec.transports.link import Ending
 from scaraspec.transports.url import Tcp, UrlError, parse
+from scaraspec.user_message import UserMessage
 
 T = TypeVar("T")
 
@@ -65,7 +66,9 @@ class AsyncClient(Shell):
         super().__init__(self.core(dialect))
         address = parse(url)
         if not isinstance(address, Tcp):
-            raise UrlError(f"{url} is no network link: use Client, in a thread")
+            raise UrlError(
+                UserMessage("{url} is no network link: use Client, in a thread", url=url)
+            )
         self._address = address
         self._password = password
         self._connect_timeout_s = connect_timeout_s
@@ -88,7 +91,10 @@ class AsyncClient(Shell):
                 )
         except (OSError, UnicodeError) as error:
             if isinstance(error, TimeoutError):
-                why = f"no answer in {self._connect_timeout_s:g} s"
+                why: str = UserMessage(
+                    "no answer in {connect_timeout_s:g} s",
+                    connect_timeout_s=self._connect_timeout_s,
+                )
             else:
                 why = getattr(error, "strerror", None) or "there is no such host"
             raise LinkLost(f"cannot connect to {self._address}: {why}") from None

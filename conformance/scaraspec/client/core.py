@@ -16,6 +16,7 @@ from scaraspec.protocol.commands import BY_NAME, Parsed, read
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer, Skipped, StreamItem
 from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.user_message import UserMessage
 
 MAX_REMARKS: Final = 100
 DOWNLOAD_LIMIT_BYTES: Final = 16 * 2**20
@@ -118,7 +119,11 @@ class ClientCore:
         if not self.logged_in and not isinstance(exchange, Login):
             raise LoginFailed(f"{name} is not sent: a login has to succeed first (4.1, L104)")
         if not self.is_free(exchange.slot):
-            raise ClientError(f"{name} is not sent: one like it is still unanswered (A-3-14)")
+            raise ClientError(
+                UserMessage(
+                    "{name} is not sent: one like it is still unanswered (A-3-14)", name=name
+                )
+            )
         self._open.append(exchange)
         self._send(exchange.begin(now_s))
 

@@ -24,6 +24,7 @@ from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import join_host_port
+from scaraspec.user_message import UserMessage
 
 MakeClient = Callable[[str, str | None], AsyncClient]
 """A client for a URL and a password."""
@@ -50,7 +51,7 @@ class Driver:
             order = json.loads(line)
             number, name = order["id"], order["do"]
         except (ValueError, KeyError, TypeError):
-            told = f"no line of the driver protocol: {line[:80]!r}"
+            told = UserMessage("no line of the driver protocol: {line!r}", line=line[:80])
             self._write({"id": None, "ok": False, "error": told})
             return
         values = {key: value for key, value in order.items() if key not in ("id", "do")}
@@ -116,9 +117,11 @@ def _arguments(name: str, values: Mapping[str, Any]) -> list[Any]:
     """
     takes = [parameter.strip("[]") for parameter in OPERATIONS[name]]
     if unknown := values.keys() - set(takes):
-        raise PayloadError(f"{name} takes no {min(unknown)}")
+        raise PayloadError(
+            UserMessage("{name} takes no {unknown}", name=name, unknown=min(unknown))
+        )
     if missing := [parameter for parameter in takes if parameter not in values]:
-        raise PayloadError(f"{name} wants {missing[0]} too")
+        raise PayloadError(UserMessage("{name} wants {missing} too", name=name, missing=missing[0]))
     if name in TRANSFERS:
         return [values[parameter] for parameter in takes]
     if takes == ["direction"]:

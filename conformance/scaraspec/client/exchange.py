@@ -23,6 +23,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.readings import Dialect
+from scaraspec.user_message import UserMessage
 
 MAX_LIST_PARTS: Final = 4096
 """A program list of a megabyte ends somewhere; one that does not is cut off here."""
@@ -204,7 +205,13 @@ class Listing(PendingOperation):
         if not value.more:
             self.settle(tuple(self._names))
         elif self._parts == MAX_LIST_PARTS:
-            self.fail(ProtocolError(f"the program list has no end after {self._parts} parts"))
+            self.fail(
+                ProtocolError(
+                    UserMessage(
+                        "the program list has no end after {parts} parts", parts=self._parts
+                    )
+                )
+            )
         elif self._dialect["list_cont"] == "request":
             return self._ask(now_s)
         else:

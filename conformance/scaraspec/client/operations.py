@@ -28,6 +28,7 @@ from scaraspec.protocol.commands import (
 from scaraspec.protocol.fields import Clock, Diagnostics, PayloadError
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.protocol.readings import Dialect
+from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine
@@ -421,7 +422,11 @@ class Operations(ABC):
         try:
             return text.encode(self._encoding, "surrogateescape")
         except UnicodeEncodeError as error:
-            raise PayloadError(f"{text!r} cannot be written in {error.encoding}") from None
+            raise PayloadError(
+                UserMessage(
+                    "{text!r} cannot be written in {encoding}", text=text, encoding=error.encoding
+                )
+            ) from None
 
     def _text(self, data: bytes) -> str:
         return data.decode(self._encoding, "surrogateescape")
@@ -440,7 +445,9 @@ def _time(text: str) -> datetime:
     """
     time = _CLOCK.read(str(text).encode(), Diagnostics())
     if time is None:
-        raise PayloadError(f"{text!r} is no time: it is written as YYYYMMDDHHMMSS (L172)")
+        raise PayloadError(
+            UserMessage("{text!r} is no time: it is written as YYYYMMDDHHMMSS (L172)", text=text)
+        )
     return time
 
 
@@ -453,4 +460,10 @@ def direction_of(direction: JogDirection | str) -> JogDirection:
     for known in JogDirection:
         if direction in (known, str(known)):
             return known
-    raise PayloadError(f"direction {direction!r} is none of {', '.join(map(str, JogDirection))}")
+    raise PayloadError(
+        UserMessage(
+            "direction {direction!r} is none of {jogdirection}",
+            direction=direction,
+            jogdirection=", ".join(map(str, JogDirection)),
+        )
+    )

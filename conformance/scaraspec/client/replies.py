@@ -10,6 +10,7 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.commands import Command, Parsed
 from scaraspec.protocol.fields import Defect, show
 from scaraspec.protocol.payloads import Acceptance, Answer, Outcome
+from scaraspec.user_message import UserMessage
 
 _SPELLING: Final = frozenset({Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY})
 _CODE_LENGTH: Final = 2
@@ -82,4 +83,11 @@ def _unreadable(parsed: Parsed, data: bytes) -> ProtocolError:
     what = "final result" if parsed.part == "result" else "reply"
     complaints = parsed.decoded.complaints
     why = complaints[0].text if complaints else show(data)
-    return ProtocolError(f"the {what} of {parsed.command.name} cannot be understood: {why}")
+    return ProtocolError(
+        UserMessage(
+            "the {what} of {command} cannot be understood: {why}",
+            what=what,
+            command=parsed.command.name,
+            why=why,
+        )
+    )

@@ -26,6 +26,7 @@ from scaraspec.protocol.fields import (
     show,
 )
 from scaraspec.protocol.payloads import Jog
+from scaraspec.user_message import UserMessage
 
 TRANSFERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {"upload": ("local", "[remote]"), "download": ("remote", "[local]")}
@@ -56,7 +57,14 @@ def arguments(name: str, texts: Sequence[str]) -> list[Any]:
     least = sum(not parameter.startswith("[") for parameter in takes)
     if not least <= len(texts) <= len(takes):
         form = " ".join(takes).upper() or "no arguments"
-        raise PayloadError(f"{name} takes {form}: {len(texts)} given")
+        raise PayloadError(
+            UserMessage(
+                "{name} takes {form}: {texts_count} given",
+                name=name,
+                form=form,
+                texts_count=len(texts),
+            )
+        )
     if name in TRANSFERS:
         return list(texts)
     request = BY_NAME[name].request

@@ -19,6 +19,7 @@ from scaraspec.judge.catalogue.entry import (
     Requirement,
     Strength,
 )
+from scaraspec.user_message import UserMessage
 
 __all__ = [
     "REQUIREMENTS",
@@ -94,4 +95,8 @@ def _is_within(clause: str, prefix: str) -> bool:
 def _unknown(kind: str, name: str, known: list[str]) -> UnknownRequirementError:
     near = difflib.get_close_matches(name[:_LONGEST_NAME], dict.fromkeys(known))
     hint = f"did you mean {' or '.join(near)}?" if near else "`scaraspec requirements` lists all."
-    return UnknownRequirementError(f"There is no {kind} {reprlib.repr(name)}; {hint}")
+    return UnknownRequirementError(
+        UserMessage(
+            "There is no {kind} {name}; {hint}", kind=kind, name=reprlib.repr(name), hint=hint
+        )
+    )

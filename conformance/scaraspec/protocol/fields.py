@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Final
 
 from scaraspec.protocol import errors
 from scaraspec.protocol.readings import Dialect
+from scaraspec.user_message import UserMessage
 
 NAME_MAX_BYTES: Final = 30
 """一般不超过 30 个字节 (L226): soft for what is received, hard for what we send (A-4.9-5)."""
@@ -127,13 +128,22 @@ class Number(Field):
         """Read a number; what other notations mean is guessed for the reader, and complained of."""
         if _DECIMAL.fullmatch(text):
             return float(text)
-        notes.add(Defect.NUMBER, f"{self.name} {show(text)!r} is no plain decimal number")
+        notes.add(
+            Defect.NUMBER,
+            UserMessage(
+                "{self_} {text!r} is no plain decimal number", self_=self.name, text=show(text)
+            ),
+        )
         return None
 
     def write(self, value: float, dialect: Dialect) -> bytes:
         """Write a finite number; 1e6 has no exponent, -0.0 no sign."""
         if not abs(value) < 1e15:  # noqa: PLR2004 - nan fails the comparison too; beyond it floats skip integers
-            raise PayloadError(f"{self.name} must be a finite number, not {value!r}")
+            raise PayloadError(
+                UserMessage(
+                    "{self_} must be a finite number, not {value!r}", self_=self.name, value=value
+                )
+            )
         if dialect["num_format"] == "one-decimal":
             return b"%.1f" % (round(value, 1) + 0.0)
         text = b"%.3f" % (round(value, 3) + 0.0)
@@ -151,12 +161,22 @@ class Integer(Field):
     def read(self, text: bytes, notes: Diagnostics) -> int | None:
         """Read an integer; out of bounds it is complained of and still returned."""
         if not _INTEGER.fullmatch(text) or len(text) > 20:  # noqa: PLR2004 - more digits are no integer of this protocol
-            notes.add(Defect.NUMBER, f"{self.name} {show(text)!r} is no integer")
+            notes.add(
+                Defect.NUMBER,
+                UserMessage("{self_} {text!r} is no integer", self_=self.name, text=show(text)),
+            )
             return None
         value = int(text)
         if not self.minimum <= value <= self.maximum:
             notes.add(
-                Defect.RANGE, f"{self.name} {value} is outside {self.minimum} to {self.maximum}"
+                Defect.RANGE,
+                UserMessage(
+                    "{self_} {value} is outside {minimum} to {maximum}",
+                    self_=self.name,
+                    value=value,
+                    minimum=self.minimum,
+                    maximum=self.maximum,
+                ),
             )
         return value
 
@@ -164,7 +184,13 @@ class Integer(Field):
         """Write an integer within its bounds."""
         if value != int(value) or not self.minimum <= value <= self.maximum:
             raise PayloadError(
-                f"{self.name} must be an integer, {self.minimum} to {self.maximum}, not {value!r}"
+                UserMessage(
+                    "{self_} must be an integer, {minimum} to {maximum}, not {value!r}",
+                    self_=self.name,
+                    minimum=self.minimum,
+                    maximum=self.maximum,
+                    value=value,
+                )
             )
         return b"%0*d" % (self.width, value)
 
@@ -179,19 +205,29 @@ class Text(Field):
     def read(self, text: bytes, notes: Diagnostics) -> bytes:
         """Read the bytes as they are."""
         if not text:
-            notes.add(Defect.SIZE, f"{self.name} is empty")
+            notes.add(Defect.SIZE, UserMessage("{self_} is empty", self_=self.name))
         elif b"|" in text:
-            notes.add(Defect.BAR_IN_NAME, f"{self.name} contains the separator '|'")
+            notes.add(
+                Defect.BAR_IN_NAME,
+                UserMessage("{self_} contains the separator '|'", self_=self.name),
+            )
         return text
 
     def write(self, value: bytes, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
         """Write the bytes as they are."""
         if not 1 <= len(value) <= self.maximum_bytes:
             raise PayloadError(
-                f"{self.name} must have 1 to {self.maximum_bytes} bytes, not {len(value)}"
+                UserMessage(
+                    "{self_} must have 1 to {maximum_bytes} bytes, not {value_count}",
+                    self_=self.name,
+                    maximum_bytes=self.maximum_bytes,
+                    value_count=len(value),
+                )
             )
         if b"|" in value:
-            raise PayloadError(f"{self.name} must not contain '|', the separator (L125)")
+            raise PayloadError(
+                UserMessage("{self_} must not contain '|', the separator (L125)", self_=self.name)
+            )
         return value
 
 
@@ -204,22 +240,50 @@ class Name(Field):
     def read(self, text: bytes, notes: Diagnostics) -> bytes:
         """Read the bytes as they are."""
         if not text:
-            notes.add(Defect.EMPTY_NAME, f"{self.name} is empty")
+            notes.add(Defect.EMPTY_NAME, UserMessage("{self_} is empty", self_=self.name))
         if b"|" in text:
-            notes.add(Defect.BAR_IN_NAME, f"{self.name} {show(text)!r} contains the separator '|'")
+            notes.add(
+                Defect.BAR_IN_NAME,
+                UserMessage(
+                    "{self_} {text!r} contains the separator '|'", self_=self.name, text=show(text)
+                ),
+            )
         if len(text) > NAME_MAX_BYTES:
-            notes.add(Defect.LONG_NAME, f"{self.name} has {len(text)} bytes, more than 30")
+            notes.add(
+                Defect.LONG_NAME,
+                UserMessage(
+                    "{self_} has {text_count} bytes, more than 30",
+                    self_=self.name,
+                    text_count=len(text),
+                ),
+            )
         if b"/" in text or b"\\" in text or b"\0" in text or text in (b".", b".."):
-            notes.add(Defect.PATH_IN_NAME, f"{self.name} {show(text)!r} has path elements")
+            notes.add(
+                Defect.PATH_IN_NAME,
+                UserMessage("{self_} {text!r} has path elements", self_=self.name, text=show(text)),
+            )
         return text
 
     def write(self, value: bytes, dialect: Dialect) -> bytes:
         """Write a name that every reading of the document takes."""
         maximum = 255 if dialect["name_max"] == "255" else NAME_MAX_BYTES
         if not 1 <= len(value) <= maximum:
-            raise PayloadError(f"{self.name} must have 1 to {maximum} bytes, not {len(value)}")
+            raise PayloadError(
+                UserMessage(
+                    "{self_} must have 1 to {maximum} bytes, not {value_count}",
+                    self_=self.name,
+                    maximum=maximum,
+                    value_count=len(value),
+                )
+            )
         if any(c in value for c in (b"|", b"/", b"\\", b"\0")) or value in (b".", b".."):
-            raise PayloadError(f"{self.name} {show(value)!r} has a separator or path element in it")
+            raise PayloadError(
+                UserMessage(
+                    "{self_} {value!r} has a separator or path element in it",
+                    self_=self.name,
+                    value=show(value),
+                )
+            )
         return value
 
 
@@ -232,9 +296,21 @@ class Flag(Field):
         if text in (b"1", b"0"):
             return text == b"1"
         if text in (b"\x00", b"\x01"):
-            notes.add(Defect.BINARY, f"{self.name} is the byte {text[0]:02X}, not an ASCII digit")
+            notes.add(
+                Defect.BINARY,
+                UserMessage(
+                    "{self_} is the byte {text:02X}, not an ASCII digit",
+                    self_=self.name,
+                    text=text[0],
+                ),
+            )
             return text == b"\x01"
-        notes.add(Defect.FLAG, f"{self.name} is {show(text)!r}, neither '1' nor '0'")
+        notes.add(
+            Defect.FLAG,
+            UserMessage(
+                "{self_} is {text!r}, neither '1' nor '0'", self_=self.name, text=show(text)
+            ),
+        )
         return None
 
     def write(self, value: bool, dialect: Dialect) -> bytes:  # noqa: ARG002, FBT001 - one signature for all fields
@@ -249,14 +325,26 @@ class Clock(Field):
     def read(self, text: bytes, notes: Diagnostics) -> datetime | None:
         """Read a calendar time."""
         if len(text) != 14 or not text.isdigit():  # noqa: PLR2004 - YYYYMMDDHHMMSS
-            notes.add(Defect.CLOCK, f"{self.name} {show(text)!r} is not 14 digits YYYYMMDDHHMMSS")
+            notes.add(
+                Defect.CLOCK,
+                UserMessage(
+                    "{self_} {text!r} is not 14 digits YYYYMMDDHHMMSS",
+                    self_=self.name,
+                    text=show(text),
+                ),
+            )
             return None
         year, *rest = int(text[:4]), *(int(text[i : i + 2]) for i in range(4, 14, 2))
         month, day, hour, minute, second = rest
         try:
             return datetime(year, month, day, hour, minute, second)  # noqa: DTZ001 - the document names no zone
         except ValueError:
-            notes.add(Defect.CALENDAR, f"{self.name} {show(text)} is no time of the calendar")
+            notes.add(
+                Defect.CALENDAR,
+                UserMessage(
+                    "{self_} {text} is no time of the calendar", self_=self.name, text=show(text)
+                ),
+            )
             return None
 
     def write(self, value: datetime, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
@@ -277,11 +365,19 @@ class RunTime(Field):
     def read(self, text: bytes, notes: Diagnostics) -> int | None:
         """Read a duration in seconds."""
         if len(text) != 8 or not text.isdigit():  # noqa: PLR2004 - DDHHMMSS
-            notes.add(Defect.RUN_TIME, f"{self.name} {show(text)!r} is not 8 digits DDHHMMSS")
+            notes.add(
+                Defect.RUN_TIME,
+                UserMessage(
+                    "{self_} {text!r} is not 8 digits DDHHMMSS", self_=self.name, text=show(text)
+                ),
+            )
             return None
         days, hours, minutes, seconds = (int(text[i : i + 2]) for i in range(0, 8, 2))
         if hours > 23 or minutes > 59 or seconds > 59:  # noqa: PLR2004 - a day, an hour, a minute
-            notes.add(Defect.RUN_TIME, f"{self.name} {show(text)} does not carry over")
+            notes.add(
+                Defect.RUN_TIME,
+                UserMessage("{self_} {text} does not carry over", self_=self.name, text=show(text)),
+            )
         return ((days * 24 + hours) * 60 + minutes) * 60 + seconds
 
     def write(self, value: int, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
@@ -303,7 +399,12 @@ class Address(Field):
             len(parts) != 4  # noqa: PLR2004 - IPv4
             or not all(p.isdigit() and len(p) <= 3 and int(p) <= 255 for p in parts)  # noqa: PLR2004 - IPv4
         ):
-            notes.add(Defect.ADDRESS, f"{self.name} {show(text)!r} is no dotted IPv4 address")
+            notes.add(
+                Defect.ADDRESS,
+                UserMessage(
+                    "{self_} {text!r} is no dotted IPv4 address", self_=self.name, text=show(text)
+                ),
+            )
             return None
         return ".".join(str(int(p)) for p in parts)
 
@@ -323,16 +424,32 @@ class StatusCode(Field):
         """Read a code."""
         code = errors.lookup(show(text))
         if code is None:
-            notes.add(Defect.CODE, f"{self.name} {show(text)!r} is no code of table 8-1")
+            notes.add(
+                Defect.CODE,
+                UserMessage(
+                    "{self_} {text!r} is no code of table 8-1", self_=self.name, text=show(text)
+                ),
+            )
             return None
         if code in errors.RESERVED:
-            notes.add(Defect.RESERVED_CODE, f"{self.name} {code.text} is reserved in table 8-1")
+            notes.add(
+                Defect.RESERVED_CODE,
+                UserMessage(
+                    "{self_} {code_text} is reserved in table 8-1",
+                    self_=self.name,
+                    code_text=code.text,
+                ),
+            )
         return code.text
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
         """Write a code."""
         if errors.lookup(value) is None:
-            raise PayloadError(f"{self.name} {value!r} is no code of table 8-1")
+            raise PayloadError(
+                UserMessage(
+                    "{self_} {value!r} is no code of table 8-1", self_=self.name, value=value
+                )
+            )
         return value.encode()
 
 
@@ -345,14 +462,29 @@ class Bits(Field):
     def read(self, text: bytes, notes: Diagnostics) -> str | None:
         """Read the digits."""
         if len(text) != self.count or text.strip(b"01"):
-            notes.add(Defect.BITS, f"{self.name} {show(text)!r} is not {self.count} digits 0 or 1")
+            notes.add(
+                Defect.BITS,
+                UserMessage(
+                    "{self_} {text!r} is not {count} digits 0 or 1",
+                    self_=self.name,
+                    text=show(text),
+                    count=self.count,
+                ),
+            )
             return None
         return text.decode()
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
         """Write the digits."""
         if len(value) != self.count or value.strip("01"):
-            raise PayloadError(f"{self.name} must be {self.count} digits 0 or 1, not {value!r}")
+            raise PayloadError(
+                UserMessage(
+                    "{self_} must be {count} digits 0 or 1, not {value!r}",
+                    self_=self.name,
+                    count=self.count,
+                    value=value,
+                )
+            )
         return value.encode()
 
 
@@ -366,13 +498,18 @@ class Version(Field):
     def read(self, text: bytes, notes: Diagnostics) -> str:
         """Read the text."""
         if not text:
-            notes.add(Defect.SIZE, f"{self.name} is empty")
+            notes.add(Defect.SIZE, UserMessage("{self_} is empty", self_=self.name))
         elif not _VERSION.fullmatch(text):
-            notes.add(Defect.VERSION, f"{self.name} {show(text)!r} has not the form 1.0.0")
+            notes.add(
+                Defect.VERSION,
+                UserMessage(
+                    "{self_} {text!r} has not the form 1.0.0", self_=self.name, text=show(text)
+                ),
+            )
         return show(text, limit=255)
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
         """Write the text."""
         if not 1 <= len(value.encode()) <= 255:  # noqa: PLR2004 - one length byte
-            raise PayloadError(f"{self.name} must have 1 to 255 bytes")
+            raise PayloadError(UserMessage("{self_} must have 1 to 255 bytes", self_=self.name))
         return value.encode()

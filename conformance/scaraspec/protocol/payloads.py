@@ -23,6 +23,7 @@ from scaraspec.protocol.fields import (
     show,
 )
 from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.user_message import UserMessage
 
 
 class Decoded(NamedTuple):
@@ -63,7 +64,12 @@ class Payload(ABC):
         """
         data = self.write(value, dialect)
         if len(data) > 255:  # noqa: PLR2004 - one length byte
-            raise PayloadError(f"{len(data)} bytes of data do not fit one frame (255, L89)")
+            raise PayloadError(
+                UserMessage(
+                    "{data_count} bytes of data do not fit one frame (255, L89)",
+                    data_count=len(data),
+                )
+            )
         return data
 
     @abstractmethod
@@ -87,7 +93,10 @@ class Nothing(Payload):
     def read(self, data: bytes, notes: Diagnostics) -> None:
         """Complain of any data."""
         if data:
-            notes.add(Defect.SIZE, f"{len(data)} bytes of data where none are due")
+            notes.add(
+                Defect.SIZE,
+                UserMessage("{data_count} bytes of data where none are due", data_count=len(data)),
+            )
 
     def write(self, value: None, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all payloads
         """Write nothing."""
@@ -123,7 +132,12 @@ class Record(Payload):
         if len(texts) != len(self.parts):
             notes.add(
                 Defect.FIELD_COUNT,
-                f"{len(texts)} fields where {len(self.parts)} are due: {self.form}",
+                UserMessage(
+                    "{texts_count} fields where {parts_count} are due: {form}",
+                    texts_count=len(texts),
+                    parts_count=len(self.parts),
+                    form=self.form,
+                ),
             )
             return None
         values = [part.read(text, notes) for part, text in zip(self.parts, texts, strict=True)]
@@ -208,7 +222,12 @@ class Answer(Payload):
         if flag in (b"\0", b"\1"):
             notes.readings["runinfo_binary"] = "binary"
             if not self.none_key:
-                notes.add(Defect.BINARY, f"the flag is the byte {flag[0]:02X}, not an ASCII digit")
+                notes.add(
+                    Defect.BINARY,
+                    UserMessage(
+                        "the flag is the byte {flag:02X}, not an ASCII digit", flag=flag[0]
+                    ),
+                )
             flag = b"1" if flag == b"\1" else b"0"
         if flag == b"0" and not bar:
             if self.none_key:
@@ -219,15 +238,23 @@ class Answer(Payload):
             notes.readings[self.none_key] = "0||"
             return None
         if flag not in (b"0", b"1"):
-            notes.add(Defect.FLAG, f"the flag is {show(flag)!r}, neither '1' nor '0'")
+            notes.add(
+                Defect.FLAG,
+                UserMessage("the flag is {flag!r}, neither '1' nor '0'", flag=show(flag)),
+            )
             return None
         if flag == b"0":
-            notes.add(Defect.FLAG, f"a '0' is followed by {show(data[1:])!r}")
+            notes.add(
+                Defect.FLAG, UserMessage("a '0' is followed by {data!r}", data=show(data[1:]))
+            )
             return None
         if bar == b" ":
             notes.add(Defect.SPACE_FOR_BAR, "a blank where the bar after the flag is due")
         elif bar != b"|":
-            notes.add(Defect.FIELD_COUNT, f"no bar after the flag in {show(data)!r}")
+            notes.add(
+                Defect.FIELD_COUNT,
+                UserMessage("no bar after the flag in {data!r}", data=show(data)),
+            )
             return None
         return self.inner.read(rest, notes)
 
@@ -266,7 +293,9 @@ def _read_coded(data: bytes, zero: bytes, notes: Diagnostics) -> str | None:
         notes.add(Defect.SPACE_FOR_BAR, "a blank where the bar before the code is due (A-0-2)")
         notes.readings["err_sep"] = "space"
     elif sep != b"|":
-        notes.add(Defect.FIELD_COUNT, f"{show(data)!r} has no bar before its code")
+        notes.add(
+            Defect.FIELD_COUNT, UserMessage("{data!r} has no bar before its code", data=show(data))
+        )
         return None
     value = _CODE.read(text, notes)
     return value if isinstance(value, str) else None
@@ -309,7 +338,9 @@ class FirstReply(Payload):
             if self.bare_key:
                 notes.readings[self.bare_key] = "0|code"
             return Acceptance(accepted=False, code=_read_coded(data, b"0", notes))
-        notes.add(Defect.FLAG, f"{show(data)!r} is not {self.form}")
+        notes.add(
+            Defect.FLAG, UserMessage("{data!r} is not {form}", data=show(data), form=self.form)
+        )
         return Acceptance(accepted=False) if data[:1] == b"0" else None
 
     def write(self, value: Acceptance, dialect: Dialect) -> bytes:
@@ -339,7 +370,9 @@ class FinalResult(Payload):
             return Outcome(done=True)
         if data[:2] == b"00":
             return Outcome(done=False, code=_read_coded(data, b"00", notes))
-        notes.add(Defect.FLAG, f"{show(data)!r} is not {self.form}")
+        notes.add(
+            Defect.FLAG, UserMessage("{data!r} is not {form}", data=show(data), form=self.form)
+        )
         return None
 
     def write(self, value: Outcome, dialect: Dialect) -> bytes:
@@ -378,7 +411,10 @@ class NameList(Payload):
         data = tidy(data, notes)
         flag, rest = data[:1], data[1:]
         if flag not in (b"0", b"1"):
-            notes.add(Defect.FLAG, f"the list begins with {show(flag)!r}, neither '0' nor '1'")
+            notes.add(
+                Defect.FLAG,
+                UserMessage("the list begins with {flag!r}, neither '0' nor '1'", flag=show(flag)),
+            )
             return None
         more = flag == b"1"
         if rest in (b"", b"|"):
@@ -459,11 +495,17 @@ class Jog(Payload):
     def read(self, data: bytes, notes: Diagnostics) -> JogDirection | None:
         """Read the direction; the two notations do not overlap."""
         if len(data) != 1:
-            notes.add(Defect.SIZE, f"{len(data)} bytes where exactly one is due")
+            notes.add(
+                Defect.SIZE,
+                UserMessage("{data_count} bytes where exactly one is due", data_count=len(data)),
+            )
             return None
         number = data[0] - 0x30 if data[0] >= 0x30 else data[0]  # noqa: PLR2004 - ASCII '0'
         if not 1 <= number <= 4:  # noqa: PLR2004 - L605-608
-            notes.add(Defect.RANGE, f"direction {data.hex().upper()} is none of 1 to 4")
+            notes.add(
+                Defect.RANGE,
+                UserMessage("direction {upper} is none of 1 to 4", upper=data.hex().upper()),
+            )
             return None
         notes.readings["jog_byte"] = "ascii" if data[0] >= 0x30 else "binary"  # noqa: PLR2004 - as above
         return JogDirection(number)

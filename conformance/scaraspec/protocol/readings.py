@@ -14,6 +14,8 @@ from enum import Enum, Flag, auto
 from types import MappingProxyType
 from typing import Final, Self
 
+from scaraspec.user_message import UserMessage
+
 
 class ReadingError(ValueError):
     """A reading was named or chosen that does not exist; the message says which ones do."""
@@ -92,7 +94,12 @@ class Reading:
         if self.unit:
             allowed.append(f"any positive number ({self.unit})")
         raise ReadingError(
-            f"{self.key} cannot be {reprlib.repr(choice)}: choose {' or '.join(allowed)}"
+            UserMessage(
+                "{key} cannot be {choice}: choose {allowed}",
+                key=self.key,
+                choice=reprlib.repr(choice),
+                allowed=" or ".join(allowed),
+            )
         )
 
 
@@ -672,10 +679,13 @@ class Dialect(Mapping[str, str]):
             key, equals, choice = setting.partition("=")
             if not equals:
                 raise ReadingError(
-                    f"{reprlib.repr(setting)} is no setting: write key=option, such as endian=big"
+                    UserMessage(
+                        "{setting} is no setting: write key=option, such as endian=big",
+                        setting=reprlib.repr(setting),
+                    )
                 )
             if key in choices:
-                raise ReadingError(f"{key} is set twice: keep one of the two")
+                raise ReadingError(UserMessage("{key} is set twice: keep one of the two", key=key))
             choices[_find(key).key] = choice
         return cls(choices)
 
@@ -698,7 +708,7 @@ class Dialect(Mapping[str, str]):
             ReadingError: The key does not exist or is no duration.
         """
         if not _find(key).unit:
-            raise ReadingError(f"{key} is no duration")
+            raise ReadingError(UserMessage("{key} is no duration", key=key))
         choice = self[key]
         return None if choice == "none" else float(choice)
 
@@ -725,7 +735,9 @@ def _find(key: str) -> Reading:
     # The search takes time in proportion to the text, and no key is half as long as this.
     near = difflib.get_close_matches(key[:40], READINGS, n=1)
     hint = f"did you mean {near[0]}?" if near else f"they are {', '.join(READINGS)}"
-    raise ReadingError(f"there is no reading {reprlib.repr(key)}: {hint}")
+    raise ReadingError(
+        UserMessage("there is no reading {key}: {hint}", key=reprlib.repr(key), hint=hint)
+    )
 
 
 DEFAULT: Final = Dialect.of()

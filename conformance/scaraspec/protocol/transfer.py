@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 from scaraspec.protocol.fields import Defect, Diagnostics, PayloadError
 from scaraspec.protocol.payloads import Payload
 from scaraspec.protocol.readings import DEFAULT, Dialect
+from scaraspec.user_message import UserMessage
 
 BUFFER_BYTES: Final = 200
 """缓冲区最多 200 个字节 (L735)."""
@@ -71,7 +72,14 @@ class FileData(Payload):
     def read(self, data: bytes, notes: Diagnostics) -> Chunk | None:
         """Read the structure; an empty payload (the error signal of L787) is None."""
         if len(data) < HEAD_BYTES:
-            notes.add(Defect.SIZE, f"{len(data)} bytes are no fileData of {FILE_DATA_BYTES}")
+            notes.add(
+                Defect.SIZE,
+                UserMessage(
+                    "{data_count} bytes are no fileData of {file_data_bytes}",
+                    data_count=len(data),
+                    file_data_bytes=FILE_DATA_BYTES,
+                ),
+            )
             return None
         chunks = {order: read_as(data, order) for order in _ORDERS}
         legal = [order for order, chunk in chunks.items() if chunk.legal]
@@ -85,12 +93,25 @@ class FileData(Payload):
         elif len(data) == HEAD_BYTES + chunk.length:
             notes.readings["chunk_trunc"] = "truncated"
         else:
-            notes.add(Defect.SIZE, f"{len(data)} bytes are no fileData of {FILE_DATA_BYTES}")
+            notes.add(
+                Defect.SIZE,
+                UserMessage(
+                    "{data_count} bytes are no fileData of {file_data_bytes}",
+                    data_count=len(data),
+                    file_data_bytes=FILE_DATA_BYTES,
+                ),
+            )
         if not chunk.legal:
             notes.add(
                 Defect.CHUNK,
-                f"length {chunk.length} at position {chunk.position} is out of bounds "
-                f"(buffer {BUFFER_BYTES}, file {chunk.file_size})",
+                UserMessage(
+                    "length {length} at position {position} is out of bounds (buffer "
+                    "{buffer_bytes}, file {file_size})",
+                    length=chunk.length,
+                    position=chunk.position,
+                    buffer_bytes=BUFFER_BYTES,
+                    file_size=chunk.file_size,
+                ),
             )
         return chunk
 
@@ -103,7 +124,11 @@ class FileData(Payload):
                 "fileSize, position and length must fit 32 bits (L719-721)"
             ) from None
         if len(value.buffer) > BUFFER_BYTES:
-            raise PayloadError(f"a chunk holds at most {BUFFER_BYTES} bytes (L735)")
+            raise PayloadError(
+                UserMessage(
+                    "a chunk holds at most {buffer_bytes} bytes (L735)", buffer_bytes=BUFFER_BYTES
+                )
+            )
         if dialect["chunk_trunc"] == "truncated":
             return head + value.data
         return head + value.buffer.ljust(BUFFER_BYTES, b"\0")
@@ -154,7 +179,7 @@ class _End:
         """Give up if nothing was heard for longer than the time-out (L763, L787, L795)."""
         deadline_s = self.deadline_s
         if deadline_s is not None and now_s > deadline_s:
-            self.fail(f"nothing heard for {self._timeout_s:g} s")
+            self.fail(UserMessage("nothing heard for {timeout_s:g} s", timeout_s=self._timeout_s))
 
     def fail(self, reason: str) -> None:
         """End the transfer without success; a transfer that has ended stays as it is."""
@@ -188,7 +213,9 @@ class Sender(_End):
         chunk, self._outstanding = self._outstanding, None
         self._heard_s = now_s
         if not accepted:
-            self.fail(f"the receiver refused the chunk at {chunk.position}")
+            self.fail(
+                UserMessage("the receiver refused the chunk at {position}", position=chunk.position)
+            )
             return
         self.acknowledged_bytes += chunk.length
         if chunk.last:

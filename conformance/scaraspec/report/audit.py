@@ -26,6 +26,7 @@ from scaraspec.report.model import (
     Tool,
 )
 from scaraspec.report.session import SessionStats
+from scaraspec.user_message import UserMessage
 
 _SHOWN_PLACES: Final = 12
 _GRAVITY: Final = list(Verdict)
@@ -80,7 +81,7 @@ def _cases(requirement: str, tally: Tally, exhibits: Exhibits, replay: str) -> I
     for finding in tally.findings:
         groups[finding.verdict, finding.reading or finding.message].append(finding)
     if not groups:
-        message = f"kept {_times(tally.counts[Verdict.PASS])}"
+        message = UserMessage("kept {counts}", counts=_times(tally.counts[Verdict.PASS]))
         yield Case(requirement, (requirement,), Verdict.PASS, message=message, replay=replay)
     kept = Counter(finding.verdict for finding in tally.findings)
     gravest_first = sorted(groups.values(), key=lambda g: -_GRAVITY.index(g[0].verdict))

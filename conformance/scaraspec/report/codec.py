@@ -14,6 +14,8 @@ from enum import Enum
 from functools import cache
 from typing import Any, Final, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from scaraspec.user_message import UserMessage
+
 T = TypeVar("T")
 
 _INTEGER_LIMIT: Final = 1 << 63
@@ -71,7 +73,14 @@ def _make_tuple(args: tuple[Any, ...], plain: Any, at: str) -> tuple[Any, ...]:
     if args[-1] is ...:
         args = args[:1] * len(items)
     if len(items) != len(args):
-        raise MisfitError(f"{at} has {len(items)} items, not {len(args)}")
+        raise MisfitError(
+            UserMessage(
+                "{at} has {items_count} items, not {args_count}",
+                at=at,
+                items_count=len(items),
+                args_count=len(args),
+            )
+        )
     pairs = zip(args, items, strict=True)
     return tuple(_make(arg, item, f"{at}[{i}]") for i, (arg, item) in enumerate(pairs))
 
@@ -83,7 +92,7 @@ def _make_dataclass(wanted: Any, plain: Any, at: str) -> Any:
         if name in values:
             made[name] = _make(hint, values[name], _join(at, name))
         elif required:
-            raise MisfitError(f"{_join(at, name)} is missing")
+            raise MisfitError(UserMessage("{join} is missing", join=_join(at, name)))
     return wanted(**made)
 
 
@@ -102,7 +111,11 @@ def _make_enum(wanted: type[Enum], plain: Any, at: str) -> Enum:
         if member.value == plain:
             return member
     names = ", ".join(str(member.value) for member in wanted)
-    raise MisfitError(f"{at} is {reprlib.repr(plain)}, not one of {names}")
+    raise MisfitError(
+        UserMessage(
+            "{at} is {plain}, not one of {names}", at=at, plain=reprlib.repr(plain), names=names
+        )
+    )
 
 
 def _make_scalar(wanted: Any, plain: Any, at: str) -> Any:
@@ -110,13 +123,13 @@ def _make_scalar(wanted: Any, plain: Any, at: str) -> Any:
         plain = float(_bounded(plain, at))
     value = _a(wanted, plain, at)
     if wanted is float and not math.isfinite(value):
-        raise MisfitError(f"{at} is no finite number")
+        raise MisfitError(UserMessage("{at} is no finite number", at=at))
     return _bounded(value, at) if wanted is int else value
 
 
 def _bounded(number: int, at: str) -> int:
     if not -_INTEGER_LIMIT <= number < _INTEGER_LIMIT:
-        raise MisfitError(f"{at} does not fit 64 bits")
+        raise MisfitError(UserMessage("{at} does not fit 64 bits", at=at))
     return number
 
 
@@ -128,7 +141,14 @@ _NAMES: Final = {dict: "an object", list: "an array", str: "a text", int: "an in
 
 def _a(wanted: type[T], plain: Any, at: str) -> T:
     if type(plain) is not wanted:  # a bool is no int here
-        raise MisfitError(f"{at or 'the whole'} is {reprlib.repr(plain)}, not {_NAMES[wanted]}")
+        raise MisfitError(
+            UserMessage(
+                "{value} is {plain}, not {names}",
+                value=at or "the whole",
+                plain=reprlib.repr(plain),
+                names=_NAMES[wanted],
+            )
+        )
     return plain
 
 

@@ -18,6 +18,7 @@ from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.report.codec import MisfitError, from_plain, to_plain
 from scaraspec.report.files import write_whole
+from scaraspec.user_message import UserMessage
 
 SCHEMA: Final = "scaraspec.results/1"
 SEEN: Final = ".seen-"
@@ -376,13 +377,19 @@ class Results:
             with path.open("rb") as file:
                 raw = file.read(_LARGEST_FILE_BYTES + 1)
         except OSError as error:
-            raise ResultsError(f"{path} cannot be read: {error.strerror or error}") from None
+            raise ResultsError(
+                UserMessage(
+                    "{path} cannot be read: {value}", path=path, value=error.strerror or error
+                )
+            ) from None
         if len(raw) > _LARGEST_FILE_BYTES:
-            raise ResultsError(f"{path} is larger than results can be; name a results.json")
+            raise ResultsError(
+                UserMessage("{path} is larger than results can be; name a results.json", path=path)
+            )
         try:
             return cls.from_json(raw)
         except ResultsError as error:
-            raise ResultsError(f"{path} {error}") from None
+            raise ResultsError(UserMessage("{path} {error}", path=path, error=error)) from None
 
     @classmethod
     def from_json(cls, text: str | bytes) -> "Results":
@@ -395,7 +402,11 @@ class Results:
             plain = json.loads(text, parse_constant=_refuse)
         except json.JSONDecodeError as error:
             raise ResultsError(
-                f"is torn or no results.json: {error.msg} at line {error.lineno}"
+                UserMessage(
+                    "is torn or no results.json: {msg} at line {lineno}",
+                    msg=error.msg,
+                    lineno=error.lineno,
+                )
             ) from None
         except (ValueError, RecursionError):
             raise ResultsError("is no results.json: it is not readable as JSON") from None
@@ -403,7 +414,7 @@ class Results:
         try:
             return from_plain(cls, plain)
         except MisfitError as misfit:
-            raise ResultsError(f"is damaged: {misfit}") from None
+            raise ResultsError(UserMessage("is damaged: {misfit}", misfit=misfit)) from None
 
 
 def _refuse(constant: str) -> NoReturn:
@@ -416,7 +427,13 @@ def _check_schema(plain: Any) -> None:
         return
     if isinstance(schema, str) and schema.startswith(SCHEMA.rpartition("/")[0] + "/"):
         raise ResultsError(
-            f"is of schema {schema[:40]!r} and this scaraspec reads {SCHEMA}: "
-            "read it with the version that wrote it"
+            UserMessage(
+                "is of schema {schema!r} and this scaraspec reads {schema_2}: read it with "
+                "the version that wrote it",
+                schema=schema[:40],
+                schema_2=SCHEMA,
+            )
         )
-    raise ResultsError(f'is no results.json: it does not say "schema": "{SCHEMA}"')
+    raise ResultsError(
+        UserMessage('is no results.json: it does not say "schema": "{schema}"', schema=SCHEMA)
+    )

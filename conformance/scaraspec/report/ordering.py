@@ -9,6 +9,7 @@ from typing import Final
 from scaraspec.judge.requirements import REQUIREMENTS, Basis, Strength
 from scaraspec.judge.verdicts import Cause, Conclusion, Verdict
 from scaraspec.report.model import SEEN, Case, Results
+from scaraspec.user_message import UserMessage
 
 TELLING: Final = (
     Verdict.FAIL,
@@ -62,7 +63,10 @@ def cases_for_machines(results: Results) -> list[Case]:
     cases = list(results.cases)
     if results.verdict is Conclusion.CONFORMANT or any(c.verdict in UNSETTLED for c in cases):
         return cases
-    message = f"the run as a whole is {results.verdict.value}, though no case of it says so"
+    message: str = UserMessage(
+        "the run as a whole is {verdict_value}, though no case of it says so",
+        verdict_value=results.verdict.value,
+    )
     if results.verdict is Conclusion.NOTHING_TESTED:
         message = "nothing was tested: no requirement could be judged"
     whole = Case("verdict", (), Verdict.INCONCLUSIVE, Cause.SET_UP, message=message)

@@ -81,7 +81,7 @@ def pytest_configure(config: pytest.Config) -> None:
         UnknownRequirementError,
         ValueError,
     ) as error:
-        raise pytest.UsageError(f"{error}") from None
+        raise pytest.UsageError(str(error)) from None
     config.add_cleanup(held.close)
     run = Run(setting, loud=True)
     config.stash[_RUN] = run

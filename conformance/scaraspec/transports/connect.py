@@ -8,6 +8,7 @@ from scaraspec.transports.rfcomm import connect_rfcomm
 from scaraspec.transports.serial import SerialLink
 from scaraspec.transports.tcp import connect_tcp
 from scaraspec.transports.url import Rfcomm, Serial, Tcp, parse
+from scaraspec.user_message import UserMessage
 
 CONNECT_TIMEOUT_S = 5.0
 
@@ -38,7 +39,13 @@ def resolved(url: str) -> str:
             try:
                 found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
             except OSError as error:
-                raise LinkError(f"the host {host} is not known: {error.strerror}") from None
+                raise LinkError(
+                    UserMessage(
+                        "the host {host} is not known: {strerror}",
+                        host=host,
+                        strerror=error.strerror,
+                    )
+                ) from None
             addresses = sorted(found, key=lambda each: each[0] is not socket.AF_INET)
             return f"{Tcp(str(addresses[0][4][0]), port)}"  # its IPv4 address, if it has one
         case Serial(device):

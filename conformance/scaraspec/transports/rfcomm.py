@@ -5,6 +5,7 @@ import socket
 from scaraspec.transports.link import LinkError
 from scaraspec.transports.tcp import SocketLink
 from scaraspec.transports.url import Rfcomm
+from scaraspec.user_message import UserMessage
 
 
 def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
@@ -18,8 +19,11 @@ def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
         connected = socket.socket(family, socket.SOCK_STREAM, protocol)
     except (AttributeError, OSError):
         raise LinkError(
-            f"cannot connect to {address}: this system offers no Bluetooth sockets; "
-            "bind the device to a serial port (rfcomm bind) and use serial:///dev/rfcomm0"
+            UserMessage(
+                "cannot connect to {address}: this system offers no Bluetooth sockets; bind "
+                "the device to a serial port (rfcomm bind) and use serial:///dev/rfcomm0",
+                address=address,
+            )
         ) from None
     try:
         connected.settimeout(timeout_s)
@@ -27,5 +31,7 @@ def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
     except OSError as error:
         connected.close()
         why = error.strerror or f"no answer in {timeout_s:g} s"
-        raise LinkError(f"cannot connect to {address}: {why}") from None
+        raise LinkError(
+            UserMessage("cannot connect to {address}: {why}", address=address, why=why)
+        ) from None
     return SocketLink(connected)

@@ -8,6 +8,7 @@ from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Arrival, Ending, LinkError
 from scaraspec.transports.tcp import SEND_TIMEOUT_S
 from scaraspec.transports.url import Serial
+from scaraspec.user_message import UserMessage
 
 
 class SerialLink:
@@ -29,7 +30,9 @@ class SerialLink:
                 address.device, address.baud, write_timeout=SEND_TIMEOUT_S, exclusive=True
             )
         except (OSError, ValueError) as error:
-            raise LinkError(f"cannot open {address}: {error}") from None
+            raise LinkError(
+                UserMessage("cannot open {address}: {error}", address=address, error=error)
+            ) from None
         self._ending: Ending | None = None
 
     @property
@@ -44,7 +47,9 @@ class SerialLink:
         try:
             self._port.write(data)
         except OSError as error:
-            raise LinkError(f"the serial line takes no bytes: {error}") from None
+            raise LinkError(
+                UserMessage("the serial line takes no bytes: {error}", error=error)
+            ) from None
         return time_ns
 
     def receive(self, deadline_s: float, _others: Sequence[object] = (), /) -> Arrival | None:

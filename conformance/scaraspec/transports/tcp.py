@@ -13,6 +13,7 @@ from typing import Any
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Arrival, Ending, LinkError
 from scaraspec.transports.url import Tcp
+from scaraspec.user_message import UserMessage
 
 SEND_TIMEOUT_S = 10.0
 """For how long a peer may take no bytes before sending to it fails."""
@@ -66,11 +67,18 @@ class SocketLink:
                 rest = rest[self._socket.send(rest) :]
             except BlockingIOError:
                 if not self._writable(SEND_TIMEOUT_S):
-                    sentence = f"the peer has taken no bytes for {SEND_TIMEOUT_S:g} s"
+                    sentence = UserMessage(
+                        "the peer has taken no bytes for {send_timeout_s:g} s",
+                        send_timeout_s=SEND_TIMEOUT_S,
+                    )
                     raise LinkError(sentence) from None
             except OSError as error:
                 self._cut = True
-                raise LinkError(f"the peer has ended the connection: {error.strerror}") from None
+                raise LinkError(
+                    UserMessage(
+                        "the peer has ended the connection: {strerror}", strerror=error.strerror
+                    )
+                ) from None
         return time_ns
 
     def fileno(self) -> int:
@@ -101,7 +109,11 @@ class SocketLink:
         try:
             self._socket.shutdown(socket.SHUT_WR)
         except OSError as error:
-            raise LinkError(f"the peer has ended the connection: {error.strerror}") from None
+            raise LinkError(
+                UserMessage(
+                    "the peer has ended the connection: {strerror}", strerror=error.strerror
+                )
+            ) from None
 
     def close(self) -> None:
         """Close the socket."""
@@ -162,13 +174,27 @@ def connect_tcp(address: Tcp, timeout_s: float) -> TcpLink:
     try:
         connected = socket.create_connection(address, timeout_s)
     except TimeoutError:
-        raise LinkError(f"cannot connect to {address}: no answer in {timeout_s:g} s") from None
+        raise LinkError(
+            UserMessage(
+                "cannot connect to {address}: no answer in {timeout_s:g} s",
+                address=address,
+                timeout_s=timeout_s,
+            )
+        ) from None
     except (OSError, UnicodeError) as error:  # a name that IDNA cannot encode is a UnicodeError
         why = error.strerror if isinstance(error, OSError) else "the host name is malformed"
-        raise LinkError(f"cannot connect to {address}: {why}") from None
+        raise LinkError(
+            UserMessage("cannot connect to {address}: {why}", address=address, why=why)
+        ) from None
     if _is_to_itself(connected):
         connected.close()
-        raise LinkError(f"cannot connect to {address}: {os.strerror(errno.ECONNREFUSED)}")
+        raise LinkError(
+            UserMessage(
+                "cannot connect to {address}: {strerror}",
+                address=address,
+                strerror=os.strerror(errno.ECONNREFUSED),
+            )
+        )
     return TcpLink(connected)
 
 

@@ -10,6 +10,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.transports.link import LinkError
+from scaraspec.user_message import UserMessage
 
 DEFAULT_BAUD = 115200
 DEFAULT_CHANNEL = 1
@@ -67,7 +68,14 @@ def parse(url: str) -> Tcp | Serial | Rfcomm:
     try:
         parts = urlsplit(url)
     except ValueError as error:
-        raise UrlError(f"{url!r} is no link: {error}, write for example {_EXAMPLES}") from None
+        raise UrlError(
+            UserMessage(
+                "{url!r} is no link: {error}, write for example {examples}",
+                url=url,
+                error=error,
+                examples=_EXAMPLES,
+            )
+        ) from None
     if url.isprintable() and not parts.username and not parts.fragment:
         if parts.scheme == "tcp" and parts.path in ("", "/") and not parts.query:
             return Tcp(*split_host_port(parts.netloc))
@@ -77,7 +85,9 @@ def parse(url: str) -> Tcp | Serial | Rfcomm:
             channel = parts.path.strip("/") or str(DEFAULT_CHANNEL)
             number = _number("RFCOMM channel", channel, 1, _MAX_CHANNEL)
             return Rfcomm(parts.netloc.upper(), number)
-    raise UrlError(f"{url!r} is no link: write for example {_EXAMPLES}")
+    raise UrlError(
+        UserMessage("{url!r} is no link: write for example {examples}", url=url, examples=_EXAMPLES)
+    )
 
 
 def split_host_port(text: str, lowest_port: int = 1) -> tuple[str, int]:
@@ -91,16 +101,22 @@ def split_host_port(text: str, lowest_port: int = 1) -> tuple[str, int]:
         try:
             ipaddress.IPv6Address(host)
         except ValueError:
-            raise UrlError(f"{host!r} is no IPv6 address") from None
+            raise UrlError(UserMessage("{host!r} is no IPv6 address", host=host)) from None
         colon, port = rest[:1], rest[1:]
     else:
         host, colon, port = text.partition(":")
         if ":" in port:
             raise UrlError(
-                f"{text!r} is ambiguous: write an IPv6 address as [{text}]:{DEFAULT_PORT}"
+                UserMessage(
+                    "{text!r} is ambiguous: write an IPv6 address as [{text}]:{default_port}",
+                    text=text,
+                    default_port=DEFAULT_PORT,
+                )
             )
     if not host or colon not in ("", ":") or not host.isprintable() or " " in host:
-        raise UrlError(f"{text!r} names no host: write host:port or [IPv6 address]:port")
+        raise UrlError(
+            UserMessage("{text!r} names no host: write host:port or [IPv6 address]:port", text=text)
+        )
     if not colon:
         return host, DEFAULT_PORT
     return host, _number("port", port, lowest_port, _MAX_PORT)
@@ -116,11 +132,25 @@ def _baud(query: str) -> int:
     if not query:
         return DEFAULT_BAUD
     if [key for key, _ in settings] != ["baud"]:
-        raise UrlError(f"{query!r} is no setting of a serial link: write ?baud={DEFAULT_BAUD}")
+        raise UrlError(
+            UserMessage(
+                "{query!r} is no setting of a serial link: write ?baud={default_baud}",
+                query=query,
+                default_baud=DEFAULT_BAUD,
+            )
+        )
     return _number("baud rate", settings[0][1], 1, 4_000_000)
 
 
 def _number(what: str, text: str, lowest: int, highest: int) -> int:
     if not _NUMBER.fullmatch(text) or not lowest <= int(text) <= highest:
-        raise UrlError(f"{text!r} is no {what}: it is a number from {lowest} to {highest}")
+        raise UrlError(
+            UserMessage(
+                "{text!r} is no {what}: it is a number from {lowest} to {highest}",
+                text=text,
+                what=what,
+                lowest=lowest,
+                highest=highest,
+            )
+        )
     return int(text)

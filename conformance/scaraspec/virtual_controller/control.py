@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from scaraspec.protocol.errors import Joint, code_for_joints
+from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.plant import NoSuchPortError, Plant
 
 HELP: Final = """\
@@ -43,7 +44,11 @@ def obey(line: str, plant: Plant, now_s: float) -> str:
     command = _COMMANDS.get(words[0])
     if command is None:
         raise ControlError(
-            f"there is no command {reprlib.repr(words[0])}: they are {', '.join(_COMMANDS)}"
+            UserMessage(
+                "there is no command {words}: they are {commands}",
+                words=reprlib.repr(words[0]),
+                commands=", ".join(_COMMANDS),
+            )
         )
     return command(words[1:], plant, now_s)
 
@@ -51,12 +56,20 @@ def obey(line: str, plant: Plant, now_s: float) -> str:
 def _motor_fault(words: list[str], plant: Plant, now_s: float) -> str:
     names, lasting = _with_lasting(words)
     if len(names) != 1:
-        raise ControlError(f"motor-fault takes joints between commas: {', '.join(_JOINTS)}")
+        raise ControlError(
+            UserMessage(
+                "motor-fault takes joints between commas: {joints}", joints=", ".join(_JOINTS)
+            )
+        )
     joints = names[0].split(",")
     for name in joints:
         if name not in _JOINTS:
             raise ControlError(
-                f"there is no joint {reprlib.repr(name)}: they are {', '.join(_JOINTS)}"
+                UserMessage(
+                    "there is no joint {name}: they are {joints}",
+                    name=reprlib.repr(name),
+                    joints=", ".join(_JOINTS),
+                )
             )
     code = code_for_joints(_JOINTS[name] for name in joints).text
     return _fail(code, plant, now_s, lasting=lasting)
@@ -66,7 +79,12 @@ def _fault(code: str) -> Callable[[list[str], Plant, float], str]:
     def command(words: list[str], plant: Plant, now_s: float) -> str:
         others, lasting = _with_lasting(words)
         if others:
-            raise ControlError(f"a fault takes no {reprlib.repr(others[0])}, only the word lasting")
+            raise ControlError(
+                UserMessage(
+                    "a fault takes no {others}, only the word lasting",
+                    others=reprlib.repr(others[0]),
+                )
+            )
         return _fail(code, plant, now_s, lasting=lasting)
 
     return command
@@ -104,7 +122,9 @@ def _disk_full(words: list[str], plant: Plant, _: float) -> str:
 def _input(words: list[str], plant: Plant, _: float) -> str:
     port, value = _port(words, "0 or 1")
     if value not in ("0", "1"):
-        raise ControlError(f"a digital input is 0 or 1, not {reprlib.repr(value)}")
+        raise ControlError(
+            UserMessage("a digital input is 0 or 1, not {value}", value=reprlib.repr(value))
+        )
     try:
         plant.digital_inputs[port] = value == "1"
     except NoSuchPortError as error:
@@ -119,7 +139,9 @@ def _analog(words: list[str], plant: Plant, _: float) -> str:
     except NoSuchPortError as error:
         raise ControlError(str(error)) from None
     except ValueError:
-        raise ControlError(f"no analog input can be {reprlib.repr(value)}") from None
+        raise ControlError(
+            UserMessage("no analog input can be {value}", value=reprlib.repr(value))
+        ) from None
     return f"analog input {port} is {plant.analog_inputs[port]:g}"
 
 
@@ -127,7 +149,7 @@ def _port(words: list[str], kind: str) -> tuple[int, str]:
     match words:
         case [port, value] if port.isdecimal() and len(port) <= 3:  # noqa: PLR2004 - no port has more digits
             return int(port), value
-    raise ControlError(f"an input takes its port, 1 to 8, and {kind}")
+    raise ControlError(UserMessage("an input takes its port, 1 to 8, and {kind}", kind=kind))
 
 
 def _help(words: list[str], _plant: Plant, _now_s: float) -> str:
@@ -137,7 +159,11 @@ def _help(words: list[str], _plant: Plant, _now_s: float) -> str:
 
 def _none(words: list[str]) -> None:
     if words:
-        raise ControlError(f"this command takes nothing more, not {reprlib.repr(words[0])}")
+        raise ControlError(
+            UserMessage(
+                "this command takes nothing more, not {words}", words=reprlib.repr(words[0])
+            )
+        )
 
 
 _COMMANDS: Mapping[str, Callable[[list[str], Plant, float], str]] = {

@@ -10,6 +10,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Generic, NamedTuple, TypeVar
 
 from scaraspec.protocol.errors import FAILURES, Joint, code_for_joints, lookup
+from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.arm import HOME, UPPER, Joints, inverse
 from scaraspec.virtual_controller.motion import JOINT_SPEEDS, Motion, hold
 
@@ -66,7 +67,14 @@ class Ports(Generic[_T]):
 
     def _index(self, port: int) -> int:
         if not 1 <= port <= len(self._values):
-            raise NoSuchPortError(f"no {self._kind} {port}: they run from 1 to {len(self._values)}")
+            raise NoSuchPortError(
+                UserMessage(
+                    "no {kind} {port}: they run from 1 to {values_count}",
+                    kind=self._kind,
+                    port=port,
+                    values_count=len(self._values),
+                )
+            )
         return port - 1
 
 

@@ -9,6 +9,7 @@ import logging
 import os
 from typing import Final
 
+from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.server import SLICE_BYTES, UNREAD_BYTES, Server
 
 REOPEN_S: Final = 1.0
@@ -142,11 +143,17 @@ def open_line(device: str, baud: int) -> int:
         raise SerialPortError("serial ports are served on POSIX systems only") from None
     speed = getattr(termios, f"B{baud}", None)
     if speed is None:
-        raise SerialPortError(f"{device} cannot run at {baud} baud: try 115200")
+        raise SerialPortError(
+            UserMessage("{device} cannot run at {baud} baud: try 115200", device=device, baud=baud)
+        )
     try:
         line = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError as error:
-        raise SerialPortError(f"{device} cannot be opened: {error.strerror}") from None
+        raise SerialPortError(
+            UserMessage(
+                "{device} cannot be opened: {strerror}", device=device, strerror=error.strerror
+            )
+        ) from None
     try:
         tty.setraw(line)
         attributes = termios.tcgetattr(line)
@@ -155,5 +162,7 @@ def open_line(device: str, baud: int) -> int:
         termios.tcsetattr(line, termios.TCSANOW, attributes)
     except termios.error as error:
         os.close(line)
-        raise SerialPortError(f"{device} is no serial device: {error.args[-1]}") from None
+        raise SerialPortError(
+            UserMessage("{device} is no serial device: {args}", device=device, args=error.args[-1])
+        ) from None
     return line

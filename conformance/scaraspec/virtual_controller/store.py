@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote_to_bytes
 
+from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.arm import HOME
 
 NAME_MAX_BYTES = 255
@@ -95,7 +96,7 @@ class Store:
             MissingError: There is none.
         """
         if name not in self._programs:
-            raise MissingError(f"there is no program {_show(name)}")
+            raise MissingError(UserMessage("there is no program {name}", name=_show(name)))
         return self._programs[name]
 
     def check(self, name: bytes, size_bytes: int) -> None:
@@ -107,17 +108,36 @@ class Store:
             StoreFullError: There is no room for it.
         """
         if not 1 <= len(name) <= NAME_MAX_BYTES:
-            raise NameRefusedError(f"a name has 1 to {NAME_MAX_BYTES} bytes, not {len(name)}")
+            raise NameRefusedError(
+                UserMessage(
+                    "a name has 1 to {name_max_bytes} bytes, not {name_count}",
+                    name_max_bytes=NAME_MAX_BYTES,
+                    name_count=len(name),
+                )
+            )
         if name in (b".", b"..") or not set(name).isdisjoint(b"/\\|\0"):
             raise NameRefusedError(
-                f"{_show(name)} is no name: it has a separator in it, or only dots"
+                UserMessage(
+                    "{name} is no name: it has a separator in it, or only dots", name=_show(name)
+                )
             )
         others = {other: data for other, data in self._programs.items() if other != name}
         if len(others) >= self._max_files:
-            raise StoreFullError(f"the store holds {self._max_files} programs and takes no more")
+            raise StoreFullError(
+                UserMessage(
+                    "the store holds {max_files} programs and takes no more",
+                    max_files=self._max_files,
+                )
+            )
         free_bytes = self._max_bytes - sum(map(len, others.values()))
         if size_bytes > free_bytes:
-            raise StoreFullError(f"{size_bytes} bytes are too many: {free_bytes} bytes are free")
+            raise StoreFullError(
+                UserMessage(
+                    "{size_bytes} bytes are too many: {free_bytes} bytes are free",
+                    size_bytes=size_bytes,
+                    free_bytes=free_bytes,
+                )
+            )
 
     def write(self, name: bytes, data: bytes) -> None:
         """Store a program, in place of another one of this name.
@@ -287,8 +307,12 @@ def _load_settings(path: Path) -> Settings:
         return _parse_settings(path.read_bytes())
     except (ValueError, OverflowError, RecursionError) as error:
         raise StoreError(
-            f"{path} does not hold the robot's settings ({error}): "
-            "repair it, or move it away to start with the defaults"
+            UserMessage(
+                "{path} does not hold the robot's settings ({error}): repair it, or move it "
+                "away to start with the defaults",
+                path=path,
+                error=error,
+            )
         ) from error
 
 

@@ -43,6 +43,7 @@ from typing import Any, Final
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.frames import MAX_FRAME_BYTES
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.fault_injection.conditions import PARTS, Condition
 from scaraspec_recorder.fault_injection.faults import (
     Coalesce,
@@ -78,7 +79,7 @@ def load_injection(path: Path) -> Injection:
     try:
         return _injection(_load(path))
     except InjectionError as error:
-        raise InjectionError(f"{path}: {error}") from None
+        raise InjectionError(UserMessage("{path}: {error}", path=path, error=error)) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,19 +172,29 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         return read_toml(path)
     except TomlError as error:
-        raise InjectionError(f"it {error}") from None
+        raise InjectionError(UserMessage("it {error}", error=error)) from None
 
 
 def _injection(document: Mapping[str, Any]) -> Injection:
     if wrong := document.keys() - {"seed", "rule"}:
-        raise InjectionError(f"{min(wrong)} means nothing here: take seed and [[rule]]")
+        raise InjectionError(
+            UserMessage("{wrong} means nothing here: take seed and [[rule]]", wrong=min(wrong))
+        )
     seed, tables = document.get("seed", 0), document.get("rule")
     if not (values := _whole(0, _MOST)).holds(seed):
-        raise InjectionError(f"seed must be {values.words}, not {_shown(seed)}")
+        raise InjectionError(
+            UserMessage("seed must be {words}, not {seed}", words=values.words, seed=_shown(seed))
+        )
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise InjectionError("it has no rule: begin each with a line [[rule]]")
     if len(tables) > _MOST_RULES:
-        raise InjectionError(f"it has {len(tables)} rules, {_MOST_RULES} are the most")
+        raise InjectionError(
+            UserMessage(
+                "it has {tables_count} rules, {most_rules} are the most",
+                tables_count=len(tables),
+                most_rules=_MOST_RULES,
+            )
+        )
     return Injection(tuple(_rule(f"rule {n}", t) for n, t in enumerate(tables, start=1)), seed)
 
 
@@ -194,29 +205,59 @@ def _rule(label: str, table: Mapping[str, Any]) -> Rule:
         InjectionError: Something in it is wrong.
     """
     if "fault" not in table:
-        raise InjectionError(f"{label}: fault is missing, it must be {_KEYS['fault'].words}")
+        raise InjectionError(
+            UserMessage(
+                "{label}: fault is missing, it must be {words}",
+                label=label,
+                words=_KEYS["fault"].words,
+            )
+        )
     _check(label, "fault", table["fault"])
     kind = _FAULTS[table["fault"]]
     measures = {field.name: field.default is MISSING for field in fields(kind)}
     for key, value in table.items():
         if key not in _KEYS and key not in measures:
             keys = ", ".join((*measures, *_KEYS))
-            raise InjectionError(f"{label}: {key} means nothing for {table['fault']}: take {keys}")
+            raise InjectionError(
+                UserMessage(
+                    "{label}: {key} means nothing for {table}: take {keys}",
+                    label=label,
+                    key=key,
+                    table=table["fault"],
+                    keys=keys,
+                )
+            )
         _check(label, key, value)
     for key, needed in measures.items():
         if needed and key not in table:
             words = _MEASURES[key].words
-            raise InjectionError(f"{label}: {key} is missing, {table['fault']} needs {words}")
+            raise InjectionError(
+                UserMessage(
+                    "{label}: {key} is missing, {table} needs {words}",
+                    label=label,
+                    key=key,
+                    table=table["fault"],
+                    words=words,
+                )
+            )
     picks = [key for key in PICKS if key in table]
     if len(picks) > 1:
-        raise InjectionError(f"{label}: {' and '.join(picks)} do not go together, take one")
+        raise InjectionError(
+            UserMessage(
+                "{label}: {picks} do not go together, take one",
+                label=label,
+                picks=" and ".join(picks),
+            )
+        )
     pick = picks[0] if picks else ""
     fault = kind(**{key: table[key] for key in measures if key in table})
     condition = Condition(table.get("command"), table.get("part"), table.get("direction"))
     waited_for = (fault.until,) if isinstance(fault, HoldBack) else ()
     for each in (condition, *waited_for):
         if complaint := each.complaint():
-            raise InjectionError(f"{label} means no frame: {complaint}")
+            raise InjectionError(
+                UserMessage("{label} means no frame: {complaint}", label=label, complaint=complaint)
+            )
     name = table.get("name")
     full = f"{label} ({name})" if name else label
     return Rule(full, fault, condition, table.get("connection"), pick, table.get(pick, 0))
@@ -225,7 +266,15 @@ def _rule(label: str, table: Mapping[str, Any]) -> Rule:
 def _check(label: str, key: str, value: object) -> None:
     values = _KEYS.get(key) or _MEASURES[key]
     if not values.holds(value):
-        raise InjectionError(f"{label}: {key} must be {values.words}, not {_shown(value)}")
+        raise InjectionError(
+            UserMessage(
+                "{label}: {key} must be {words}, not {value}",
+                label=label,
+                key=key,
+                words=values.words,
+                value=_shown(value),
+            )
+        )
 
 
 def _shown(value: object) -> str:

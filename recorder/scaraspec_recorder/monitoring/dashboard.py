@@ -15,6 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.monitoring.status import Status
 from scaraspec_recorder.recordings.recording_stats import DRAWN
 from scaraspec_recorder.tap.tcp import address_text
@@ -122,7 +123,7 @@ class _Wrong:
             lines.append(f"{self.gaps} gaps so far, {_size(self.status.lost_bytes)} not recorded")
         if (self.late, self.reason) != (before.late, before.reason):
             waiting = f"nothing is written, {_size(self.status.waiting_bytes)} wait"
-            why = f": {self.reason}" if self.reason else ""
+            why = UserMessage(": {reason}", reason=self.reason) if self.reason else ""
             lines.append(f"{waiting}{why}" if self.late else "the writing goes on")
         if self.unreached != before.unreached:
             why = self.unreached
@@ -200,7 +201,7 @@ def _problems(status: Status) -> list[str]:
     if status.gaps:
         problems.append(f"{_size(status.lost_bytes)} not recorded in {status.gaps} gaps")
     if status.late:
-        why = f": {status.trouble.reason}" if status.trouble else ""
+        why = UserMessage(": {reason}", reason=status.trouble.reason) if status.trouble else ""
         problems.append(f"nothing was written for {status.silent_s:.0f} s{why}")
     return problems
 

@@ -6,6 +6,7 @@ Law: read at each scrape, kept nowhere, and offered to this machine alone.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.monitoring.status import Status
 from scaraspec_recorder.tap.tcp import is_loopback
 
@@ -37,7 +38,10 @@ def serve(host: str, port: int, look: Callable[[], Sequence[Status]]) -> Iterato
     """
     if not is_loopback(host):
         raise MetricsError(
-            f"metrics are for this machine alone: {host} is no address of its loopback"
+            UserMessage(
+                "metrics are for this machine alone: {host} is no address of its loopback",
+                host=host,
+            )
         )
     registry = CollectorRegistry()
     registry.register(_Collector(look))
@@ -45,7 +49,14 @@ def serve(host: str, port: int, look: Callable[[], Sequence[Status]]) -> Iterato
         server, thread = start_http_server(port, host, registry)
     except OSError as error:
         reason = error.strerror or error
-        raise MetricsError(f"metrics cannot be offered at {host}:{port}: {reason}") from None
+        raise MetricsError(
+            UserMessage(
+                "metrics cannot be offered at {host}:{port}: {reason}",
+                host=host,
+                port=port,
+                reason=reason,
+            )
+        ) from None
     try:
         yield host, server.server_port
     finally:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recordings.capture import draw_capture
 from scaraspec_recorder.recordings.recover import discard_empty, is_full, recover, sweep
@@ -63,7 +64,9 @@ def hold(folder: Path) -> Iterator[int]:
     try:
         held = claim(spool)
     except BlockingIOError:
-        raise BlockingIOError(f"a recorder writes into {folder}: stop it first") from None
+        raise BlockingIOError(
+            UserMessage("a recorder writes into {folder}: stop it first", folder=folder)
+        ) from None
     unwritten_bytes = unread_bytes(spool)
     try:
         yield unwritten_bytes

@@ -16,6 +16,7 @@ from scaraspec.judge.judge import Judge
 from scaraspec.protocol.direction import C2A
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.quantities import SECOND_NS, Limits, QuantityError, parse_limits
 from scaraspec_recorder.recordings.recording_files import FileSet, RecordingFolder
 from scaraspec_recorder.sinks.decoder import Item, judged
@@ -49,13 +50,17 @@ def parse_rotate(text: str) -> Rotate:
     try:
         limits = parse_limits(text)
     except QuantityError as error:
-        raise QuantityError(f"{error}, nor {_CONNECTION}") from None
+        raise QuantityError(
+            UserMessage("{error}, nor {connection}", error=error, connection=_CONNECTION)
+        ) from None
     for value, least in (
         (limits.duration_ns, _LEAST.duration_ns),
         (limits.size_bytes, _LEAST.size_bytes),
     ):
         if value is not None and least is not None and value < least:
-            raise QuantityError(f"{text} is too little for a file: take 1s or 1MB at least")
+            raise QuantityError(
+                UserMessage("{text} is too little for a file: take 1s or 1MB at least", text=text)
+            )
     return Rotate(limits)
 
 

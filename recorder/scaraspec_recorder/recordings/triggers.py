@@ -27,6 +27,7 @@ from scaraspec.protocol.errors import lookup
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.traffic.events import CaptureGap, FrameSeen, InvalidBytes, LinkChange
 from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_duration
 from scaraspec_recorder.sinks import text as wording
 from scaraspec_recorder.sinks.decoder import Item
@@ -78,7 +79,9 @@ class _Code(Watcher):
 
     def __init__(self, text: str) -> None:
         if not (row := lookup(text)):
-            raise TriggerError(f"{reprlib.repr(text)} is no code of table 8-1, such as 12")
+            raise TriggerError(
+                UserMessage("{text} is no code of table 8-1, such as 12", text=reprlib.repr(text))
+            )
         self._code = row.text
         self._status = ""
 
@@ -112,7 +115,13 @@ class _Found(Watcher):
             try:
                 self._requirement = requirement(text).id
             except UnknownRequirementError as error:
-                raise TriggerError(f"{error} Or name a verdict: {', '.join(verdicts)}.") from None
+                raise TriggerError(
+                    UserMessage(
+                        "{error} Or name a verdict: {verdicts}.",
+                        error=error,
+                        verdicts=", ".join(verdicts),
+                    )
+                ) from None
 
     def item(self, item: Item) -> str:
         if not isinstance(item, Finding) or item.verdict not in self._verdicts:
@@ -251,8 +260,13 @@ def parse_trigger(text: str) -> Watcher:
         if not colon and (simple := _PLAIN.get(word)):
             return simple()
     except QuantityError as error:
-        raise TriggerError(f"{reprlib.repr(text)} is no trigger: {error}") from None
+        raise TriggerError(
+            UserMessage("{text} is no trigger: {error}", text=reprlib.repr(text), error=error)
+        ) from None
     raise TriggerError(
-        f"{reprlib.repr(text)} is no trigger: take code:12, refusal, finding:4.15/3, "
-        "finding:fail, silence:30s, late:500ms, malformed, disconnect or signal"
+        UserMessage(
+            "{text} is no trigger: take code:12, refusal, finding:4.15/3, finding:fail, "
+            "silence:30s, late:500ms, malformed, disconnect or signal",
+            text=reprlib.repr(text),
+        )
     )

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.sinks.mcap.chunk_writer import MAGIC
 from scaraspec_recorder.sources.mcap_reading import McapCapture, read_mcap
@@ -27,7 +28,9 @@ def open_capture(path: Path, *, port: int | None) -> McapCapture | Capture:
         with path.open("rb") as file:
             head = file.read(len(MAGIC))
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror or error}") from None
+        raise CaptureError(
+            UserMessage("{path} cannot be read: {value}", path=path, value=error.strerror or error)
+        ) from None
     if not head:
-        raise CaptureError(f"{path} is empty: nothing was recorded")
+        raise CaptureError(UserMessage("{path} is empty: nothing was recorded", path=path))
     return read_mcap(path) if head == MAGIC else read_capture(path, port=port)

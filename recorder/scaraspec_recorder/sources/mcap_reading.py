@@ -20,6 +20,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from scaraspec.protocol.direction import Direction
 from scaraspec.traffic.wire import Kind, WireEvent
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.sinks.byte_accounting import Audit
 from scaraspec_recorder.sinks.gap_filler import Mender
@@ -105,9 +106,14 @@ class RawLayer:
             ours = _RAW_KINDS.keys() & set(self._schemas.values())
             if summary.finished or (self._schemas and not ours):
                 raise CaptureError(
-                    f"{path} holds no raw bytes of a link: scaraspec record did not write it"
+                    UserMessage(
+                        "{path} holds no raw bytes of a link: scaraspec record did not write it",
+                        path=path,
+                    )
                 )
-            raise CaptureError(f"{path} broke off before anything was recorded")
+            raise CaptureError(
+                UserMessage("{path} broke off before anything was recorded", path=path)
+            )
         if self._missing:
             summary.notes.append(f"{self._missing} raw events are missing in the file")
 
@@ -249,12 +255,14 @@ def _open(path: Path) -> Iterator[BinaryIO]:
         with path.open("rb") as file:
             magic = file.peek(len(MAGIC))[: len(MAGIC)]
             if not magic:
-                raise CaptureError(f"{path} is empty: nothing was recorded")
+                raise CaptureError(UserMessage("{path} is empty: nothing was recorded", path=path))
             if magic != MAGIC:
-                raise CaptureError(f"{path} is no MCAP file")
+                raise CaptureError(UserMessage("{path} is no MCAP file", path=path))
             yield file
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror or error}") from None
+        raise CaptureError(
+            UserMessage("{path} cannot be read: {value}", path=path, value=error.strerror or error)
+        ) from None
 
 
 def _records_of(chunk: Chunk) -> list[McapRecord]:

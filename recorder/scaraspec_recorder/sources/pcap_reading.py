@@ -19,6 +19,7 @@ from typing import Any, BinaryIO, Final, NamedTuple
 
 from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.traffic.wire import WireEvent
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.sources.reassembly import STEP_NS, Reassembler
 from scaraspec_recorder.tcp_segment import UnreadablePacket, dissect
@@ -249,15 +250,21 @@ def _reader(path: Path) -> Iterator[tuple[Any, _Source]]:
         with path.open("rb") as raw:
             file = gzip.GzipFile(fileobj=raw) if raw.peek(2)[:2] == _GZIP_MAGIC else raw
             if file.peek(4)[:4] not in _MAGICS:
-                raise CaptureError(f"{path} is no capture: neither MCAP, pcap nor pcapng")
+                raise CaptureError(
+                    UserMessage("{path} is no capture: neither MCAP, pcap nor pcapng", path=path)
+                )
             source = _Source(file)
             reader: Any = RawPcapReader(source)  # type: ignore[arg-type]  # open files serve as well
             if hasattr(reader, "interfaces"):
                 reader.blocktypes[_INTERFACE] = partial(_describe, reader)
             yield reader, source
     except OSError as error:
-        raise CaptureError(f"{path} cannot be read: {error.strerror or error}") from None
+        raise CaptureError(
+            UserMessage("{path} cannot be read: {value}", path=path, value=error.strerror or error)
+        ) from None
     except (EOFError, zlib.error, Scapy_Exception):
-        raise CaptureError(f"{path} is torn or damaged in its first bytes") from None
+        raise CaptureError(
+            UserMessage("{path} is torn or damaged in its first bytes", path=path)
+        ) from None
     finally:
         log_runtime.removeFilter(silence)

@@ -12,6 +12,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.spool.spool import LIMIT_BYTES, READER_LOCK, lock, unread_bytes
 
 _MEMORY: Final = Path("/dev/shm")  # noqa: S108 - files there are made in a folder of our own, mode 0700
@@ -36,7 +37,11 @@ def spool_folder(out_dir: Path, limit_bytes: int = LIMIT_BYTES) -> Path:
         found = in_memory.lstat()  # it may have been laid there by somebody else
         private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
         if not private or found.st_uid != os.geteuid():
-            raise PermissionError(f"{in_memory} is not a folder of this user alone: remove it")
+            raise PermissionError(
+                UserMessage(
+                    "{in_memory} is not a folder of this user alone: remove it", in_memory=in_memory
+                )
+            )
         return in_memory
     beside.mkdir(mode=0o700, parents=True, exist_ok=True)
     return beside
@@ -73,7 +78,11 @@ def claimed_spool(out_dir: Path, limit_bytes: int) -> Iterator[Path]:
         held = claim(spool)
     except BlockingIOError:
         rule = "a folder has one recorder at a time, name another"
-        raise BlockingIOError(f"another recorder writes into {out_dir}: {rule}") from None
+        raise BlockingIOError(
+            UserMessage(
+                "another recorder writes into {out_dir}: {rule}", out_dir=out_dir, rule=rule
+            )
+        ) from None
     try:
         yield spool
     finally:

@@ -31,6 +31,7 @@ from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run, collect
 from scaraspec.suite.engine.stall_detector import StallDetector
 from scaraspec.transports.url import split_host_port
+from scaraspec.user_message import UserMessage
 
 _GROUPS = {
     "The subject": ("driver", "listen", "attended", "ics", "transfer_timeout", "answer_timeout"),
@@ -132,7 +133,11 @@ def _access(
     try:
         access = Attended(*where, click.echo, answer_s=answer_s or _OPERATOR_S)
     except OSError as error:
-        raise Problem(f"cannot listen on {listen}: {error.strerror}") from None
+        raise Problem(
+            UserMessage(
+                "cannot listen on {listen}: {strerror}", listen=listen, strerror=error.strerror
+            )
+        ) from None
     click.echo(f"listening at {access.host}:{access.port}. {HELP}")
     click.echo("Let the client not connect again by itself; what it polls does no harm.")
     return access

@@ -22,6 +22,7 @@ from scaraspec.suite.engine.journal import ControllerBusyError, JournalError
 from scaraspec.suite.engine.plan import HazardError
 from scaraspec.suite.engine.run import SuiteError
 from scaraspec.transports.link import LinkError
+from scaraspec.user_message import UserMessage
 
 _PATH: Final = click.Path(path_type=Path)
 _OPTIONS: Final = (
@@ -104,16 +105,24 @@ def told() -> Iterator[None]:
     try:
         yield
     except (IcsError, LinkError, ReadingError, DriverError, ResultsError) as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     except UnknownRequirementError as error:
-        raise Problem(f"--only: {error}") from None
+        raise Problem(UserMessage("--only: {error}", error=error)) from None
     except HazardError as error:
-        raise Problem(f"--allow: {error}") from None
+        raise Problem(UserMessage("--allow: {error}", error=error)) from None
     except (ControllerBusyError, RecoveryError) as error:
-        raise Problem(f"{error}", ExitStatus.INCONCLUSIVE) from None
+        raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
     except JournalError as error:
-        raise Problem(f"{error}") from None
+        raise Problem(str(error)) from None
     except SuiteError as error:
-        raise Problem(f"the suite is broken: {error}", ExitStatus.INCONCLUSIVE) from None
+        raise Problem(
+            UserMessage("the suite is broken: {error}", error=error), ExitStatus.INCONCLUSIVE
+        ) from None
     except OSError as error:
-        raise Problem(f"{error.filename} cannot be written: {error.strerror}") from None
+        raise Problem(
+            UserMessage(
+                "{filename} cannot be written: {strerror}",
+                filename=error.filename,
+                strerror=error.strerror,
+            )
+        ) from None

@@ -31,6 +31,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import Options, why_not
 from scaraspec.traffic.wire import WireEvent
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.recordings.capture import capture_sink
 from scaraspec_recorder.sinks.background_recorder import BackgroundRecorder
 from scaraspec_recorder.sinks.sinks import SinkFailed
@@ -194,7 +195,13 @@ class Files:
         out.mkdir(parents=True, exist_ok=True)
         there = [name for name in RESULTS if (out / name).exists()]
         if there and not sittings:
-            raise Problem(f"{out} holds {there[0]} of an earlier run: name another folder")
+            raise Problem(
+                UserMessage(
+                    "{out} holds {there} of an earlier run: name another folder",
+                    out=out,
+                    there=there[0],
+                )
+            )
         folder = out
         if there:
             self.earlier = Results.read(out / RESULTS[0])
@@ -241,4 +248,8 @@ class Files:
             try:
                 self._recording.close()
             except SinkFailed as error:
-                raise Problem(f"{self._out}: the recording is not whole: {error}") from None
+                raise Problem(
+                    UserMessage(
+                        "{out}: the recording is not whole: {error}", out=self._out, error=error
+                    )
+                ) from None

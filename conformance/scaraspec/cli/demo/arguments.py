@@ -23,6 +23,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report import html, terminal
 from scaraspec.transports.url import join_host_port, split_host_port
+from scaraspec.user_message import UserMessage
 from scaraspec_recorder.problems import CaptureError
 from scaraspec_recorder.recording import record
 from scaraspec_recorder.recordings.capture import capture_sink
@@ -54,7 +55,13 @@ def command(out: Path, *, live: bool) -> None:
     """
     make_folder(out)
     if there := [name for name in _FILES if (out / name).exists()]:
-        raise Problem(f"{out} holds {there[0]} of an earlier run: name another folder with --out")
+        raise Problem(
+            UserMessage(
+                "{out} holds {there} of an earlier run: name another folder with --out",
+                out=out,
+                there=there[0],
+            )
+        )
     viewer = open_viewer() if live else None
     try:
         asyncio.run(_play(out, viewer))
@@ -62,9 +69,13 @@ def command(out: Path, *, live: bool) -> None:
         results.write(out / "results.json")
         html.write(results, out / "report.html")
     except (ClientError, CaptureError, ValueError) as error:
-        raise Problem(f"the demo did not succeed: {error}", ExitStatus.INCONCLUSIVE) from None
+        raise Problem(
+            UserMessage("the demo did not succeed: {error}", error=error), ExitStatus.INCONCLUSIVE
+        ) from None
     except OSError as error:
-        raise Problem(f"the demo did not succeed: {error}", ExitStatus.INCONCLUSIVE) from None
+        raise Problem(
+            UserMessage("the demo did not succeed: {error}", error=error), ExitStatus.INCONCLUSIVE
+        ) from None
     for note in notes:
         click.echo(note, err=True)
     terminal.show(results, Console())
@@ -87,7 +98,10 @@ async def _play(out: Path, viewer: str | None) -> None:
         await asyncio.to_thread(_work, url, out)
     if not recording.progress.finished or recording.progress.problems:
         problems = "; ".join(recording.progress.problems) or "not everything was written in time"
-        raise Problem(f"the recording is not whole: {problems}", ExitStatus.INCONCLUSIVE)
+        raise Problem(
+            UserMessage("the recording is not whole: {problems}", problems=problems),
+            ExitStatus.INCONCLUSIVE,
+        )
 
 
 def _work(url: str, out: Path) -> None:

@@ -10,6 +10,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 STATE_OF: Final = {
     "run_program": "01",
@@ -64,14 +65,16 @@ def _not_accepted(x: Exchange, scene: RobotState, during: Iterable[Exchange]) ->
     if not x.accepted:
         if x.ending is not Ending.UNANSWERED:
             return None
-        return tolerated("busy_reply", "silence", f"{x.name} was not answered by the busy robot")
+        return tolerated(
+            "busy_reply", "silence", UserMessage("{x} was not answered by the busy robot", x=x.name)
+        )
     first = executing[0]
     if first.name == "release_joints":
         return tolerated("A-4.25-2", "at lock", "the release had not ended when the next began")
     if first.name == x.name == "jog":
         return tolerated("A-4.28-5", "replace", "another jog replaced the one before")
     return failed(
-        f"{x.name} was accepted while {first.name} executed",
+        UserMessage("{x} was accepted while {first} executed", x=x.name, first=first.name),
         expected="0|code",
         observed="1",
         at=(first.request.place, *places_of(x)),
@@ -109,7 +112,7 @@ def refused_during_a_program(x: Exchange, scene: RobotState) -> RuleResult | Non
     if not surely_executes(x.during[0], x, scene):
         return None
     return failed(
-        f"{x.name} was not refused with 01 while a program ran",
+        UserMessage("{x} was not refused with 01 while a program ran", x=x.name),
         expected="0|01",
         observed=show(said),
         at=(x.during[0].request.place, *places_of(x)),
@@ -129,7 +132,12 @@ def busy_code_is_the_state(x: Exchange, scene: RobotState) -> RuleResult | None:
     if expected is None or not surely_executes(executing, x, scene):
         return None
     return failed(
-        f"{x.name} was refused with {code} while {executing.name} executed",
+        UserMessage(
+            "{x} was refused with {code} while {executing} executed",
+            x=x.name,
+            code=code,
+            executing=executing.name,
+        ),
         expected=expected,
         observed=code,
         at=(executing.request.place, *places_of(x)),
@@ -147,7 +155,11 @@ def idle_robot_is_not_busy(x: Exchange, scene: RobotState) -> RuleResult | None:
         for y in scene.memory.between(name, begin_ns, x.time_ns):
             if y.accepted is False and y.answer.code in BUSY:
                 return failed(
-                    f"{name} was refused with {y.answer.code} although the robot was idle",
+                    UserMessage(
+                        "{name} was refused with {code} although the robot was idle",
+                        name=name,
+                        code=y.answer.code,
+                    ),
                     expected="1, or another code",
                     observed=f"0|{y.answer.code}",
                     at=(*places_of(y), *places_of(x)),
@@ -173,7 +185,7 @@ def never_idle_while_executing(x: Exchange, _: RobotState) -> RuleResult | None:
     if not same and x.result.begun_ns - x.idle.place.time_ns < _SECOND_NS:
         return None
     return failed(
-        f"the status is 00 (idle) while {x.name} executes",
+        UserMessage("the status is 00 (idle) while {x} executes", x=x.name),
         expected=STATE_OF[x.name],
         observed="00",
         at=(x.request.place, x.idle.place, x.result.place),
@@ -202,7 +214,11 @@ def idle_after_success(x: Exchange, scene: RobotState) -> RuleResult | None:
     if begun or x.answer not in BUSY:
         return None
     return failed(
-        f"the status is still {x.answer} although {ended.name} has ended",
+        UserMessage(
+            "the status is still {answer} although {ended} has ended",
+            answer=x.answer,
+            ended=ended.name,
+        ),
         expected="00",
         observed=x.answer,
         at=(*places_of(ended), *places_of(x)),

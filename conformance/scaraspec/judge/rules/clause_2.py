@@ -9,6 +9,7 @@ from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen, InvalidBytes, LinkChange
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.wire import Kind, WireRange
+from scaraspec.user_message import UserMessage
 
 _TLS_RECORD = re.compile(rb"[\x14-\x17]\x03[\x00-\x04]")
 _COMPRESSED = re.compile(rb"\x1f\x8b\x08|\x28\xb5\x2f\xfd")
@@ -53,7 +54,7 @@ def readable_bytes(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     if not tls and not compressed:
         return None
     return failed(
-        f"the stream begins {'as TLS' if tls else 'with compressed data'}",
+        UserMessage("the stream begins {value}", value="as TLS" if tls else "with compressed data"),
         expected="plain frames",
         observed=found.data[:8].hex(" "),
     )
@@ -68,7 +69,9 @@ def login_first(x: Exchange, _: RobotState) -> RuleResult | None:
         return PASSED
     if x.name == _STOP:
         return None
-    return failed(f"{x.name} was sent before a login", expected="login", observed=x.name)
+    return failed(
+        UserMessage("{x} was sent before a login", x=x.name), expected="login", observed=x.name
+    )
 
 
 @rule("2/11", on=Exchange, sender=A2C)
@@ -89,7 +92,7 @@ def nothing_done_without_login(x: Exchange, _: RobotState) -> RuleResult | None:
     if not x.accepted:
         return None
     return failed(
-        f"{x.name} was accepted on a connection that had not logged in",
+        UserMessage("{x} was accepted on a connection that had not logged in", x=x.name),
         expected="silence, a refusal or the end of the connection",
         observed="1",
     )
@@ -98,4 +101,4 @@ def nothing_done_without_login(x: Exchange, _: RobotState) -> RuleResult | None:
 def _served_reading(x: Exchange) -> RuleResult:
     if x.reply and x.reply.text == b"0":  # the failure form of a query
         return PASSED
-    return tolerated("prelogin", "reads", f"{x.name} was answered without a login")
+    return tolerated("prelogin", "reads", UserMessage("{x} was answered without a login", x=x.name))

@@ -14,6 +14,7 @@ from scaraspec.protocol.payloads import FinalResult
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen, InvalidBytes, UnsolicitedReply
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _SOON_NS: Final = 1_000_000_000
 """Within it a status tells how things were."""
@@ -102,7 +103,7 @@ def one_byte_length(found: InvalidBytes, _: RobotState) -> RuleResult | None:
     if diagnosis.fault is not Fault.LENGTH or diagnosis.surplus_bytes % 256:
         return None
     return failed(
-        f"{diagnosis.expected} data bytes were sent in one frame",
+        UserMessage("{expected} data bytes were sent in one frame", expected=diagnosis.expected),
         expected=f"at most {MAX_DATA_BYTES}",
         observed=diagnosis.expected,
     )
@@ -147,7 +148,7 @@ def untagged_result(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | No
     if not after.accepted or after.result or not looks_like_one:
         return None
     return failed(
-        f"the final result of {after.name} came without the tag 90",
+        UserMessage("the final result of {after} came without the tag 90", after=after.name),
         expected=f"90 {seen.frame.opcode:02X}",
         observed=f"{seen.frame.opcode:02X}",
         at=(*(f.place for f in after.frames), seen.place),
@@ -162,7 +163,11 @@ def tag_only_on_two_stage(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     if seen.command:
         return PASSED
     opcode = f"{seen.frame.opcode:02X}"
-    return tolerated("A-3-6", f"90 {opcode}", f"the tag 90 stands before the opcode {opcode}")
+    return tolerated(
+        "A-3-6",
+        f"90 {opcode}",
+        UserMessage("the tag 90 stands before the opcode {opcode}", opcode=opcode),
+    )
 
 
 @rule("3/15", on=FrameSeen, sender=A2C)
@@ -194,7 +199,7 @@ def reply_has_its_opcode(x: Exchange, _: RobotState) -> RuleResult | None:
     if not x.stray or not given_up or not _due(x):
         return None
     return failed(
-        f"{x.name} was answered with another opcode",
+        UserMessage("{x} was answered with another opcode", x=x.name),
         expected=f"{x.request.frame.opcode:02X}",
         observed=f"{x.stray.frame.opcode:02X}",
         at=(x.request.place, x.stray.place),
@@ -216,7 +221,9 @@ def nothing_unsolicited(unasked: UnsolicitedReply, scene: RobotState) -> RuleRes
     if not unasked.certain:
         return inconclusive("a gap may hide the request that this answers")
     return tolerated(
-        "A-3-16", "unsolicited frame", f"an unsolicited frame with opcode {frame.opcode:02X} came"
+        "A-3-16",
+        "unsolicited frame",
+        UserMessage("an unsolicited frame with opcode {opcode:02X} came", opcode=frame.opcode),
     )
 
 
@@ -228,7 +235,9 @@ def replies_in_order(x: Exchange, _: RobotState) -> RuleResult | None:
     if not x.later_answered:
         return PASSED
     return tolerated(
-        "pipelining", "any-order", f"the reply to {x.name} was overtaken by a later request's"
+        "pipelining",
+        "any-order",
+        UserMessage("the reply to {x} was overtaken by a later request's", x=x.name),
     )
 
 
@@ -237,7 +246,11 @@ def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
     """The client has at most one unanswered request per opcode (A-3-14)."""
     if not x.doubled:
         return PASSED
-    return tolerated("A-3-14", "two open requests", f"{x.name} was asked again before its answer")
+    return tolerated(
+        "A-3-14",
+        "two open requests",
+        UserMessage("{x} was asked again before its answer", x=x.name),
+    )
 
 
 def _due(x: Exchange) -> bool:
@@ -258,18 +271,24 @@ def answered(x: Exchange, scene: RobotState) -> RuleResult | None:
         return PASSED
     if x.reply:
         if x.during or x.unsettled:
-            return tolerated("A-4-3", "not served", f"{x.name} waited for the busy robot")
+            return tolerated(
+                "A-4-3", "not served", UserMessage("{x} waited for the busy robot", x=x.name)
+            )
         return failed(
-            f"{x.name} was answered after the reply time, and after a later request",
+            UserMessage(
+                "{x} was answered after the reply time, and after a later request", x=x.name
+            ),
             expected="a reply in time",
             observed=f"a reply after {(x.latency_ns or 0) / 1e9:.1f} s",
         )
     if x.ending is Ending.UNSEEN:
-        return inconclusive(f"the answer to {x.name} may be in a gap of the recording")
+        return inconclusive(
+            UserMessage("the answer to {x} may be in a gap of the recording", x=x.name)
+        )
     if x.ending is not Ending.UNANSWERED or x.stray:
         return None
     return _silence(x, scene) or failed(
-        f"{x.name} was never answered, though a later request was",
+        UserMessage("{x} was never answered, though a later request was", x=x.name),
         expected="a reply",
         observed="none",
     )
@@ -278,7 +297,9 @@ def answered(x: Exchange, scene: RobotState) -> RuleResult | None:
 def _silence(x: Exchange, scene: RobotState) -> RuleResult | None:
     """The readings that allow silence, and what looks like a dead link."""
     if not x.certain:
-        return inconclusive(f"the answer to {x.name} may be in a gap of the recording")
+        return inconclusive(
+            UserMessage("the answer to {x} may be in a gap of the recording", x=x.name)
+        )
     if x.during or _may_be_busy(x, scene):
         two_stage = x.command is not None and x.command.two_stage
         reading = ("busy_reply", "silence") if two_stage else ("A-4-3", "not served")
@@ -287,8 +308,12 @@ def _silence(x: Exchange, scene: RobotState) -> RuleResult | None:
         opcode, other = x.request.frame.opcode, scene.last.get(x.name)
         if other and other.request.frame.opcode != opcode:
             option = f"0x{other.request.frame.opcode:02X}"
-            return tolerated("op_get_default", option, f"0x{opcode:02X} was not answered")
-        return tolerated("default_none", "silence", f"{x.name} was not answered")
+            return tolerated(
+                "op_get_default",
+                option,
+                UserMessage("0x{opcode:02X} was not answered", opcode=opcode),
+            )
+        return tolerated("default_none", "silence", UserMessage("{x} was not answered", x=x.name))
     if x.name == "jog" and not _is_in_its_notation(x, scene):
         option = "binary" if _is_text(x) else "ascii"
         message = "a jog was not answered, perhaps because it understands the other notation"
@@ -296,9 +321,13 @@ def _silence(x: Exchange, scene: RobotState) -> RuleResult | None:
     if x.name == "set_digital_output" and x.request.value.port > OUTPUTS:
         return tolerated("A-3-9", "ignored", "what is perhaps no output was not set")
     if not x.later_answered:
-        return inconclusive(f"no answers from {x.name} on: the connection may have been lost")
+        return inconclusive(
+            UserMessage("no answers from {x} on: the connection may have been lost", x=x.name)
+        )
     if x.pipelined:
-        return tolerated("pipelining", "one", f"{x.name} behind another request was not served")
+        return tolerated(
+            "pipelining", "one", UserMessage("{x} behind another request was not served", x=x.name)
+        )
     return None
 
 
@@ -362,7 +391,11 @@ def result_out_of_the_blue(unasked: UnsolicitedReply, scene: RobotState) -> Rule
         return tolerated(
             "A-2-9",
             "elsewhere",
-            f"{what} {unasked.seen.name} came on a connection that had not asked for it",
+            UserMessage(
+                "{what} {seen} came on a connection that had not asked for it",
+                what=what,
+                seen=unasked.seen.name,
+            ),
         )
     if not _misplaced(unasked):
         return None
@@ -370,7 +403,7 @@ def result_out_of_the_blue(unasked: UnsolicitedReply, scene: RobotState) -> Rule
     waiting = next((x for x in unasked.waiting if x.name == name), None)
     if waiting:
         return failed(
-            f"the final result of {name} came before its first reply",
+            UserMessage("the final result of {name} came before its first reply", name=name),
             expected="the first reply first",
             observed="the final result first",
             at=(waiting.request.place, unasked.seen.place),
@@ -378,7 +411,7 @@ def result_out_of_the_blue(unasked: UnsolicitedReply, scene: RobotState) -> Rule
     if unasked.after:
         return None  # 3/17 and 3/18 tell these apart
     return failed(
-        f"a final result of {name} came, which nobody had asked for",
+        UserMessage("a final result of {name} came, which nobody had asked for", name=name),
         expected="no final result",
         observed=show(unasked.seen.frame.data),
     )
@@ -398,7 +431,7 @@ def result_after_refusal(unasked: UnsolicitedReply, _: RobotState) -> RuleResult
     if not _misplaced(unasked) or not after or after.accepted is not False:
         return None
     return failed(
-        f"a final result came although {after.name} had been refused",
+        UserMessage("a final result came although {after} had been refused", after=after.name),
         expected="no final result",
         observed=show(unasked.seen.frame.data),
         at=(*(seen.place for seen in after.frames), unasked.seen.place),
@@ -413,17 +446,23 @@ def one_result(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.result:
         return PASSED
     if x.ending is Ending.UNSEEN:
-        return inconclusive(f"the final result of {x.name} may be in a gap of the recording")
+        return inconclusive(
+            UserMessage("the final result of {x} may be in a gap of the recording", x=x.name)
+        )
     if x.ending is not Ending.UNFINISHED:
         return None
     if x.interrupted_by and x.interrupted_by.name == "jog":
         return tolerated("A-4.28-5", "replace", "a jog had no final result before the next one")
     if x.interrupted_by:
         return tolerated(
-            "estop_interrupted", "none", f"the stopped {x.name} had no final result of its own"
+            "estop_interrupted",
+            "none",
+            UserMessage("the stopped {x} had no final result of its own", x=x.name),
         )
     return failed(
-        f"{x.name} was accepted and the robot was idle again, without a final result",
+        UserMessage(
+            "{x} was accepted and the robot was idle again, without a final result", x=x.name
+        ),
         expected="one final result",
         observed="none",
         at=(*(f.place for f in x.frames), *((x.idle.place,) if x.idle else ())),
@@ -437,7 +476,7 @@ def second_result(unasked: UnsolicitedReply, _: RobotState) -> RuleResult | None
     if not _misplaced(unasked) or not after or not after.result:
         return None
     return failed(
-        f"{after.name} ended a second time",
+        UserMessage("{after} ended a second time", after=after.name),
         expected="one final result",
         observed="a second one",
         at=(*(seen.place for seen in after.frames), unasked.seen.place),

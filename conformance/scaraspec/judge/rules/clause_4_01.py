@@ -6,6 +6,7 @@ from scaraspec.judge.rules.settings import UNSEEN_NS
 from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _LOGIN = ("login",)
 
@@ -81,7 +82,7 @@ def nothing_after_a_refused_login(x: Exchange, _: RobotState) -> RuleResult | No
     if not x.refused_login:
         return PASSED if x.logged_in else None
     return failed(
-        f"{x.name} was sent after a refused login",
+        UserMessage("{x} was sent after a refused login", x=x.name),
         expected="a new login, or nothing",
         observed=x.name,
         at=(x.refused_login.place, x.request.place),

@@ -10,6 +10,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Ending, Exchange, FrameSeen
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _STATUS: Final = ("get_status",)
 _REQUIREMENT_OF: Final = {"01": "4.8/4", "02": "4.8/5", "03": "4.8/6", "04": "4.8/7"}
@@ -56,7 +57,12 @@ def _state(x: Exchange, _: RobotState, *, name: str) -> RuleResult | None:
     if executing.request.place.connection != x.request.place.connection:
         return None  # the two may have been captured in another order
     return failed(
-        f"the status is {code.text} ({code.meaning}) while {name} executes",
+        UserMessage(
+            "the status is {code_text} ({meaning}) while {name} executes",
+            code_text=code.text,
+            meaning=code.meaning,
+            name=name,
+        ),
         expected=expected,
         observed=code.text,
         at=(executing.request.place, *(seen.place for seen in x.frames)),
@@ -82,7 +88,11 @@ def a_state(x: Exchange, _: RobotState) -> RuleResult | None:
     code = errors.lookup(x.answer) if x.answer else None
     if code is None or code in errors.STATES:
         return PASSED if code else None
-    return tolerated("A-8-3", code.text, f"the status is {code.text}, which is no state")
+    return tolerated(
+        "A-8-3",
+        code.text,
+        UserMessage("the status is {code_text}, which is no state", code_text=code.text),
+    )
 
 
 @rule("4.8/10", on=Exchange, names=_STATUS)

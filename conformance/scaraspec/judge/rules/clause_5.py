@@ -16,6 +16,7 @@ from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA_BYTES, HEAD_BYTE
 from scaraspec.traffic.events import Exchange, FrameSeen, Transfer, UnsolicitedReply
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.traffic.transfers import REFUSED_CHUNK, REFUSED_NAME, SILENCE
+from scaraspec.user_message import UserMessage
 
 _CHUNKS = ("upload_chunk", "download_chunk")
 _UPLOAD_CHUNK = ("upload_chunk",)
@@ -51,7 +52,11 @@ def structure_size(x: Exchange, _: RobotState) -> RuleResult | None:
     if size == FILE_DATA_BYTES:
         return PASSED
     if size == HEAD_BYTES + x.chunk.length:
-        return tolerated("chunk_trunc", "truncated", f"a chunk of {size} bytes is cut to its data")
+        return tolerated(
+            "chunk_trunc",
+            "truncated",
+            UserMessage("a chunk of {size} bytes is cut to its data", size=size),
+        )
     return None
 
 
@@ -194,7 +199,13 @@ def short_names(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """Names have at most 30 bytes (L226; A-5-20)."""
     if len(seen.text) <= NAME_MAX_BYTES:
         return PASSED
-    return tolerated("name_max", "255", f"a file name of {len(seen.text)} bytes was sent")
+    return tolerated(
+        "name_max",
+        "255",
+        UserMessage(
+            "a file name of {seen_text_count} bytes was sent", seen_text_count=len(seen.text)
+        ),
+    )
 
 
 # The answer is "1" or "0" (L748-751, L758-761, L772-775, L782-785).
@@ -213,7 +224,7 @@ def existing_file_refused(x: Exchange, scene: RobotState) -> RuleResult | None:
     if not x.accepted:
         return PASSED
     return failed(
-        f"the file {show(x.asked)} exists, and was accepted again",
+        UserMessage("the file {asked} exists, and was accepted again", asked=show(x.asked)),
         expected="0",
         observed="1",
     )
@@ -238,7 +249,9 @@ def no_content_after_refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     if before is None or before.reason != REFUSED_NAME:
         return None
     return failed(
-        f"content was sent although the name {show(before.name)} had been refused",
+        UserMessage(
+            "content was sent although the name {before} had been refused", before=show(before.name)
+        ),
         expected="no content",
         observed="a chunk",
         at=(*places_of(before), x.request.place),
@@ -295,7 +308,9 @@ def nothing_after_the_end(x: Exchange, _: RobotState) -> RuleResult | None:
     if before is None or before.state is not State.DONE:
         return None
     return failed(
-        f"a chunk was sent after the transfer of {show(before.name)} was complete",
+        UserMessage(
+            "a chunk was sent after the transfer of {before} was complete", before=show(before.name)
+        ),
         expected="nothing",
         observed="a chunk",
         at=(*places_of(before), x.request.place),
@@ -340,8 +355,11 @@ def reads_back(transfer: Transfer, scene: RobotState) -> RuleResult | None:
     sent, got = (bytes(t.content[first : first + 8]).hex(" ") for t in (stored, transfer))
     chunk = (transfer.differs_in.place,) if transfer.differs_in else ()
     return failed(
-        f"{show(transfer.name)} was downloaded otherwise than it was uploaded, "
-        f"from byte {first} on",
+        UserMessage(
+            "{transfer} was downloaded otherwise than it was uploaded, from byte {first} on",
+            transfer=show(transfer.name),
+            first=first,
+        ),
         expected=f"{due} bytes, at {first}: {sent}",
         observed=f"{size} bytes, at {first}: {got}",
         at=(*places_of(stored), *places_of(transfer), *chunk),
@@ -371,9 +389,17 @@ def content_follows(transfer: Transfer, scene: RobotState) -> RuleResult | None:
         return None
     stored = scene.files.get(transfer.name)
     if stored is None or not stored.received_bytes:
-        return inconclusive(f"{show(transfer.name)} may be empty: it was promised and did not come")
+        return inconclusive(
+            UserMessage(
+                "{transfer} may be empty: it was promised and did not come",
+                transfer=show(transfer.name),
+            )
+        )
     return failed(
-        f"the download of {show(transfer.name)} was accepted, and no content followed",
+        UserMessage(
+            "the download of {transfer} was accepted, and no content followed",
+            transfer=show(transfer.name),
+        ),
         expected="a chunk",
         observed="silence",
     )

@@ -18,6 +18,7 @@ from scaraspec.judge.rules.settings import in_force
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _TOLERANCE_S: Final = 2.0
 _DRIFT: Final = 0.01
@@ -106,7 +107,7 @@ def clock_runs(x: Exchange, scene: RobotState) -> RuleResult | None:
         wrong = "does not run at one second a second" if advance_s else "stood still"
     least_s, most_s = elapsed_s(y, x)
     return failed(
-        f"the clock {wrong}",
+        UserMessage("the clock {wrong}", wrong=wrong),
         expected=f"{least_s:.1f} to {most_s:.1f} s later than {y.answer}",
         observed=f"{advance_s:.0f} s",
         at=(*places_of(y), *places_of(x)),

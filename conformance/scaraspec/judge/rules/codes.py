@@ -8,6 +8,7 @@ from scaraspec.protocol import errors
 from scaraspec.protocol.direction import C2A
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _CODE_BYTES: Final = 2
 
@@ -56,4 +57,8 @@ def no_reserved_code(seen: FrameSeen, _: RobotState) -> RuleResult | None:
         return None
     if code not in errors.RESERVED:
         return PASSED
-    return tolerated("A-8-3", code.text, f"the reserved code {code.text} was sent")
+    return tolerated(
+        "A-8-3",
+        code.text,
+        UserMessage("the reserved code {code_text} was sent", code_text=code.text),
+    )

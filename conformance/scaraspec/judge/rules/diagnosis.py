@@ -9,6 +9,7 @@ from scaraspec.protocol.frames import TAG, SkipReason
 from scaraspec.protocol.redaction import mask_loose
 from scaraspec.protocol.wrong_lengths import recognise
 from scaraspec.traffic.events import InvalidBytes
+from scaraspec.user_message import UserMessage
 
 _SHORTEST_FRAME_BYTES: Final = 4
 _HEAD_BYTES: Final = 3  # start, opcode, length
@@ -48,7 +49,7 @@ def diagnose(found: InvalidBytes) -> Diagnosis:
         return Diagnosis(Fault.NONE)
     tagged = data[1:2] == bytes((TAG,)) and found.why is not SkipReason.STRAY
     if tagged and direction is A2C and len(data) > _HEAD_BYTES and len(data) == data[3] + 5:
-        return Diagnosis(Fault.TAG, "no tag", f"{TAG:02X}")
+        return Diagnosis(Fault.TAG, "no tag", UserMessage("{tag:02X}", tag=TAG))
     head = _HEAD_BYTES + (tagged and direction is C2A)
     if (
         found.why is SkipReason.TRUNCATED
@@ -66,12 +67,18 @@ def diagnose(found: InvalidBytes) -> Diagnosis:
     if data[-1] == direction.end:
         return _length(found, head)
     if len(data) == head + declared:  # the end byte begins a frame, so that it is told with that
-        return Diagnosis(Fault.END, f"{direction.end:02X}", f"{direction.start:02X}")
+        return Diagnosis(
+            Fault.END, f"{direction.end:02X}", UserMessage("{start:02X}", start=direction.start)
+        )
     return Diagnosis(Fault.UNCLEAR)
 
 
 def _stray(found: InvalidBytes) -> Diagnosis:
-    return Diagnosis(Fault.STRAY, "nothing", f"{found.place.length_bytes} bytes")
+    return Diagnosis(
+        Fault.STRAY,
+        "nothing",
+        UserMessage("{length_bytes} bytes", length_bytes=found.place.length_bytes),
+    )
 
 
 def _wrong_start(found: InvalidBytes) -> Diagnosis | None:
@@ -102,4 +109,4 @@ def _length(found: InvalidBytes, head: int) -> Diagnosis:
     if declared == found.place.length_bytes and data[-1] == found.place.direction.end:
         hint = hint or "the whole frame is counted"
     surplus = true_bytes - declared
-    return Diagnosis(Fault.LENGTH, f"{true_bytes}", f"{declared}", hint, surplus)
+    return Diagnosis(Fault.LENGTH, f"{true_bytes}", str(declared), hint, surplus)

@@ -5,6 +5,7 @@ from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.fields import Defect
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _OF_THE_TEXT = (Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY)
 
@@ -19,5 +20,7 @@ def one_flag(x: Exchange, _: RobotState) -> RuleResult | None:
     if complaints and all(c.wrong in _OF_THE_TEXT for c in complaints):
         return None
     return failed(
-        f"the answer to {x.name} is not one flag", expected="1 or 0", observed=observed(x.reply)
+        UserMessage("the answer to {x} is not one flag", x=x.name),
+        expected="1 or 0",
+        observed=observed(x.reply),
     )

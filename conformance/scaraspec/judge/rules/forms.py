@@ -16,6 +16,7 @@ from scaraspec.protocol.fields import Defect, Diagnostics, Number, show
 from scaraspec.protocol.payloads import tidy
 from scaraspec.traffic.events import Exchange, FrameSeen, InvalidBytes
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _EMPTY_REQUEST: Final = {
     "get_network": "4.3/1",
@@ -161,7 +162,9 @@ def speed_in_percent(seen: FrameSeen, scene: RobotState) -> RuleResult | None:
     if text.isdigit() and len(text) <= _SPEED_DIGITS and 1 <= int(text) <= 100:  # noqa: PLR2004 - percent
         return PASSED
     return failed(
-        f"the speed is {show(text)!r}", expected="an integer, 1 to 100", observed=show(text)
+        UserMessage("the speed is {text!r}", text=show(text)),
+        expected="an integer, 1 to 100",
+        observed=show(text),
     )
 
 
@@ -184,7 +187,7 @@ def _wrong_length(found: InvalidBytes) -> RuleResult | None:
         return None
     hint = f" ({diagnosis.hint})" if diagnosis.hint else ""
     return failed(
-        f"the length is not the number of data bytes{hint}",
+        UserMessage("the length is not the number of data bytes{hint}", hint=hint),
         expected=diagnosis.expected,
         observed=diagnosis.observed,
         at=(found.place,),

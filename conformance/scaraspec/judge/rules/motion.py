@@ -28,6 +28,7 @@ from scaraspec.protocol.payloads import JogDirection
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _AXES: Final = {
     JogDirection.PLUS_Y: (1, 1),
@@ -212,4 +213,6 @@ def four_of_six(seen: FrameSeen, _: RobotState) -> RuleResult | None:
         return None
     if not seen.value.theta_y and not seen.value.theta_z:
         return PASSED
-    return tolerated("A-4.21-3", "not 0", f"thetaY and thetaZ are sent: {observed(seen)}")
+    return tolerated(
+        "A-4.21-3", "not 0", UserMessage("thetaY and thetaZ are sent: {seen}", seen=observed(seen))
+    )

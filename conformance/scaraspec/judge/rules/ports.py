@@ -13,6 +13,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.exchange_history import KEPT_EXCHANGES, answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _SET: Final = "set_digital_output"
 _GET: Final = ("get_digital_outputs",)
@@ -144,7 +145,11 @@ def high_port_first(x: Exchange, scene: RobotState) -> RuleResult | None:
     if not _shows_mirrored(x, setting, scene):
         return None
     return failed(
-        f"output {port} shows where port {OUTPUTS + 1 - port} is due: the order is reversed",
+        UserMessage(
+            "output {port} shows where port {outputs} is due: the order is reversed",
+            port=port,
+            outputs=OUTPUTS + 1 - port,
+        ),
         expected=_due(x, scene) or f"{value} at port {port}",
         observed=x.answer,
         at=(*places_of(setting), *places_of(x)),

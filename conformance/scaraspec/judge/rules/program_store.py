@@ -14,6 +14,7 @@ from scaraspec.protocol.program_files.layout import MAGIC
 from scaraspec.traffic.events import Exchange, Transfer
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _LIST: Final = ("list_programs",)
 _RUNS: Final = ("run_program", "simulate_program")
@@ -127,7 +128,9 @@ def no_odd_name(x: Exchange, scene: RobotState) -> RuleResult | None:
     if count <= 1:
         return PASSED
     return failed(
-        f"{show(name)} stands {count} times in the list", expected="once", observed=f"{count} times"
+        UserMessage("{name} stands {count} times in the list", name=show(name), count=count),
+        expected="once",
+        observed=f"{count} times",
     )
 
 
@@ -164,7 +167,9 @@ def uploaded_is_listed(x: Exchange, scene: RobotState) -> RuleResult | None:
     for transfer in missing:
         if is_valid_program(transfer):
             return failed(
-                f"{show(transfer.name)} was uploaded and is not listed",
+                UserMessage(
+                    "{transfer} was uploaded and is not listed", transfer=show(transfer.name)
+                ),
                 expected="in the list",
                 observed=f"{len(listed)} other names",
                 at=(*places_of(transfer), *places_of(x)),
@@ -181,7 +186,10 @@ def deleted_is_not_listed(x: Exchange, scene: RobotState) -> RuleResult | None:
     if not deletions:
         return PASSED
     return failed(
-        f"{show(deletions[0].request.text)} was deleted and is still listed",
+        UserMessage(
+            "{request_text} was deleted and is still listed",
+            request_text=show(deletions[0].request.text),
+        ),
         expected="not in the list",
         observed="in the list",
         at=(*places_of(deletions[0]), *places_of(x)),
@@ -208,7 +216,11 @@ def deleted_is_gone(x: Exchange, scene: RobotState) -> RuleResult | None:
     if x.command and x.command.two_stage and x.outcome is None:
         return None
     return failed(
-        f"{show(x.request.text)} was deleted, and {x.name} still found it",
+        UserMessage(
+            "{request_text} was deleted, and {x} still found it",
+            request_text=show(x.request.text),
+            x=x.name,
+        ),
         expected="0",
         observed="1",
         at=(*places_of(deletion), *places_of(x)),
@@ -223,7 +235,11 @@ def running_is_not_deleted(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     if not x.accepted:
         return PASSED
-    return tolerated("delete_guard", "allow", f"{show(x.asked or b'')} was deleted while it ran")
+    return tolerated(
+        "delete_guard",
+        "allow",
+        UserMessage("{value} was deleted while it ran", value=show(x.asked or b"")),
+    )
 
 
 # Code 20
@@ -237,7 +253,7 @@ def code_20(x: Exchange, scene: RobotState) -> RuleResult | None:
         return None
     if x.name not in _RUNS:
         return failed(
-            f"{x.name} names no program and met with code 20",
+            UserMessage("{x} names no program and met with code 20", x=x.name),
             expected="another code",
             observed="20",
         )
@@ -245,13 +261,15 @@ def code_20(x: Exchange, scene: RobotState) -> RuleResult | None:
     stored = scene.files.get(name)
     if stored and is_valid_program(stored):
         return failed(
-            f"{show(name)} met with code 20 although it had been uploaded",
+            UserMessage("{name} met with code 20 although it had been uploaded", name=show(name)),
             expected="1, or another code",
             observed="20",
             at=(*places_of(stored), *places_of(x)),
         )
     if stored or _is_listed(name, x, scene):
-        return tolerated("A-4.15-2", "20", f"{show(name)} exists: it may be damaged")
+        return tolerated(
+            "A-4.15-2", "20", UserMessage("{name} exists: it may be damaged", name=show(name))
+        )
     return PASSED
 
 

@@ -18,6 +18,7 @@ from scaraspec.protocol.fields import NAME_MAX_BYTES, Defect, show
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _INFO: Final = ("get_running_program",)
 _STATUS: Final = ("get_status",)
@@ -50,7 +51,7 @@ def program_is_told(x: Exchange, _: RobotState) -> RuleResult | None:
         if program is None or program.name != _RUN:
             return None
         return failed(
-            f"no program is told while {show(program.asked or b'')} runs",
+            UserMessage("no program is told while {value} runs", value=show(program.asked or b"")),
             expected="1|name|DDHHMMSS",
             observed=observed(x.reply),
             at=(program.request.place, *places_of(x)),
@@ -128,7 +129,9 @@ def no_program_when_idle(x: Exchange, scene: RobotState) -> RuleResult | None:
     for y in scene.memory.between("get_running_program", begin_ns, x.time_ns):
         if y.answer:
             return failed(
-                f"{show(y.answer.name)} is told to run although the robot is idle",
+                UserMessage(
+                    "{answer} is told to run although the robot is idle", answer=show(y.answer.name)
+                ),
                 expected="0",
                 observed=observed(y.reply) if y.reply else "",
                 at=(*places_of(y), *places_of(x)),
@@ -152,7 +155,11 @@ def short_name(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     if len(x.answer.name) <= NAME_MAX_BYTES:
         return PASSED
-    return tolerated("A-4.9-5", "longer", f"the program's name has {len(x.answer.name)} bytes")
+    return tolerated(
+        "A-4.9-5",
+        "longer",
+        UserMessage("the program's name has {answer_count} bytes", answer_count=len(x.answer.name)),
+    )
 
 
 @rule("4.9/10", on=Exchange, names=_STATUS)

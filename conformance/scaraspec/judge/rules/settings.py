@@ -12,6 +12,7 @@ from scaraspec.judge.rules.text import observed
 from scaraspec.traffic.events import Ending, Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 UNSEEN_NS: Final = 60_000_000_000
 """Later the robot may have been switched off, or somebody whom the recording does not show may be
@@ -61,7 +62,9 @@ def executed_since(time_ns: int, scene: RobotState, names: Collection[str]) -> b
 
 def _other_value(setting: Exchange, x: Exchange) -> RuleResult:
     return failed(
-        f"{x.name} gives another value than {setting.name} had set",
+        UserMessage(
+            "{x} gives another value than {setting} had set", x=x.name, setting=setting.name
+        ),
         expected=observed(setting.request),
         observed=observed(x.reply) if x.reply else "",
         at=(*places_of(setting), *places_of(x)),
@@ -128,7 +131,9 @@ def _unchanged(setter: str, x: Exchange, scene: RobotState, count: int) -> RuleR
     if any(value != wanted for value, wanted in changed):
         return None  # it may have been set unseen
     return failed(
-        f"{setter} was refused, and {x.name} gives what it had asked for",
+        UserMessage(
+            "{setter} was refused, and {x} gives what it had asked for", setter=setter, x=x.name
+        ),
         expected=observed(before.reply) if before.reply else "",
         observed=observed(x.reply) if x.reply else "",
         at=(*places_of(refused), *places_of(x)),
@@ -183,7 +188,10 @@ def default_reads_back(x: Exchange, scene: RobotState) -> RuleResult | None:
     if setting is None or (deletion and deletion.place.time_ns >= setting.time_ns):
         return None
     if _may_be_an_unknown_opcode(x, scene, since_ns=setting.time_ns):
-        message = f"0x{x.request.frame.opcode:02X} is answered 0, perhaps because it is not known"
+        message = UserMessage(
+            "0x{opcode:02X} is answered 0, perhaps because it is not known",
+            opcode=x.request.frame.opcode,
+        )
         return tolerated("on_unknown", "0", message)
     return _read_back(
         "set_default_program", x, scene, lambda setting, answer: setting.asked == answer

@@ -23,6 +23,7 @@ from scaraspec.judge.tolerances import STANDSTILL, farthest
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _SIMULATE: Final = "simulate_program"
 _OUTPUTS: Final = "get_digital_outputs"
@@ -129,7 +130,9 @@ def _moves_nothing(x: Exchange, scene: RobotState, *, setter: str) -> RuleResult
     if farthest(before.answer, x.answer) <= STANDSTILL:
         return PASSED
     if setter != "set_gripper_center":
-        return tolerated(_SETTERS[setter][1], "moves", f"the arm moved after {setter}")
+        return tolerated(
+            _SETTERS[setter][1], "moves", UserMessage("the arm moved after {setter}", setter=setter)
+        )
     return changed(before, x, f"the arm moved after {setter}")
 
 

@@ -8,6 +8,7 @@ from scaraspec.protocol.fields import show
 from scaraspec.traffic.events import Exchange
 from scaraspec.traffic.exchange_history import answered_ns
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _STOP: Final = "emergency_stop"
 _CLEARLY_NS: Final = 500_000_000
@@ -22,7 +23,9 @@ def refusal_is_bare(x: Exchange, _: RobotState) -> RuleResult | None:
     said = x.reply.text
     if said == b"0":
         return PASSED
-    return tolerated("A-4.17-1", "0|…", f"the stop was refused with {show(said)}")
+    return tolerated(
+        "A-4.17-1", "0|…", UserMessage("the stop was refused with {said}", said=show(said))
+    )
 
 
 @rule("4.17/3", "4.17/6", on=Exchange, names=(_STOP,))
@@ -57,7 +60,7 @@ def stop_is_still_needed(x: Exchange, scene: RobotState) -> RuleResult | None:
 
 def _needed(stop: Exchange, y: Exchange) -> RuleResult:
     return failed(
-        f"the stop was refused while {y.name} executed",
+        UserMessage("the stop was refused while {y} executed", y=y.name),
         expected="1",
         observed="0",
         at=(y.request.place, *places_of(stop)),
@@ -72,7 +75,7 @@ def stopped_is_no_success(x: Exchange, _: RobotState) -> RuleResult | None:
     if not x.outcome.done or x.name == "jog":
         return PASSED
     return failed(
-        f"{x.name} ended with 11 although a stop had interrupted it",
+        UserMessage("{x} ended with 11 although a stop had interrupted it", x=x.name),
         expected="00|code",
         observed="11",
         at=(*places_of(x.interrupted_by), x.result.place),

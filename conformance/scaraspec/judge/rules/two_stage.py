@@ -12,6 +12,7 @@ from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import Defect, show
 from scaraspec.traffic.events import Exchange, FrameSeen, UnsolicitedReply
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 TWO_STAGE: Final = tuple(c.name for c in COMMANDS if c.two_stage)
 NOT_STOP: Final = tuple(name for name in TWO_STAGE if name != "emergency_stop")
@@ -43,7 +44,9 @@ def _without_code(x: Exchange) -> RuleResult | None:
         return tolerated("err_bare0", "0", said)
     if any(complaint.wrong is Defect.NO_CODE for complaint in decoded.complaints):
         if x.logged_in is False:
-            return tolerated("A-4-4", "0", f"{said}: its client has not logged in")
+            return tolerated(
+                "A-4-4", "0", UserMessage("{said}: its client has not logged in", said=said)
+            )
         return failed(said, expected="0|code", observed=show(x.reply.frame.data))
     return None
 
@@ -56,7 +59,7 @@ def first_reply(x: Exchange, _: RobotState) -> RuleResult | None:
     stop_refused = x.name == "emergency_stop" and x.accepted is False  # 4.17/2 judges its rest
     if _misses_its_form(x.reply) and not stop_refused:
         return failed(
-            f"the first reply to {x.name} is neither yes nor no",
+            UserMessage("the first reply to {x} is neither yes nor no", x=x.name),
             expected=x.command.reply.form,
             observed=show(x.reply.frame.data),
         )
@@ -75,7 +78,7 @@ def refusal(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.answer.code:
         return PASSED
     return _without_code(x) or failed(
-        f"the refusal of {x.name} has no code of table 8-1",
+        UserMessage("the refusal of {x} has no code of table 8-1", x=x.name),
         expected="0|code",
         observed=show(x.reply.frame.data),
     )
@@ -140,7 +143,9 @@ def reply_before_execution(x: Exchange, scene: RobotState) -> RuleResult | None:
     if any((y.latency_ns or 0) * 2 > x.latency_ns for y in begun):
         return None  # it takes as long to begin what lasts
     if not any(map(_comes_at_its_end, before[:1])):
-        return inconclusive(f"{said}: once, as where a packet is lost on its way")
+        return inconclusive(
+            UserMessage("{said}: once, as where a packet is lost on its way", said=said)
+        )
     return failed(said, expected="the first reply before the execution", observed="both at its end")
 
 
@@ -174,7 +179,7 @@ def success(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.outcome:
         return PASSED
     return failed(
-        f"the final result of {x.name} is neither success nor failure",
+        UserMessage("the final result of {x} is neither success nor failure", x=x.name),
         expected="11",
         observed=show(x.result.frame.data),
     )
@@ -196,7 +201,7 @@ def failure(x: Exchange, _: RobotState) -> RuleResult | None:
     if x.outcome and x.outcome.code:
         return PASSED
     return failed(
-        f"the failure of {x.name} has no code of table 8-1 behind 00",
+        UserMessage("the failure of {x} has no code of table 8-1 behind 00", x=x.name),
         expected="00|code",
         observed=show(x.result.frame.data),
     )
@@ -213,7 +218,16 @@ def refusal_code(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     if code in errors.REFUSALS:
         return PASSED
-    return tolerated("A-0-7", code.text, f"{x.name} was refused with {code.text} ({code.meaning})")
+    return tolerated(
+        "A-0-7",
+        code.text,
+        UserMessage(
+            "{x} was refused with {code_text} ({meaning})",
+            x=x.name,
+            code_text=code.text,
+            meaning=code.meaning,
+        ),
+    )
 
 
 @rule("4/5", on=Exchange, names=TWO_STAGE)
@@ -225,7 +239,16 @@ def failure_code(x: Exchange, _: RobotState) -> RuleResult | None:
     stopped = code.kind is errors.Kind.IDLE and x.stop_asked
     if code in errors.FAILURES or stopped or code.kind is errors.Kind.MISSING_FILE:
         return PASSED
-    return tolerated("A-8-5", code.text, f"{x.name} failed with {code.text} ({code.meaning})")
+    return tolerated(
+        "A-8-5",
+        code.text,
+        UserMessage(
+            "{x} failed with {code_text} ({meaning})",
+            x=x.name,
+            code_text=code.text,
+            meaning=code.meaning,
+        ),
+    )
 
 
 # Requests
@@ -239,7 +262,9 @@ def not_repeated(x: Exchange, _: RobotState) -> RuleResult | None:
     """
     if all(y.name != x.name or y.asked != x.asked for y in x.during):
         return PASSED
-    return tolerated("A-4-2", "asked again", f"{x.name} was asked again before it had ended")
+    return tolerated(
+        "A-4-2", "asked again", UserMessage("{x} was asked again before it had ended", x=x.name)
+    )
 
 
 @rule("4.28/2", on=FrameSeen, names=("jog",), sender=A2C)

@@ -9,6 +9,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import Defect
 from scaraspec.traffic.events import Exchange, FrameSeen
 from scaraspec.traffic.robot_state import RobotState
+from scaraspec.user_message import UserMessage
 
 _VERSION: Final = ("get_version",)
 _DEFAULT: Final = ("get_default_program",)
@@ -23,7 +24,9 @@ def dotted_version(seen: FrameSeen, _: RobotState) -> RuleResult | None:
         return None
     if all(c.wrong is not Defect.VERSION for c in seen.parsed.decoded.complaints):
         return PASSED
-    return tolerated("A-4.7-1", "free text", f"the version is {observed(seen)}")
+    return tolerated(
+        "A-4.7-1", "free text", UserMessage("the version is {seen}", seen=observed(seen))
+    )
 
 
 @rule("4.7/4", on=Exchange, names=_VERSION)

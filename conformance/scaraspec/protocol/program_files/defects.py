@@ -10,6 +10,7 @@ from scaraspec.protocol.program_files.layout import (
     Layout,
     program_bytes,
 )
+from scaraspec.user_message import UserMessage
 
 MAX_FILE_BYTES = 4 << 20
 """Longer files are not read: sixty thousand nodes are beyond any program for this arm."""
@@ -59,20 +60,30 @@ def check_envelope(data: bytes) -> None:
         raise ProgramError(
             ProgramDefect.START,
             0,
-            f'it begins with {data[:5].hex(" ") or "nothing"}, not with "SCARA"',
+            UserMessage(
+                'it begins with {value}, not with "SCARA"', value=data[:5].hex(" ") or "nothing"
+            ),
         )
     if len(data) > MAX_FILE_BYTES:
         raise ProgramError(
             ProgramDefect.LONG,
             MAX_FILE_BYTES,
-            f"it has {len(data)} bytes; more than {MAX_FILE_BYTES} are not read",
+            UserMessage(
+                "it has {data_count} bytes; more than {max_file_bytes} are not read",
+                data_count=len(data),
+                max_file_bytes=MAX_FILE_BYTES,
+            ),
         )
     least = min(layout.file_bytes(0, 0) for layout in LAYOUTS.values())
     if len(data) < least:
         raise ProgramError(
             ProgramDefect.SHORT,
             len(data),
-            f"it ends after {len(data)} bytes; header, configuration and footer take {least}",
+            UserMessage(
+                "it ends after {data_count} bytes; header, configuration and footer take {least}",
+                data_count=len(data),
+                least=least,
+            ),
         )
 
 
@@ -84,14 +95,19 @@ def misfit(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
         return ProgramError(
             ProgramDefect.SECOND if second else ProgramDefect.SURPLUS,
             end,
-            f"{'another program' if second else 'something else'} follows: the footer ends at "
-            f"byte {end}, but the file has {len(data)} bytes",
+            UserMessage(
+                "{value} follows: the footer ends at byte {end}, but the file has "
+                "{data_count} bytes",
+                value="another program" if second else "something else",
+                end=end,
+                data_count=len(data),
+            ),
         )
     if not data.endswith(FOOTER):
         return ProgramError(
             ProgramDefect.END,
             len(data) - len(FOOTER),
-            f'it ends with {data[-len(FOOTER) :].hex(" ")}, not with "ARACS"',
+            UserMessage('it ends with {hex}, not with "ARACS"', hex=data[-len(FOOTER) :].hex(" ")),
         )
     return _size_error(data, layouts)
 
@@ -114,9 +130,16 @@ def _size_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
     return ProgramError(
         fault,
         offset_bytes,
-        f"the header's points = {points} and varNub = {variables} make "
-        f"{likeliest.file_bytes(points, variables)} bytes in layout {likeliest.name}, but the "
-        f"file has {len(data)}, {room}",
+        UserMessage(
+            "the header's points = {points} and varNub = {variables} make {file_bytes} bytes "
+            "in layout {likeliest}, but the file has {data_count}, {room}",
+            points=points,
+            variables=variables,
+            file_bytes=likeliest.file_bytes(points, variables),
+            likeliest=likeliest.name,
+            data_count=len(data),
+            room=room,
+        ),
     )
 
 

@@ -32,6 +32,7 @@ from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.plan import Options, wanted, why_not
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
+from scaraspec.user_message import UserMessage
 
 _NS: Final = 1e9
 _SENTENCE: Final = 500
@@ -228,7 +229,10 @@ class CaseRunner:
             return Outcome(case, Verdict.NONE, message="it is over since an earlier sitting")
         why = why_not(case, self.options, self.subject.ics)
         if not why and self._failed.issuperset(case.requirements) and not self.options.exhaustive:
-            why = f"{', '.join(case.requirements)} failed already: --exhaustive goes on"
+            why = UserMessage(
+                "{requirements} failed already: --exhaustive goes on",
+                requirements=", ".join(case.requirements),
+            )
         if why:
             return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=why)
         moves = Hazard.MOTION in case.hazards
@@ -253,7 +257,11 @@ class CaseRunner:
                 return self._unless_disturbed(outcome, since, again)
             if self._dead:
                 break
-        message = f"this machine stood still for {still_s:.1f} s: {outcome.message}"
+        message = UserMessage(
+            "this machine stood still for {still_s:.1f} s: {message}",
+            still_s=still_s,
+            message=outcome.message,
+        )
         return replace(
             outcome,
             verdict=Verdict.INCONCLUSIVE,
@@ -370,7 +378,7 @@ class CaseRunner:
                 return Outcome(case, Verdict.NONE, cause=Cause.SET_UP, message=f"{raised}")
             case CaseInconclusive():
                 if isinstance(raised, JournalError):
-                    self.give_up(f"{raised}")
+                    self.give_up(str(raised))
                 return Outcome(case, Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=f"{raised}")
             case CaseFailed():
                 return Outcome(
@@ -407,8 +415,11 @@ class CaseRunner:
             return
         self._stop_reported = True
         self.subject.notify(
-            f"THE EMERGENCY STOP DOES NOT WORK: {failure.message}. No motion was requested after "
-            "that; the cases concerned are inconclusive"
+            UserMessage(
+                "THE EMERGENCY STOP DOES NOT WORK: {message}. No motion was requested after "
+                "that; the cases concerned are inconclusive",
+                message=failure.message,
+            )
         )
         if outcome and outcome.requirement.startswith("4.17/"):
             return
@@ -445,7 +456,7 @@ class CaseRunner:
             self._revive(case)
             if outcome.verdict is Verdict.FAIL:
                 return outcome
-            message = f"the subject did not survive the case: {error}"
+            message = UserMessage("the subject did not survive the case: {error}", error=error)
             observed = error.observed
             expected = "a connection, a login and get_status go through afterwards"
             frames = subject.observer.evidence
@@ -481,9 +492,17 @@ class CaseRunner:
             self._ready = False
             subject.settle()
         except CaseFailed as error:
-            self.give_up(f"the subject served nobody before this case, since {case.id}: {error}")
+            self.give_up(
+                UserMessage(
+                    "the subject served nobody before this case, since {id}: {error}",
+                    id=case.id,
+                    error=error,
+                )
+            )
         except CaseInconclusive as error:
-            self.give_up(f"before this case, since case {case.id}: {error}")
+            self.give_up(
+                UserMessage("before this case, since case {id}: {error}", id=case.id, error=error)
+            )
 
 
 def unless_disturbed(outcome: Outcome, reason: str) -> Outcome:

@@ -19,6 +19,7 @@ from scaraspec.traffic.events import FrameSeen, InvalidBytes
 from scaraspec.traffic.stream import Stream
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.transports.link import Arrival, Ending, Link, LinkError
+from scaraspec.user_message import UserMessage
 
 _NS: Final = 1_000_000_000
 _FLOOD_BYTES: Final = 2**16
@@ -132,7 +133,9 @@ class Connection:
                 self._event(self._ours, Kind.BYTES, time_ns, data)
         except LinkError as error:
             self.pump()
-            raise NoReply(f"the subject does not take what is sent: {error}") from None
+            raise NoReply(
+                UserMessage("the subject does not take what is sent: {error}", error=error)
+            ) from None
 
     def send_frame(self, frame: Frame) -> None:
         """Send one frame."""
@@ -290,7 +293,9 @@ class Connection:
         try:
             self.link.half_close()
         except LinkError as error:
-            raise CaseInconclusive(f"this link cannot do that: {error}") from None
+            raise CaseInconclusive(
+                UserMessage("this link cannot do that: {error}", error=error)
+            ) from None
         self._event(self._ours, Kind.HALF_CLOSED, self._holder.now_ns)
 
     def close(self) -> None:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Protocol
 
+from scaraspec.user_message import UserMessage
+
 HOOKS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "start": "starts the subject",
@@ -72,12 +74,35 @@ class CommandHook:
                 stdin=subprocess.DEVNULL,
             )
         except (KeyError, IndexError, ValueError) as error:
-            raise HookError(f"the hook {self.name} is no command line: {error}") from None
+            raise HookError(
+                UserMessage(
+                    "the hook {self_} is no command line: {error}", self_=self.name, error=error
+                )
+            ) from None
         except subprocess.TimeoutExpired:
-            raise HookError(f"the hook {self.name} did not end in {self.timeout_s:g} s") from None
+            raise HookError(
+                UserMessage(
+                    "the hook {self_} did not end in {timeout_s:g} s",
+                    self_=self.name,
+                    timeout_s=self.timeout_s,
+                )
+            ) from None
         except OSError as error:
-            raise HookError(f"the hook {self.name} cannot be run: {error.strerror}") from None
+            raise HookError(
+                UserMessage(
+                    "the hook {self_} cannot be run: {strerror}",
+                    self_=self.name,
+                    strerror=error.strerror,
+                )
+            ) from None
         if done.returncode:
             said = (done.stderr or done.stdout).strip().splitlines()
-            why = f": {said[-1][:200]}" if said else ""
-            raise HookError(f"the hook {self.name} ended with status {done.returncode}{why}")
+            why = UserMessage(": {said}", said=said[-1][:200]) if said else ""
+            raise HookError(
+                UserMessage(
+                    "the hook {self_} ended with status {returncode}{why}",
+                    self_=self.name,
+                    returncode=done.returncode,
+                    why=why,
+                )
+            )

@@ -13,6 +13,7 @@ from typing import Any, Final, Self
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.readings import Dialect, ReadingError
 from scaraspec.suite.engine.hooks import HOOKS, CommandHook, Hook
+from scaraspec.user_message import UserMessage
 
 
 class IcsError(ValueError):
@@ -119,13 +120,17 @@ class Ics:
             with path.open("rb") as file:
                 said = tomllib.load(file)
         except OSError as error:
-            raise IcsError(f"{path} cannot be read: {error.strerror}") from None
+            raise IcsError(
+                UserMessage("{path} cannot be read: {strerror}", path=path, strerror=error.strerror)
+            ) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise IcsError(f"{path} is no TOML: {error}") from None
+            raise IcsError(
+                UserMessage("{path} is no TOML: {error}", path=path, error=error)
+            ) from None
         try:
             return cls.of(said)
         except (IcsError, ReadingError) as error:
-            raise IcsError(f"{path}: {error}") from None
+            raise IcsError(UserMessage("{path}: {error}", path=path, error=error)) from None
 
     @classmethod
     def of(cls, said: Mapping[str, Any]) -> Self:
@@ -142,9 +147,18 @@ class Ics:
             _typed(f"subject.{key}", value, _SUBJECT[key])
         lacks = frozenset(map(str, subject.get("lacks", ())))
         if unknown := lacks - BY_NAME.keys():
-            raise IcsError(f"subject.lacks names {min(unknown)!r}, which is no command")
+            raise IcsError(
+                UserMessage(
+                    "subject.lacks names {unknown!r}, which is no command", unknown=min(unknown)
+                )
+            )
         if subject.get("network_applies", "at-once") not in _NETWORK_APPLIES:
-            raise IcsError(f"subject.network_applies is one of {', '.join(_NETWORK_APPLIES)}")
+            raise IcsError(
+                UserMessage(
+                    "subject.network_applies is one of {network_applies}",
+                    network_applies=", ".join(_NETWORK_APPLIES),
+                )
+            )
         _within("subject.time_scale", subject.get("time_scale", 1.0), _FASTEST)
         readings = {k: str(v) for k, v in _table(said, "readings").items()}
         return cls(
@@ -178,26 +192,37 @@ _MOST: Final = {"step_mm": 1000.0, "speed_percent": 100.0, "jog_s": 60.0, "longe
 def _table(said: Mapping[str, Any], name: str) -> dict[str, Any]:
     table = said.get(name, {})
     if not isinstance(table, dict):
-        raise IcsError(f"[{name}] is a table")
+        raise IcsError(UserMessage("[{name}] is a table", name=name))
     return table
 
 
 def _known(where: str, said: Mapping[str, Any], keys: Any) -> None:
     for key in said:
         if key not in keys:
-            raise IcsError(f"{where}{key} is not known: there are {', '.join(keys)}")
+            raise IcsError(
+                UserMessage(
+                    "{where}{key} is not known: there are {keys}",
+                    where=where,
+                    key=key,
+                    keys=", ".join(keys),
+                )
+            )
 
 
 def _typed(name: str, value: Any, wanted: type | tuple[type, ...]) -> None:
     if not isinstance(value, wanted) or isinstance(value, bool):
         kinds = wanted if isinstance(wanted, tuple) else (wanted,)
-        raise IcsError(f"{name} is {' or '.join(k.__name__ for k in kinds)}")
+        raise IcsError(
+            UserMessage(
+                "{name} is {name__}", name=name, name__=" or ".join(k.__name__ for k in kinds)
+            )
+        )
 
 
 def _within(name: str, value: Any, most: float) -> None:
     _typed(name, value, (int, float))
     if not 0 < value <= most:  # nor is NaN
-        raise IcsError(f"{name} is above 0 and at most {most:g}")
+        raise IcsError(UserMessage("{name} is above 0 and at most {most:g}", name=name, most=most))
 
 
 def _motion(said: Mapping[str, Any]) -> Motion:

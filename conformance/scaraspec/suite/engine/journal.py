@@ -21,6 +21,7 @@ from typing import Any, Final, Self, TypeVar
 
 from scaraspec.operating_system import LockedError, locked, make_private_folder, open_private
 from scaraspec.suite.engine.expectations import CaseInconclusive
+from scaraspec.user_message import UserMessage
 
 T = TypeVar("T")
 
@@ -160,13 +161,20 @@ class Journal:
                 held.enter_context(locked(folder / f"{name}.lock", wait_s))
             except LockedError:
                 raise ControllerBusyError(
-                    f"another scaraspec run is using {controller}: wait for it with "
-                    "--wait-for-lock 60s"
+                    UserMessage(
+                        "another scaraspec run is using {controller}: wait for it with "
+                        "--wait-for-lock 60s",
+                        controller=controller,
+                    )
                 ) from None
             except OSError as error:
                 raise JournalError(
-                    f"the state directory {folder} cannot be used: {error.strerror}; "
-                    "name another one with --state-dir"
+                    UserMessage(
+                        "the state directory {folder} cannot be used: {strerror}; name "
+                        "another one with --state-dir",
+                        folder=folder,
+                        strerror=error.strerror,
+                    )
                 ) from None
             journal = cls(folder / f"{name}.journal")
             held.callback(journal.close)
@@ -292,7 +300,13 @@ class Journal:
             raise self._unwritable(error) from None
 
     def _unwritable(self, error: OSError) -> JournalError:
-        return JournalError(f"the journal {self.path} cannot be written: {error.strerror}")
+        return JournalError(
+            UserMessage(
+                "the journal {path} cannot be written: {strerror}",
+                path=self.path,
+                strerror=error.strerror,
+            )
+        )
 
 
 def _load(path: Path) -> Changes | None:
@@ -306,7 +320,11 @@ def _load(path: Path) -> Changes | None:
     except FileNotFoundError:
         return None
     except OSError as error:
-        raise JournalError(f"the journal {path} cannot be read: {error.strerror}") from None
+        raise JournalError(
+            UserMessage(
+                "the journal {path} cannot be read: {strerror}", path=path, strerror=error.strerror
+            )
+        ) from None
     changes = Changes()
     for number, line in enumerate(lines, 1):
         try:
@@ -317,8 +335,12 @@ def _load(path: Path) -> Changes | None:
             changes.apply(record)
         except (KeyError, TypeError):
             raise JournalError(
-                f"line {number} of the journal {path} is of another version of scaraspec: put back "
-                "by hand what the file names, then delete it"
+                UserMessage(
+                    "line {number} of the journal {path} is of another version of scaraspec: "
+                    "put back by hand what the file names, then delete it",
+                    number=number,
+                    path=path,
+                )
             ) from None
     return changes
 

@@ -9,6 +9,7 @@ from typing import Final
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.engine.case import Case
 from scaraspec.suite.engine.ics import Ics
+from scaraspec.user_message import UserMessage
 
 
 class HazardError(ValueError):
@@ -53,7 +54,11 @@ def hazards(text: str) -> frozenset[Hazard]:
     known = {hazard.value: hazard for hazard in Hazard}
     for name in names:
         if name not in known:
-            raise HazardError(f"{name!r} is no hazard: they are {', '.join(known)}")
+            raise HazardError(
+                UserMessage(
+                    "{name!r} is no hazard: they are {known}", name=name, known=", ".join(known)
+                )
+            )
     return frozenset({Hazard.READ_ONLY, *(known[name] for name in names)})
 
 

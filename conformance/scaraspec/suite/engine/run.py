@@ -34,6 +34,7 @@ from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.engine.observer import Observer, Sighting, Take, speaks
 from scaraspec.suite.engine.plan import Options, wanted
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
+from scaraspec.user_message import UserMessage
 
 CASES: Final = {
     role: Path(__file__).parents[1] / role.value / "cases"
@@ -220,7 +221,9 @@ class Run(Generic[P]):
             raise
         except (CaseFailed, CaseInconclusive) as error:
             self._subject.close_lines()
-            self.bracket.give_up(f"the subject was not there to begin with: {error}")
+            self.bracket.give_up(
+                UserMessage("the subject was not there to begin with: {error}", error=error)
+            )
 
     def _begun(self) -> Mapping[str, Any]:
         """What the subject is like; a client that is there, and wrong about that, has failed."""
@@ -339,7 +342,11 @@ class Run(Generic[P]):
             if key == "default_none" and self.setting.ics.dialect["on_unknown"] == "0":
                 continue  # of 0x0D and 0x13 the one that it does not know is answered so, too
             if READINGS[key].unit is None:
-                message = f"the statement of conformance claims {key} = {seen.claimed}"
+                message = UserMessage(
+                    "the statement of conformance claims {key} = {claimed}",
+                    key=key,
+                    claimed=seen.claimed,
+                )
                 yield Outcome(
                     cases.Case(f"claim.{key}", (), frozenset({Hazard.READ_ONLY})),
                     Verdict.FAIL,
@@ -384,7 +391,9 @@ class Run(Generic[P]):
         first = sightings[0]
         finding, doubt = first.finding, reason(first.case)
         if doubt and finding.verdict is Verdict.FAIL:
-            message = f"{doubt}. The judge had found: {finding.message}"
+            message = UserMessage(
+                "{doubt}. The judge had found: {message}", doubt=doubt, message=finding.message
+            )
             finding = replace(
                 finding, verdict=Verdict.INCONCLUSIVE, cause=Cause.SET_UP, message=message
             )
@@ -481,7 +490,7 @@ def _pytest(bracket: CaseRunner, role: Role, options: Options, *where: Path) -> 
     if status is pytest.ExitCode.INTERRUPTED:
         raise KeyboardInterrupt
     if status not in _FINISHED:
-        raise SuiteError(f"pytest ended with {status!r}")
+        raise SuiteError(UserMessage("pytest ended with {status!r}", status=status))
 
 
 def _forget_cases(folder: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 from scaraspec.suite.engine.expectations import CaseInconclusive
 from scaraspec.suite.engine.system_under_test import SystemUnderTest
+from scaraspec.user_message import UserMessage
 
 _DOCUMENT_S: Final = 30.0  # L763, L787, L795
 _NS: Final = 1e9
@@ -48,5 +49,8 @@ class Silence:
         """
         if self.passed_s > limit_s:
             raise CaseInconclusive(
-                f"this machine is too slow: a silence lasted {self.passed_s:.3f} s"
+                UserMessage(
+                    "this machine is too slow: a silence lasted {passed_s:.3f} s",
+                    passed_s=self.passed_s,
+                )
             )

@@ -32,6 +32,7 @@ from scaraspec.suite.engine.expectations import (
 from scaraspec.suite.program_files.layout import configured, find_layout
 from scaraspec.suite.program_files.model import Block, State, nodes_of, variables_of
 from scaraspec.suite.program_files.writing import program_file, wait
+from scaraspec.user_message import UserMessage
 
 PROGRAMS: Final = (Hazard.STATE, Hazard.MOTION)
 """What a case with programs may do: it stores them and runs them."""
@@ -182,7 +183,11 @@ class Bench:
         except ProgramRefused:
             if not large:
                 raise
-            told = f"a program of {len(nodes)} nodes and {len(records)} variables is refused"
+            told = UserMessage(
+                "a program of {nodes_count} nodes and {records_count} variables is refused",
+                nodes_count=len(nodes),
+                records_count=len(records),
+            )
             self._subject.tolerate("6.5/26", "A-5-21", "limit", told)
             return
         message = "the outputs after a program are not those that its statements make"

@@ -16,6 +16,7 @@ from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.controller.harness.requests.motion import IDLE, release_latch, status_of
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.program_files.writing import EMPTY, layout_of, wait_program
+from scaraspec.user_message import UserMessage
 
 CODE_20: Final = "8/5"
 """What the judge may find of a file that is damaged, or that is right in another layout only."""
@@ -107,7 +108,7 @@ def configured(subject: ControllerUnderTest, line: OutgoingConnection) -> Progra
             subject.known[_CONFIGURED] = replace(EMPTY, tool_position=tool, tool_center=center)
         except ValueError as error:
             raise CaseInconclusive(
-                f"no program can carry what the subject tells: {error}"
+                UserMessage("no program can carry what the subject tells: {error}", error=error)
             ) from None
     base: Program = subject.known[_CONFIGURED]
     return base
@@ -173,7 +174,9 @@ def _try(subject: ControllerUnderTest, line: OutgoingConnection, layout: Layout)
     answer = line.ask("run_program", name)
     if not answer.accepted:
         if answer.code is not None and answer.code not in _DAMAGED:
-            raise CaseInconclusive(f"the subject cannot run programs now: {answer}")
+            raise CaseInconclusive(
+                UserMessage("the subject cannot run programs now: {answer}", answer=answer)
+            )
         return None
     try:
         result = line.result("run_program", within_s=TRIAL_S + subject.reply_s, untagged=True)

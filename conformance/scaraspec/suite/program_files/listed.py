@@ -13,6 +13,7 @@ from scaraspec.suite.controller.harness.requests.files import upload
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseInconclusive, NoReply, expect
 from scaraspec.suite.program_files.layout import short_program
+from scaraspec.user_message import UserMessage
 
 INHERITED: Final = b"__proto__"
 """A name that is in every object of some language, and that nobody gives to a file."""
@@ -59,7 +60,11 @@ def list_parts(subject: ControllerUnderTest, line: OutgoingConnection) -> list[R
     parts = [_part(line.ask("list_programs"))]
     while parts[-1].value.more:
         if len(parts) == _MOST_PARTS:
-            raise CaseInconclusive(f"the program list has more than {_MOST_PARTS} parts")
+            raise CaseInconclusive(
+                UserMessage(
+                    "the program list has more than {most_parts} parts", most_parts=_MOST_PARTS
+                )
+            )
         parts.append(_part(_next(subject, line)))
         expect(
             parts[-1].frame.data != parts[0].frame.data,

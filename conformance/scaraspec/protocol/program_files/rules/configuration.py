@@ -7,6 +7,7 @@ from scaraspec.protocol.program_files.layout import is_odd_coordinate
 from scaraspec.protocol.program_files.model import Point
 from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.program_files.tables import PortType
+from scaraspec.user_message import UserMessage
 
 
 def _not_finite(subject: LintContext) -> Iterator[Problem]:
@@ -17,12 +18,24 @@ def _not_finite(subject: LintContext) -> Iterator[Problem]:
     ):
         for index, value in enumerate(values):
             if not math.isfinite(value):
-                yield Problem(f"{what}[{index}] is {value}, not a number that can be reached")
+                yield Problem(
+                    UserMessage(
+                        "{what}[{index}] is {value}, not a number that can be reached",
+                        what=what,
+                        index=index,
+                        value=value,
+                    )
+                )
     for node, point in subject.data(Point):
         for index, value in enumerate(point.values):
             if not math.isfinite(value):
                 yield Problem(
-                    f"point[{index}] is {value}, not a number that can be reached", node=node
+                    UserMessage(
+                        "point[{index}] is {value}, not a number that can be reached",
+                        index=index,
+                        value=value,
+                    ),
+                    node=node,
                 )
 
 
@@ -30,8 +43,13 @@ def _odd(what: str, values: tuple[float, ...]) -> Iterator[Problem]:
     for index, value in enumerate(values):
         if math.isfinite(value) and is_odd_coordinate(value):
             yield Problem(
-                f"{what}[{index}] is {value:g}, hardly mm or degrees: its bytes may be in another "
-                "order or place"
+                UserMessage(
+                    "{what}[{index}] is {value:g}, hardly mm or degrees: its bytes may be in "
+                    "another order or place",
+                    what=what,
+                    index=index,
+                    value=value,
+                )
             )
 
 
@@ -49,7 +67,13 @@ def _port_type(subject: LintContext) -> Iterator[Problem]:
     """A port type is 0 to 4 (L850-856)."""
     for port, port_type in enumerate(subject.program.ports, start=1):
         if not PortType.has(port_type):
-            yield Problem(f"port {port} is configured as {port_type}; port types are 0 to 4")
+            yield Problem(
+                UserMessage(
+                    "port {port} is configured as {port_type}; port types are 0 to 4",
+                    port=port,
+                    port_type=port_type,
+                )
+            )
 
 
 CONFIGURATION_RULES = (

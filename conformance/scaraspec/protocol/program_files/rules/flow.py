@@ -6,6 +6,7 @@ from scaraspec.protocol.program_files.model import Node
 from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.program_files.structure import MOVES, CountsMode, Unbalanced, loop_readings
 from scaraspec.protocol.program_files.tables import NodeType
+from scaraspec.user_message import UserMessage
 
 _COUNTING = MOVES | {NodeType.LOOP}
 _LEAST_CURVE_POINTS = 3
@@ -16,7 +17,12 @@ def _speed(subject: LintContext) -> Iterator[Problem]:
     """The speed of a move is 1 to 100 percent (L922, A-6.5-3)."""
     for index, node in subject.nodes(*MOVES):
         if not 1 <= node.speed_rate <= _FULL_SPEED:
-            yield Problem(f"the speed is {node.speed_rate} %; it is 1 to 100", node=index)
+            yield Problem(
+                UserMessage(
+                    "the speed is {speed_rate} %; it is 1 to 100", speed_rate=node.speed_rate
+                ),
+                node=index,
+            )
 
 
 def _counts_past_end(subject: LintContext) -> Iterator[Problem]:
@@ -24,8 +30,13 @@ def _counts_past_end(subject: LintContext) -> Iterator[Problem]:
     for index, node in subject.nodes(*_COUNTING):
         if index + node.counts >= len(subject.program.nodes):
             yield Problem(
-                f"its counts {node.counts} reaches to node {index + 1 + node.counts}, but the "
-                f"last one is node {len(subject.program.nodes)}",
+                UserMessage(
+                    "its counts {counts} reaches to node {index}, but the last one is node "
+                    "{nodes_count}",
+                    counts=node.counts,
+                    index=index + 1 + node.counts,
+                    nodes_count=len(subject.program.nodes),
+                ),
                 node=index,
             )
 
@@ -36,7 +47,12 @@ def _counts_ignored(subject: LintContext) -> Iterator[Problem]:
         # Whether an end of a loop has one is open (A-6.5-4).
         if node.counts and node.type not in _COUNTING | {NodeType.END_LOOP}:
             yield Problem(
-                f"the count {node.counts} means nothing at a node of type {node.type}", node=index
+                UserMessage(
+                    "the count {counts} means nothing at a node of type {type}",
+                    counts=node.counts,
+                    type=node.type,
+                ),
+                node=index,
             )
 
 
@@ -53,7 +69,10 @@ def _curve_short(subject: LintContext) -> Iterator[Problem]:
     for index, node in subject.nodes(NodeType.CURVE_MOVE):
         held = min(node.counts, len(subject.program.nodes) - index - 1)
         if held < _LEAST_CURVE_POINTS:
-            yield Problem(f"a curve needs at least 3 points, but this one has {held}", node=index)
+            yield Problem(
+                UserMessage("a curve needs at least 3 points, but this one has {held}", held=held),
+                node=index,
+            )
 
 
 def _curve_child(subject: LintContext) -> Iterator[Problem]:
@@ -61,8 +80,11 @@ def _curve_child(subject: LintContext) -> Iterator[Problem]:
     for index, node in subject.nodes(NodeType.CURVE_MOVE):
         if (child := _first_stranger(subject, index, node)) is not None:
             yield Problem(
-                f"node {child + 1} belongs to the curve, but its type is "
-                f"{subject.program.nodes[child].type} and not 1, a point",
+                UserMessage(
+                    "node {child} belongs to the curve, but its type is {type} and not 1, a point",
+                    child=child + 1,
+                    type=subject.program.nodes[child].type,
+                ),
                 node=index,
             )
 
@@ -79,8 +101,12 @@ def _move_child(subject: LintContext) -> Iterator[Problem]:
     for index, node in subject.nodes(NodeType.STRAIGHT_MOVE):
         if (child := _first_stranger(subject, index, node)) is not None:
             yield Problem(
-                f"node {child + 1} belongs to the straight move, but its type is "
-                f"{subject.program.nodes[child].type} and not 1, a point",
+                UserMessage(
+                    "node {child} belongs to the straight move, but its type is {type} and "
+                    "not 1, a point",
+                    child=child + 1,
+                    type=subject.program.nodes[child].type,
+                ),
                 node=index,
             )
 
@@ -100,7 +126,9 @@ def _marker(*kinds: Unbalanced) -> Callable[[LintContext], Iterator[Problem]]:
         """Every marker has its partner (L913-919)."""
         for index, kind in subject.structure.unbalanced:
             if kind in kinds:
-                yield Problem(f"this is {kind.value}", node=index)
+                yield Problem(
+                    UserMessage("this is {kind_value}", kind_value=kind.value), node=index
+                )
 
     return check
 
@@ -118,14 +146,20 @@ def _loop_counts(subject: LintContext) -> Iterator[Problem]:
         if not modes:
             records = subject.structure.loop_counts[index][CountsMode.RECORDS]
             yield Problem(
-                f"its counts is {subject.program.nodes[index].counts}, but from the loop to its "
-                f"end it is {records}; the end governs",
+                UserMessage(
+                    "its counts is {counts}, but from the loop to its end it is {records}; "
+                    "the end governs",
+                    counts=subject.program.nodes[index].counts,
+                    records=records,
+                ),
                 node=index,
             )
         elif not common:
             yield Problem(
-                f"the loop counts its nodes as {' or '.join(sorted(modes))}, but other loops of "
-                "the program do not",
+                UserMessage(
+                    "the loop counts its nodes as {modes}, but other loops of the program do not",
+                    modes=" or ".join(sorted(modes)),
+                ),
                 node=index,
             )
 
@@ -135,8 +169,12 @@ def _loop_reading(subject: LintContext) -> Iterator[Problem]:
     common = _common_reading(subject)
     if common and CountsMode.RECORDS not in common:
         yield Problem(
-            f"the loops count their nodes as {' or '.join(sorted(common))}, the default reading "
-            f"is {CountsMode.RECORDS}; their ends govern",
+            UserMessage(
+                "the loops count their nodes as {common}, the default reading is {records}; "
+                "their ends govern",
+                common=" or ".join(sorted(common)),
+                records=CountsMode.RECORDS,
+            ),
             node=min(subject.structure.loop_counts),
         )
 

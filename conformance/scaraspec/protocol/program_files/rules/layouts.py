@@ -6,6 +6,7 @@ from scaraspec.protocol.program_files.layout import DEFAULT_LAYOUT
 from scaraspec.protocol.program_files.model import Operation, SetOutput, WaitInput
 from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.program_files.tables import Condition, Numbered, PortType, ResultType
+from scaraspec.user_message import UserMessage
 
 
 def _layout(subject: LintContext) -> Iterator[Problem]:
@@ -13,8 +14,13 @@ def _layout(subject: LintContext) -> Iterator[Problem]:
     layout = subject.layout
     if layout and layout != DEFAULT_LAYOUT:
         yield Problem(
-            f"the file has layout {layout.name}, {layout.byte_order}-endian; a peer that "
-            f"reads only {DEFAULT_LAYOUT.name}, little-endian, takes it for damaged"
+            UserMessage(
+                "the file has layout {layout}, {byte_order}-endian; a peer that reads only "
+                "{default_layout}, little-endian, takes it for damaged",
+                layout=layout.name,
+                byte_order=layout.byte_order,
+                default_layout=DEFAULT_LAYOUT.name,
+            )
         )
 
 
@@ -22,8 +28,13 @@ def _layout_mixed(subject: LintContext) -> Iterator[Problem]:
     """Header and nodes are aligned alike (A-6.1-2)."""
     if (layout := subject.layout) and layout.reading == "mixed":
         yield Problem(
-            f"no single packing makes a header of {layout.header_bytes} bytes and nodes of "
-            f"{layout.node_bytes} with their data at {layout.data_offset}"
+            UserMessage(
+                "no single packing makes a header of {header_bytes} bytes and nodes of "
+                "{node_bytes} with their data at {data_offset}",
+                header_bytes=layout.header_bytes,
+                node_bytes=layout.node_bytes,
+                data_offset=layout.data_offset,
+            )
         )
 
 
@@ -43,7 +54,12 @@ def _byte_order(subject: LintContext) -> Iterator[Problem]:
         swapped = int.from_bytes((number & 0xFFFFFFFF).to_bytes(4, "little"), "big")
         if table.has(swapped) and not table.has(number):
             yield Problem(
-                f"the {what} {number:#x} makes sense only in the other byte order, as {swapped}",
+                UserMessage(
+                    "the {what} {number:#x} makes sense only in the other byte order, as {swapped}",
+                    what=what,
+                    number=number,
+                    swapped=swapped,
+                ),
                 node=index,
             )
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from scaraspec.protocol.program_files.model import Operation
 from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.program_files.tables import NodeType, Opt, ResultType, ValueType
+from scaraspec.user_message import UserMessage
 
 _ARITHMETIC = (Opt.ADD, Opt.SUBTRACT, Opt.MULTIPLY, Opt.DIVIDE)
 _COMPUTED = (ResultType.COMPARISON, ResultType.CALCULATION)  # these need an operator
@@ -24,7 +25,11 @@ def _result_type(subject: LintContext) -> Iterator[Problem]:
     for index, operation in subject.data(Operation):
         if not ResultType.has(operation.result_type):
             yield Problem(
-                f"result_type is {operation.result_type}; result types are 1 to 4", node=index
+                UserMessage(
+                    "result_type is {result_type}; result types are 1 to 4",
+                    result_type=operation.result_type,
+                ),
+                node=index,
             )
 
 
@@ -33,8 +38,11 @@ def _if_result(subject: LintContext) -> Iterator[Problem]:
     for index, node in subject.nodes(NodeType.IF):
         if isinstance(node.data, Operation) and node.data.result_type in _EFFECTS:
             yield Problem(
-                f"the IF decides by an operation with result_type {node.data.result_type}; "
-                "only 1, a comparison, is true or false",
+                UserMessage(
+                    "the IF decides by an operation with result_type {result_type}; only 1, "
+                    "a comparison, is true or false",
+                    result_type=node.data.result_type,
+                ),
                 node=index,
             )
 
@@ -53,8 +61,11 @@ def _comparison_result(subject: LintContext) -> Iterator[Problem]:
     for index, operation in subject.data(Operation):
         if operation.result_type == ResultType.COMPARISON and operation.result != 0:
             yield Problem(
-                f"the result of the comparison is {operation.result} and not 0: a robot that "
-                "takes it for the expected outcome branches the other way",
+                UserMessage(
+                    "the result of the comparison is {result} and not 0: a robot that takes "
+                    "it for the expected outcome branches the other way",
+                    result=operation.result,
+                ),
                 node=index,
             )
 
@@ -64,7 +75,11 @@ def _result_key(subject: LintContext) -> Iterator[Problem]:
     for index, operation in subject.data(Operation):
         if operation.result_type in _STORED and operation.result not in subject.keys:
             yield Problem(
-                f"the result goes to key {operation.result}, but no variable has it", node=index
+                UserMessage(
+                    "the result goes to key {result}, but no variable has it",
+                    result=operation.result,
+                ),
+                node=index,
             )
 
 
@@ -74,7 +89,12 @@ def _value_type(subject: LintContext) -> Iterator[Problem]:
         for name, value_type, _ in _operands(operation):
             if not ValueType.has(value_type):
                 yield Problem(
-                    f"value{name}_type is {value_type}; value types are 0 to 3", node=index
+                    UserMessage(
+                        "value{name}_type is {value_type}; value types are 0 to 3",
+                        name=name,
+                        value_type=value_type,
+                    ),
+                    node=index,
                 )
 
 
@@ -93,7 +113,12 @@ def _value_key(subject: LintContext) -> Iterator[Problem]:
         for name, value_type, value in _operands(operation):
             if value_type == ValueType.VARIABLE and value not in subject.keys:
                 yield Problem(
-                    f"value {name} is that of key {value}, but no variable has it", node=index
+                    UserMessage(
+                        "value {name} is that of key {value}, but no variable has it",
+                        name=name,
+                        value=value,
+                    ),
+                    node=index,
                 )
 
 
@@ -103,7 +128,9 @@ def _opt(subject: LintContext) -> Iterator[Problem]:
         if not ResultType.has(operation.result_type) or Opt.has(operation.opt):
             continue
         if operation.result_type in _COMPUTED or operation.opt != 0:
-            yield Problem(f"opt is {operation.opt}; operators are 1 to 9", node=index)
+            yield Problem(
+                UserMessage("opt is {opt}; operators are 1 to 9", opt=operation.opt), node=index
+            )
 
 
 def _opt_result(subject: LintContext) -> Iterator[Problem]:
@@ -113,9 +140,19 @@ def _opt_result(subject: LintContext) -> Iterator[Problem]:
             continue
         arithmetic = operation.opt in _ARITHMETIC
         if operation.result_type == ResultType.COMPARISON and arithmetic:
-            yield Problem(f"opt {operation.opt} calculates, but a comparison needs 5 to 9", index)
+            yield Problem(
+                UserMessage(
+                    "opt {opt} calculates, but a comparison needs 5 to 9", opt=operation.opt
+                ),
+                index,
+            )
         if operation.result_type == ResultType.CALCULATION and not arithmetic:
-            yield Problem(f"opt {operation.opt} compares, but a calculation needs 1 to 4", index)
+            yield Problem(
+                UserMessage(
+                    "opt {opt} compares, but a calculation needs 1 to 4", opt=operation.opt
+                ),
+                index,
+            )
 
 
 def _assign_value(subject: LintContext) -> Iterator[Problem]:
@@ -124,8 +161,11 @@ def _assign_value(subject: LintContext) -> Iterator[Problem]:
         plain = operation.result_type in (ResultType.ASSIGNMENT, ResultType.SET_PORT)
         if plain and operation.value_b_type != ValueType.NONE:
             yield Problem(
-                f"the node takes a value B with opt {operation.opt}: some robots compute, others "
-                "take A alone; use a calculation and then the plain value",
+                UserMessage(
+                    "the node takes a value B with opt {opt}: some robots compute, others "
+                    "take A alone; use a calculation and then the plain value",
+                    opt=operation.opt,
+                ),
                 node=index,
             )
 

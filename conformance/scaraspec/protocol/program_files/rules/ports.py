@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from scaraspec.protocol.program_files.model import PORTS, Operation, SetOutput, WaitInput
 from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.program_files.tables import PortType, ResultType, ValueType
+from scaraspec.user_message import UserMessage
 
 _INPUTS = (PortType.ANALOG_INPUT, PortType.DIGITAL_INPUT)
 _OUTPUTS = (PortType.PWM_OUTPUT, PortType.DIGITAL_OUTPUT)
@@ -41,7 +42,9 @@ def _port_number(subject: LintContext) -> Iterator[Problem]:
     for use in _uses(subject):
         if use.port != 0 and subject.port_type(use.port) is None:
             yield Problem(
-                f"the node uses port {use.port}; ports are 1 to {PORTS}",
+                UserMessage(
+                    "the node uses port {port}; ports are 1 to {ports}", port=use.port, ports=PORTS
+                ),
                 node=use.node,
                 requirements=(use.requirement,),
             )
@@ -65,8 +68,13 @@ def _port_config(subject: LintContext) -> Iterator[Problem]:
         if configured is not None and configured not in use.suitable:
             needed = " or ".join(f"{kind.value}" for kind in use.suitable)
             yield Problem(
-                f"the node uses port {use.port}, which is configured as {configured} and not as "
-                f"{needed}",
+                UserMessage(
+                    "the node uses port {port}, which is configured as {configured} and not "
+                    "as {needed}",
+                    port=use.port,
+                    configured=configured,
+                    needed=needed,
+                ),
                 node=use.node,
             )
 

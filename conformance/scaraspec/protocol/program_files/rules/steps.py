@@ -12,6 +12,7 @@ from scaraspec.protocol.program_files.model import (
 )
 from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.program_files.tables import Condition, NodeType, Opt, PortType
+from scaraspec.user_message import UserMessage
 
 _TURN_DEG = 360
 _ANCIENT_S = 10**9  # an instant in 2001; the robot is younger
@@ -23,7 +24,10 @@ def _node_type(subject: LintContext) -> Iterator[Problem]:
     """A node type is 1 to 13 (L904-920)."""
     for index, node in enumerate(subject.program.nodes):
         if not NodeType.has(node.type):
-            yield Problem(f"the node type is {node.type}; node types are 1 to 13", node=index)
+            yield Problem(
+                UserMessage("the node type is {type}; node types are 1 to 13", type=node.type),
+                node=index,
+            )
 
 
 def _point_pose(subject: LintContext) -> Iterator[Problem]:
@@ -51,14 +55,19 @@ def _wait_condition(subject: LintContext) -> Iterator[Problem]:
             continue
         if Opt.has(wait.condition):
             yield Problem(
-                f"the condition is {wait.condition}, which is an operator; conditions are "
-                "1 to 5, where 4 is not greater and 5 is not less",
+                UserMessage(
+                    "the condition is {condition}, which is an operator; conditions are 1 to "
+                    "5, where 4 is not greater and 5 is not less",
+                    condition=wait.condition,
+                ),
                 node=index,
                 requirements=("6.5/9", "6.5/8"),
             )
         else:
             yield Problem(
-                f"the condition is {wait.condition}; conditions are 1 to 5",
+                UserMessage(
+                    "the condition is {condition}; conditions are 1 to 5", condition=wait.condition
+                ),
                 node=index,
                 requirements=("6.5/8",),
             )
@@ -78,9 +87,13 @@ def _wait_never(subject: LintContext) -> Iterator[Problem]:
         condition = Condition(wait.condition)
         if not any(condition.holds(state, wait.value_hundredths) for state in (0, 1, 100)):
             yield Problem(
-                f"digital input {wait.port} is never "
-                f"{condition.name.lower().replace('_', ' ')} {wait.value_hundredths / 100:g}: "
-                "the program waits forever",
+                UserMessage(
+                    "digital input {port} is never {replace} {value_hundredths:g}: the "
+                    "program waits forever",
+                    port=wait.port,
+                    replace=condition.name.lower().replace("_", " "),
+                    value_hundredths=wait.value_hundredths / 100,
+                ),
                 node=index,
             )
 
@@ -90,8 +103,12 @@ def _wait_value(subject: LintContext) -> Iterator[Problem]:
     for index, wait in _digital_waits(subject):
         if wait.value_hundredths not in (0, 1, 100):
             yield Problem(
-                f"digital input {wait.port} is compared with {wait.value_hundredths / 100:g}; "
-                "its states are 0 and 1, stored as 0 and 100",
+                UserMessage(
+                    "digital input {port} is compared with {value_hundredths:g}; its states "
+                    "are 0 and 1, stored as 0 and 100",
+                    port=wait.port,
+                    value_hundredths=wait.value_hundredths / 100,
+                ),
                 node=index,
             )
 
@@ -101,8 +118,11 @@ def _wait_unscaled(subject: LintContext) -> Iterator[Problem]:
     for index, wait in _digital_waits(subject):
         if wait.value_hundredths == 1:
             yield Problem(
-                f"digital input {wait.port} is compared with a stored 1, which a robot that "
-                "scales all inputs takes for 0.01",
+                UserMessage(
+                    "digital input {port} is compared with a stored 1, which a robot that "
+                    "scales all inputs takes for 0.01",
+                    port=wait.port,
+                ),
                 node=index,
             )
 
@@ -112,7 +132,10 @@ def _output_type(subject: LintContext) -> Iterator[Problem]:
     for index, output in subject.data(SetOutput):
         if output.type not in (PortType.PWM_OUTPUT, PortType.DIGITAL_OUTPUT):
             yield Problem(
-                f"the output type is {output.type}; it is 3 for PWM or 4 for TTL", node=index
+                UserMessage(
+                    "the output type is {type}; it is 3 for PWM or 4 for TTL", type=output.type
+                ),
+                node=index,
             )
 
 
@@ -121,7 +144,12 @@ def _output_value(subject: LintContext) -> Iterator[Problem]:
     for index, output in subject.data(SetOutput):
         if output.type == PortType.DIGITAL_OUTPUT and output.value not in (0, 1):
             yield Problem(
-                f"TTL output {output.port} is set to {output.value}; it is 0 or 1", node=index
+                UserMessage(
+                    "TTL output {port} is set to {output_value}; it is 0 or 1",
+                    port=output.port,
+                    output_value=output.value,
+                ),
+                node=index,
             )
 
 
@@ -132,8 +160,13 @@ def _pwm_value(subject: LintContext) -> Iterator[Problem]:
             continue
         if output.value > _FULL_DUTY or output.time_base == 0:
             yield Problem(
-                f"PWM output {output.port} has duty {output.value} and time base "
-                f"{output.time_base}; the document names no units, so try it without a load",
+                UserMessage(
+                    "PWM output {port} has duty {output_value} and time base {time_base}; "
+                    "the document names no units, so try it without a load",
+                    port=output.port,
+                    output_value=output.value,
+                    time_base=output.time_base,
+                ),
                 node=index,
             )
 
@@ -143,7 +176,10 @@ def _timer_microseconds(subject: LintContext) -> Iterator[Problem]:
     for index, timer in subject.data(WaitTimer):
         if not 0 <= timer.microseconds < SECOND_US:
             yield Problem(
-                f"the timer has {timer.microseconds} microseconds; they are 0 to 999999",
+                UserMessage(
+                    "the timer has {microseconds} microseconds; they are 0 to 999999",
+                    microseconds=timer.microseconds,
+                ),
                 node=index,
             )
 
@@ -153,8 +189,11 @@ def _timer_past(subject: LintContext) -> Iterator[Problem]:
     for index, timer in subject.data(WaitTimer):
         if timer.seconds < _ANCIENT_S:
             yield Problem(
-                f"the timer waits for second {timer.seconds} since 1970, which is before 2001: "
-                "it is an instant, not a duration",
+                UserMessage(
+                    "the timer waits for second {seconds} since 1970, which is before 2001: "
+                    "it is an instant, not a duration",
+                    seconds=timer.seconds,
+                ),
                 node=index,
             )
 
@@ -164,8 +203,11 @@ def _timer_2038(subject: LintContext) -> Iterator[Problem]:
     for index, timer in subject.data(WaitTimer):
         if timer.seconds > _LAST_LONG_S:
             yield Problem(
-                f"the timer waits for second {timer.seconds} since 1970, after 2038: a robot "
-                "whose long has 4 bytes cannot hold it",
+                UserMessage(
+                    "the timer waits for second {seconds} since 1970, after 2038: a robot "
+                    "whose long has 4 bytes cannot hold it",
+                    seconds=timer.seconds,
+                ),
                 node=index,
             )
 

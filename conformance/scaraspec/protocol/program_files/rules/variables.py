@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from scaraspec.protocol.program_files.model import ALIAS_BYTES, VARIABLE_NAME_BYTES, Operation
 from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.program_files.tables import ResultType, ValueType
+from scaraspec.user_message import UserMessage
 
 
 def _key_twice(subject: LintContext) -> Iterator[Problem]:
@@ -13,7 +14,11 @@ def _key_twice(subject: LintContext) -> Iterator[Problem]:
     for index, variable in enumerate(subject.program.variables):
         if variable.key in first:
             yield Problem(
-                f"key {variable.key} is already that of variable {first[variable.key] + 1}",
+                UserMessage(
+                    "key {key} is already that of variable {first}",
+                    key=variable.key,
+                    first=first[variable.key] + 1,
+                ),
                 variable=index,
             )
         else:
@@ -32,7 +37,7 @@ def _variable_unused(subject: LintContext) -> Iterator[Problem]:
             used.add(operation.value_b)
     for index, variable in enumerate(subject.program.variables):
         if variable.key not in used:
-            yield Problem(f"no node uses key {variable.key}", variable=index)
+            yield Problem(UserMessage("no node uses key {key}", key=variable.key), variable=index)
 
 
 def _name_full(subject: LintContext) -> Iterator[Problem]:
@@ -40,8 +45,11 @@ def _name_full(subject: LintContext) -> Iterator[Problem]:
     for index, variable in enumerate(subject.program.variables):
         if len(variable.name) == VARIABLE_NAME_BYTES:
             yield Problem(
-                f"the name fills all {VARIABLE_NAME_BYTES} bytes: a reader that expects a NUL "
-                "reads on into the value",
+                UserMessage(
+                    "the name fills all {variable_name_bytes} bytes: a reader that expects a "
+                    "NUL reads on into the value",
+                    variable_name_bytes=VARIABLE_NAME_BYTES,
+                ),
                 variable=index,
             )
 
@@ -51,8 +59,11 @@ def _alias_full(subject: LintContext) -> Iterator[Problem]:
     for index, node in enumerate(subject.program.nodes):
         if len(node.alias) == ALIAS_BYTES:
             yield Problem(
-                f"the alias fills all {ALIAS_BYTES} bytes: a reader that expects a NUL reads on "
-                "into the node type",
+                UserMessage(
+                    "the alias fills all {alias_bytes} bytes: a reader that expects a NUL "
+                    "reads on into the node type",
+                    alias_bytes=ALIAS_BYTES,
+                ),
                 node=index,
             )
 

@@ -4,6 +4,7 @@ from scaraspec.protocol.port import DEFAULT_PORT
 from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, expect_equal
+from scaraspec.user_message import UserMessage
 
 
 @client_case("2/1", attended=True)
@@ -29,7 +30,11 @@ def test_it_dials_after_a_login_in_vain(subject: ClientUnderTest) -> None:
 def test_port(subject: ClientUnderTest) -> None:
     """The client dials the port that is named, and 8877 where none is, if it takes such orders."""
     if not subject.access.listen_at_default():
-        raise CaseSkipped(f"port {DEFAULT_PORT} of this computer cannot be had")
+        raise CaseSkipped(
+            UserMessage(
+                "port {default_port} of this computer cannot be had", default_port=DEFAULT_PORT
+            )
+        )
     line, call = subject.dial(port=DEFAULT_PORT)
     expect_equal(subject.access.dialled_port, DEFAULT_PORT, "the port that was named was not taken")
     line.log_in(call)

@@ -27,6 +27,7 @@ from scaraspec.suite.client.harness.operations import (
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import NoReply, expect, expect_equal
+from scaraspec.user_message import UserMessage
 
 _TWO_STAGE: Final = tuple(c.name for c in BY_NAME.values() if c.two_stage)
 _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
@@ -350,7 +351,7 @@ def test_reply_of_another(subject: ClientUnderTest, line: IncomingConnection) ->
     for frame in examples(_OTHERS):
         call = subject.begin("get_status")
         awaited(line, "get_status", call)
-        why = f"the client took {frame} for the reply to 09"
+        why = UserMessage("the client took {frame} for the reply to 09", frame=frame)
         if not _ignored(subject, line, call, frame, why=why):
             line = _given_up(subject, line, "3/33")
             continue
@@ -386,7 +387,9 @@ def test_reply_of_another_query(subject: ClientUnderTest, line: IncomingConnecti
         call, request = ask(subject, line, name)
         others = [BY_NAME[other].opcode for other in _OTHERWISE if other != name]
         frames = [Frame(C2A, opcode, _OTHERWISE[name]) for opcode in others]
-        why = f"the client took the reply to another query for that to {name}"
+        why = UserMessage(
+            "the client took the reply to another query for that to {name}", name=name
+        )
         if not _ignored(subject, line, call, *frames, why=why):
             line = _given_up(subject, line, "3/33")
             return

@@ -20,6 +20,7 @@ from scaraspec.suite.client.harness.operations import (
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
+from scaraspec.user_message import UserMessage
 
 _OPERATIONS: Final = tuple(c.name for c in BY_NAME.values() if c.clause.startswith("4."))
 _WITHOUT_DATA: Final = tuple(name for name in _OPERATIONS if name not in VALUES)
@@ -136,14 +137,21 @@ def test_one_at_a_time(subject: ClientUnderTest, line: IncomingConnection) -> No
     subject.concurrent(line)
     name, _ = subject.unpolled(*_TWICE)
     if subject.has_polled(name):
-        raise CaseSkipped(f"the client asks by itself for all of {', '.join(_TWICE)}")
+        raise CaseSkipped(
+            UserMessage("the client asks by itself for all of {twice}", twice=", ".join(_TWICE))
+        )
     one, other = _TWICE[name]
     first = subject.begin(name)
     line.request(name, first)
     second = subject.begin(name)  # not before: a driver may begin two orders as it likes
     line.wait(_PAUSE_S)
     if any(seen.name == name for seen in line.inbox):
-        subject.tolerate("3/25", "A-3-14", "two open requests", f"{name} is sent twice at once")
+        subject.tolerate(
+            "3/25",
+            "A-3-14",
+            "two open requests",
+            UserMessage("{name} is sent twice at once", name=name),
+        )
     line.reply(name, one)
     if sent_or_settled(subject, line, second) is None:
         subject.gives(second, one)  # it was content with the answer to the first

@@ -13,6 +13,7 @@ from scaraspec.suite.client.harness.operations import ask, blame, sent_or_settle
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
+from scaraspec.user_message import UserMessage
 
 _TIMES: Final = st.datetimes(datetime(2000, 1, 1), datetime(2099, 12, 31, 23, 59, 59))  # noqa: DTZ001 - the document names no zone
 _IMPOSSIBLE: Final = (
@@ -103,7 +104,7 @@ def test_impossible_times(subject: ClientUnderTest, line: IncomingConnection) ->
         _CLOCK.read(request.frame.data, notes)
         expect(
             not notes.complaints,
-            f"the client was told to set the time to {text}, which it sends",
+            UserMessage("the client was told to set the time to {text}, which it sends", text=text),
             expected="nothing, or a time of the calendar",
             observed=f"{request}",
         )

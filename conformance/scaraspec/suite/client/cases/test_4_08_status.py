@@ -9,6 +9,7 @@ from scaraspec.suite.client.harness.operations import ask
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_in
+from scaraspec.user_message import UserMessage
 
 _STATES: Final = {Kind.IDLE: "idle", Kind.RUNNING: "running"}
 _ENTRIES: Final = {Kind.RESERVED: "A-8-3", Kind.MISSING_FILE: "A-4.8-2"}
@@ -37,7 +38,12 @@ def test_every_code(subject: ClientUnderTest, line: IncomingConnection) -> None:
             line.reply("get_status", data=text.encode())
             odd = _ENTRIES.get(code.kind, "" if text == code.text else "A-T-7")
             if odd and not subject.settled(call).ok:
-                subject.tolerate("4.8/11", odd, text, f"the status {text} is told as an error")
+                subject.tolerate(
+                    "4.8/11",
+                    odd,
+                    text,
+                    UserMessage("the status {text} is told as an error", text=text),
+                )
                 continue
             result = subject.done(call)
             expect_in(_code_in(result), {code.text, code.text.lower()}, "the code that is told")
@@ -54,7 +60,7 @@ def _expect_state(result: Any, code: Code) -> None:
     due = _STATES.get(code.kind, "error")
     expect(
         not isinstance(state, str) or state.lower() == due,
-        f"{code.text} is placed under another state",
+        UserMessage("{code_text} is placed under another state", code_text=code.text),
         expected=due,
         observed=f"{state}",
     )

@@ -13,6 +13,7 @@ from scaraspec.suite.client.harness.operations import ask, tells
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.strategies import names
+from scaraspec.user_message import UserMessage
 
 _LATE_S: Final = 0.1
 _MANY: Final = 400
@@ -118,7 +119,9 @@ def test_empty_otherwise(subject: ClientUnderTest, line: IncomingConnection) -> 
         if call.ok:
             subject.gives(call, [])
         else:
-            told = f"the client fails at an empty list that is written {show(data)!r}"
+            told = UserMessage(
+                "the client fails at an empty list that is written {data!r}", data=show(data)
+            )
             subject.tolerate("4.10/12", "list_empty", option, told)
 
 

@@ -14,6 +14,7 @@ from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply, expect
 from scaraspec.suite.engine.strategies import names
+from scaraspec.user_message import UserMessage
 
 _NAME: Final = "get_default_program"
 _MOMENT_S: Final = 0.1
@@ -27,10 +28,20 @@ def _tells(
     call, request = ask(subject, line, _NAME)
     if request.frame.opcode != BY_NAME[_NAME].opcode:
         told = "the default program is asked for as the rows print it"
-        subject.tolerate("4.12/1", "op_get_default", f"0x{request.frame.opcode:02X}", told)
+        subject.tolerate(
+            "4.12/1",
+            "op_get_default",
+            UserMessage("0x{opcode:02X}", opcode=request.frame.opcode),
+            told,
+        )
     line.send_frame(line.frame(_NAME, data=data)._replace(opcode=request.frame.opcode))
     if len(data) > NAME_MAX_BYTES and not subject.settled(call).ok:
-        subject.tolerate("T/9", "A-5-20", "30", f"a name of {len(data)} bytes is not taken")
+        subject.tolerate(
+            "T/9",
+            "A-5-20",
+            "30",
+            UserMessage("a name of {data_count} bytes is not taken", data_count=len(data)),
+        )
         return
     subject.gives(call, said, requirement="T/9")
 

@@ -24,6 +24,7 @@ from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect, expect_equal
+from scaraspec.user_message import UserMessage
 
 _WHILE_S = 1.0
 _FATES = ("first", "after", "together", "none")
@@ -54,7 +55,11 @@ def test_stop_behind_others(subject: ClientUnderTest, line: IncomingConnection) 
         finished(subject, call)
         call = subject.begin(STOP.name)
         request = line.serve(call, data=b"0")
-        expect_equal(request.frame.data, b"", f"what the stop carries behind {order.name}")
+        expect_equal(
+            request.frame.data,
+            b"",
+            UserMessage("what the stop carries behind {order}", order=order.name),
+        )
         refused(subject, call)
 
 
@@ -157,7 +162,9 @@ def test_stop_beside_an_execution(subject: ClientUnderTest, line: IncomingConnec
     try:
         beside(subject, line)
     except CaseSkipped as why:
-        subject.tolerate("4.17/10", "A-4-3", "one at a time", f"{why}: no stop either")
+        subject.tolerate(
+            "4.17/10", "A-4-3", "one at a time", UserMessage("{why}: no stop either", why=why)
+        )
         return
     for order in examples(INTERRUPTIBLE):
         call = executing(subject, line, order)
@@ -188,7 +195,7 @@ def _end(line: IncomingConnection, order: Order, fate: str) -> None:
 def _not_done(call: Call) -> None:
     expect(
         call.answer is None or call.failed,
-        f"{call.name} was stopped, and the client says that it was done",
+        UserMessage("{call} was stopped, and the client says that it was done", call=call.name),
         expected="an error, or no answer yet",
         observed=f"{call}",
         requirement="4.17/9",

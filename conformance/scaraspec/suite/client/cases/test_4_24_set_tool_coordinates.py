@@ -13,6 +13,7 @@ from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect_equal, expect_in
+from scaraspec.user_message import UserMessage
 
 _MOVE = "set_tool_coordinates"
 _THERE = Pose(200, 300, 324, 34.6, 0, 0)
@@ -63,7 +64,7 @@ def test_every_speed(subject: ClientUnderTest, line: IncomingConnection) -> None
     for speed in examples(range(1, 101)):
         call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
         sent = line.request(_MOVE, call)
-        expect_equal(_speed_of(sent), speed, f"the speed of {sent}")
+        expect_equal(_speed_of(sent), speed, UserMessage("the speed of {sent}", sent=sent))
         line.reply(_MOVE, data=b"0|05")
         refused(subject, call)
 
@@ -75,7 +76,11 @@ def test_no_speed(subject: ClientUnderTest, line: IncomingConnection) -> None:
         call = subject.begin(_MOVE, speed=speed, **_THERE._asdict())
         sent = request_unless_refused(line, call)
         if sent is not None:
-            expect_in(_speed_of(sent), _SPEEDS, f"the speed that was sent for {speed}")
+            expect_in(
+                _speed_of(sent),
+                _SPEEDS,
+                UserMessage("the speed that was sent for {speed}", speed=speed),
+            )
             line.reply(_MOVE, data=b"0|05")
             refused(subject, call)
     call = executing(subject, line, MOVE)  # what was refused leaves nothing behind

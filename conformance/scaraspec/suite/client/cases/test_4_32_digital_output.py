@@ -9,6 +9,7 @@ from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_in, told
+from scaraspec.user_message import UserMessage
 
 _SET: Final = "set_digital_output"
 _PORTS: Final = range(1, 17)  # what 0x49 shows (L684)
@@ -68,6 +69,8 @@ def test_other_values(subject: ClientUnderTest, line: IncomingConnection) -> Non
         sent = request_unless_refused(line, call)
         if sent is not None:
             text = sent.seen.text.rpartition(b"|")[2]
-            expect_in(text, (b"0", b"1"), f"the value that was sent for {value}")
+            expect_in(
+                text, (b"0", b"1"), UserMessage("the value that was sent for {value}", value=value)
+            )
             line.reply(_SET, value=False)
             subject.fails(call)

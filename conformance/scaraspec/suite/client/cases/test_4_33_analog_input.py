@@ -12,6 +12,7 @@ from scaraspec.suite.client.harness.request_checks import expect_no_value, reque
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect, told
+from scaraspec.user_message import UserMessage
 
 _GET: Final = "get_analog_input"
 _REPLY: Final = BY_NAME[_GET].reply
@@ -53,7 +54,7 @@ def test_beyond(subject: ClientUnderTest, line: IncomingConnection) -> None:
             data = sent.seen.text
             expect(
                 len(data) == _BYTES and data.isdigit(),
-                f"the request for port {port}, which does not exist",
+                UserMessage("the request for port {port}, which does not exist", port=port),
                 expected="none, or one of two characters",
                 observed=told(data),
             )

@@ -39,6 +39,7 @@ from scaraspec.suite.client.harness.request_checks import request_unless_refused
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply, expect
+from scaraspec.user_message import UserMessage
 
 _LATE_S: Final = 10.5
 _MOMENT_S: Final = 0.01
@@ -129,7 +130,11 @@ def test_result_of_another(subject: ClientUnderTest, line: IncomingConnection) -
         call = executing(subject, line, order)
         stray = line.result_frame(other.name)
         line.send_bytes(stray.encode() + line.result_frame(order.name, "05").encode())
-        why = f"the result of {other.name} was taken for that of {order.name}"
+        why = UserMessage(
+            "the result of {other} was taken for that of {order}",
+            other=other.name,
+            order=order.name,
+        )
         fails_in_the_end(subject, call, why)
         line = renewed(subject, line)
 
@@ -233,7 +238,10 @@ def test_not_repeated_before_its_reply(subject: ClientUnderTest, line: IncomingC
         line.reply(order.name, data=b"1")
         line.result(order.name)
         if given_up:
-            told = f"the client waits less than {_LATE_REPLY_S:g} s for a first reply"
+            told = UserMessage(
+                "the client waits less than {late_reply_s:g} s for a first reply",
+                late_reply_s=_LATE_REPLY_S,
+            )
             subject.tolerate("4/16", "A-3-15", "short", told)
         else:
             finished(subject, call)
@@ -270,7 +278,9 @@ def test_not_repeated_on_a_new_connection(
         line = subject.open()
         line.wait(subject.silence_s)
         _not_sent(line, order)
-        message = f"{order.name} is said to be done, and its result was lost with the link"
+        message = UserMessage(
+            "{order} is said to be done, and its result was lost with the link", order=order.name
+        )
         expect(not call.ok or call.failed, message, expected="an error", observed=f"{call}")
 
 
@@ -278,7 +288,9 @@ def _not_sent(line: IncomingConnection, order: Order) -> None:
     again = [seen for seen in line.inbox if seen.name == order.name]
     expect(
         not again,
-        f"{order.name} was sent again while its final result was outstanding",
+        UserMessage(
+            "{order} was sent again while its final result was outstanding", order=order.name
+        ),
         expected="one request",
         observed=f"{1 + len(again)} requests",
         requirement="4/16",
@@ -382,7 +394,10 @@ def test_codes(subject: ClientUnderTest, line: IncomingConnection, stage: str) -
         if not shows(call, code):
             silent.append(code)
     if silent:
-        told = f"of an order that did not succeed the client does not tell the code {silent[0]}"
+        told = UserMessage(
+            "of an order that did not succeed the client does not tell the code {silent}",
+            silent=silent[0],
+        )
         subject.tolerate("4/12", "A-8-1", "not shown", told)
 
 

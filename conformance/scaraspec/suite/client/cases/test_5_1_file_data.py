@@ -34,6 +34,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
+from scaraspec.user_message import UserMessage
 
 _SIZES = (1, 200, 201, 400, 450)
 _WHOLE = content_of(450)
@@ -177,7 +178,7 @@ def test_torn_structure(subject: ClientUnderTest, line: IncomingConnection) -> N
     for size in examples((HEAD_BYTES + 50, HEAD_BYTES + 199, HEAD_BYTES, HEAD_BYTES - 1, 1)):
         download = fetch(subject, line)
         taken = download.offer(chunk, data=download.frame(chunk).data[:size])
-        message = f"{size} bytes were taken as a fileData"
+        message = UserMessage("{size} bytes were taken as a fileData", size=size)
         expect(not taken, message, expected="0", observed="1")
         download.expect_failed("5.1/1")
         line = serving(subject, line, "a chunk that was cut off")
@@ -234,7 +235,7 @@ def test_other_byte_order(subject: ClientUnderTest, line: IncomingConnection) ->
             download.expect_done("5.1/9")
             continue
         download.expect_failed("5.1/9")
-        message = f"file data is not understood when it is {order}-endian"
+        message = UserMessage("file data is not understood when it is {order}-endian", order=order)
         subject.tolerate("5.1/9", "endian", subject.dialect["endian"], message)
         line = serving(subject, line, "a download in the other byte order")
 

@@ -44,6 +44,7 @@ from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
 from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.traffic.events import FrameSeen
+from scaraspec.user_message import UserMessage
 
 _WHOLE = content_of(650)
 _LAST = len(_WHOLE)  # a number that no chunk exceeds
@@ -118,15 +119,15 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
         call = subject.begin("upload", local=subject.file(b"!"), remote=name)
         asked = reaction(subject, line, call, "upload_name")
         if asked is None:
-            message = f"a name of {size} bytes was refused by the client"
+            message = UserMessage("a name of {size} bytes was refused by the client", size=size)
             expect(size > NAME_MAX_BYTES, message, expected="a request", observed=f"{call}")
             expect_failed(subject, call, "5.2/18")
             continue
-        message = f"a name of {size} bytes was sent as"
+        message = UserMessage("a name of {size} bytes was sent as", size=size)
         expect_equal(asked.frame.data.removesuffix(b"\0"), name.encode(), message)
         _take_one_byte(subject, line, call)
         if size > NAME_MAX_BYTES:
-            message = f"a file name of {size} bytes was sent"
+            message = UserMessage("a file name of {size} bytes was sent", size=size)
             subject.tolerate("5.2/18", "name_max", "255", message)
 
 
@@ -202,7 +203,9 @@ def test_nothing_after_the_end(subject: ClientUnderTest, line: IncomingConnectio
     for size in examples((1, 199, 200, 201, 400, 600)):
         take(subject, line, content_of(size))
         line = serving(subject, line, "an upload")
-        message = f"something was sent after an upload of {size} bytes was complete"
+        message = UserMessage(
+            "something was sent after an upload of {size} bytes was complete", size=size
+        )
         expect_no_transfer(line, message, "5.2/13")
 
 
@@ -223,7 +226,9 @@ def test_empty_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
         line.reply("upload_chunk")
         option, said = "chunk", "as a chunk of length 0"
     if subject.settled(call).ok:
-        subject.tolerate("5.2/17", "empty_file", option, f"an empty file is sent {said}")
+        subject.tolerate(
+            "5.2/17", "empty_file", option, UserMessage("an empty file is sent {said}", said=said)
+        )
 
 
 @client_case("5.2/19", name="no-file")
@@ -250,7 +255,9 @@ def test_no_empty_chunk_behind_full_ones(
             message = "a chunk of length 0 was sent of a file that has content"
             expect(chunk_of(frame).length, message, expected="1 to 200", observed="0")
         again = reaction(subject, line, upload.call, "upload_chunk", _SHORT_S)
-        message = f"a chunk follows on {size // BUFFER_BYTES} full ones that are the whole file"
+        message = UserMessage(
+            "a chunk follows on {size} full ones that are the whole file", size=size // BUFFER_BYTES
+        )
         expect(again is None, message, expected="nothing", observed=f"{again}")
         upload.expect_done()
 
@@ -430,7 +437,7 @@ def test_odd_answers(subject: ClientUnderTest) -> None:
         else:
             (upload, chunk), command = _up_to(subject, line, number), "upload_chunk"
         line.reply(command, data=data)
-        message = f"the answer {data!r} was taken for a yes"
+        message = UserMessage("the answer {data!r} was taken for a yes", data=data)
         expect_no_transfer(line, message, "5.2/19", _SHORT_S, but=partial(_takes_for_no, chunk))
         line.close()
         upload.expect_failed()
@@ -470,7 +477,9 @@ def _offer_wrong(line: IncomingConnection, command: str) -> None:
     with suppress(NoReply):  # it has hung up already
         for frame in (*frames, Frame(C2A, right, b"1", tagged=True)):
             line.send_frame(frame)
-    message = f"a 1 of another opcode was taken for the answer to {command}"
+    message = UserMessage(
+        "a 1 of another opcode was taken for the answer to {command}", command=command
+    )
     expect_no_transfer(line, message, "5.2/19", _SHORT_S)
 
 

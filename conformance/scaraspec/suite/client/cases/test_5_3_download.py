@@ -26,6 +26,7 @@ from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
+from scaraspec.user_message import UserMessage
 
 _WHOLE = content_of(650)
 _CHUNKS = tuple(chunks_of(_WHOLE))
@@ -235,7 +236,9 @@ def test_large_file(subject: ClientUnderTest, line: IncomingConnection) -> None:
     first, *rest = chunks_of(content_of(_LARGE_BYTES))
     if not download.offer(first):
         download.expect_failed()
-        message = f"a file of {_LARGE_BYTES} bytes is too large for the client"
+        message = UserMessage(
+            "a file of {large_bytes} bytes is too large for the client", large_bytes=_LARGE_BYTES
+        )
         subject.tolerate("5.3/11", "A-5-25", "limit", message)
         return
     for chunk in rest:
@@ -330,8 +333,12 @@ def _rejected(download: Download, chunk: Chunk) -> None:
     taken = download.offer(chunk)
     expect(
         not taken,
-        f"a chunk of length {chunk.length} at {chunk.position} was taken, of a file of "
-        f"{chunk.file_size} bytes",
+        UserMessage(
+            "a chunk of length {length} at {position} was taken, of a file of {file_size} bytes",
+            length=chunk.length,
+            position=chunk.position,
+            file_size=chunk.file_size,
+        ),
         expected="0",
         observed="1",
     )

@@ -17,6 +17,7 @@ from scaraspec.suite.client.harness.incoming_connection import IncomingConnectio
 from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect_equal, expect_in
+from scaraspec.user_message import UserMessage
 
 _MOTORS: Final = tuple(f"{0x10 + mask:02X}" for mask in range(1, 16))
 _LETTERS: Final = tuple(code for code in _MOTORS if not code.isdigit())
@@ -57,7 +58,11 @@ def test_small_letters(subject: ClientUnderTest, line: IncomingConnection) -> No
         call = subject.begin("get_status")
         line.serve(call, data=sent.encode())
         if subject.settled(call).ok:
-            expect_in(f"{call.result}".upper(), (code,), f"the status that is told for {sent}")
+            expect_in(
+                f"{call.result}".upper(),
+                (code,),
+                UserMessage("the status that is told for {sent}", sent=sent),
+            )
         else:
             unknown = unknown or sent
         is_idle(subject, line)
@@ -70,4 +75,9 @@ def test_small_letters(subject: ClientUnderTest, line: IncomingConnection) -> No
         if not unknown and call.ok and code_of(call) is None:
             unknown = sent
     if unknown:
-        subject.tolerate("8/6", "A-T-7", "upper only", f"the code {unknown} is not understood")
+        subject.tolerate(
+            "8/6",
+            "A-T-7",
+            "upper only",
+            UserMessage("the code {unknown} is not understood", unknown=unknown),
+        )

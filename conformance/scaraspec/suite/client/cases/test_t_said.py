@@ -21,6 +21,7 @@ from scaraspec.suite.engine.case import client_case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect, expect_in
 from scaraspec.suite.engine.strategies import payload_values
+from scaraspec.user_message import UserMessage
 
 _SETTINGS: Final = tuple(c.name for c in COMMANDS if c.reply is FLAG and c.clause.startswith("4."))
 _OWN_CASES: Final = ("login", "set_network")
@@ -248,7 +249,9 @@ def test_beyond_ascii(subject: ClientUnderTest, line: IncomingConnection) -> Non
         observed="others, whatever the encoding",
     )
     taken = next((encoding for encoding, way in ways.items() if way), "ascii")
-    subject.tolerate("T/8", "text_encoding", taken, f"names are taken in {taken} only")
+    subject.tolerate(
+        "T/8", "text_encoding", taken, UserMessage("names are taken in {taken} only", taken=taken)
+    )
 
 
 def _passes_on(subject: ClientUnderTest, line: IncomingConnection, encoding: str) -> bool | None:

@@ -35,6 +35,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.engine.strategies import payload_values
+from scaraspec.user_message import UserMessage
 
 _SEVERAL: Final = tuple(
     name
@@ -254,7 +255,9 @@ def test_long_names(subject: ClientUnderTest, line: IncomingConnection) -> None:
             request = line.request(name, call)
             expect(
                 request.frame.data.rstrip(b"\0") == value,
-                f"a name of {size_bytes} bytes is not sent whole",
+                UserMessage(
+                    "a name of {size_bytes} bytes is not sent whole", size_bytes=size_bytes
+                ),
                 expected=show(value, limit=255),
                 observed=show(request.frame.data, limit=255),
             )

@@ -31,6 +31,7 @@ from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.system_under_test import Interference
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.transports.link import Link
+from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
     from scaraspec.protocol.frames import Frame
@@ -189,7 +190,12 @@ class ClientUnderTest:
                 self._pump_all()
                 if self.access.now_s >= deadline_s:
                     if self.access.attended:
-                        raise CaseSkipped(f"the operator did not do it in {self.answer_s:g} s")
+                        raise CaseSkipped(
+                            UserMessage(
+                                "the operator did not do it in {answer_s:g} s",
+                                answer_s=self.answer_s,
+                            )
+                        )
                     raise NoReply("connect was ordered, and no connection came")
         return self._connected(link, judged=judged), call
 
@@ -254,7 +260,7 @@ class ClientUnderTest:
         except OperationRefused as refusal:
             if refusal.after_s > _AT_ONCE_S and not self.access.attended:
                 raise
-            self.tolerate("", _DECLINED, refusal.observed, f"{refusal}")
+            self.tolerate("", _DECLINED, refusal.observed, str(refusal))
 
     @property
     def stop_failure(self) -> None:
@@ -350,7 +356,11 @@ class ClientUnderTest:
         if not self.speaks(call, limit_s):
             self._silences[call.name] += full_s >= self.answer_s
             raise CaseFailed(
-                f"the client does not say in {limit_s:g} s what came of {call.name}",
+                UserMessage(
+                    "the client does not say in {limit_s:g} s what came of {call}",
+                    limit_s=limit_s,
+                    call=call.name,
+                ),
                 expected="an answer of its driver",
                 observed=self._silence(),
             )
@@ -409,12 +419,12 @@ class ClientUnderTest:
         if call is not None and call.answer is not None:
             _not_lacking(call)
             if call.failed and not call.came:
-                message = f"the client declines {call.name} by itself"
+                message = UserMessage("the client declines {call} by itself", call=call.name)
                 raise OperationRefused(message, expected="it is sent", observed=f"{call}")
             if call.failed:
                 self.has_been_in_time(call)
             raise CaseFailed(
-                f"the client says that {call.name} is over before it can be",
+                UserMessage("the client says that {call} is over before it can be", call=call.name),
                 expected="the operation goes on",
                 observed=f"{call}",
             )
@@ -453,13 +463,15 @@ class ClientUnderTest:
         Raises:
             CaseFailed: The client says that it was not, or says nothing.
         """
-        confirmed = self.confirmed(f"{call.name} was done", call)
+        confirmed = self.confirmed(UserMessage("{call} was done", call=call.name), call)
         if confirmed is None:
             confirmed = self.settled(call, within_s=within_s).ok
         if not confirmed:
             self.has_been_in_time(call)
             raise CaseFailed(
-                f"{call.name} was answered well, and the client says that it failed",
+                UserMessage(
+                    "{call} was answered well, and the client says that it failed", call=call.name
+                ),
                 expected="done",
                 observed=f"{call}",
                 requirement=requirement,
@@ -472,20 +484,22 @@ class ClientUnderTest:
         Raises:
             CaseFailed: It is something else.
         """
-        confirmed = self.confirmed(f"{call.name} gave {shown(expected)}", call)
+        confirmed = self.confirmed(
+            UserMessage("{call} gave {expected}", call=call.name, expected=shown(expected)), call
+        )
         if confirmed is None:
             result = self.done(call, requirement=requirement)
             known = self.idle is not None and (call.name, expected) == ("get_status", _IDLE)
             expect(
                 same(result, expected) or (known and same(result, self.idle)),
-                f"what the client says of {call.name}",
+                UserMessage("what the client says of {call}", call=call.name),
                 expected=f"{expected}",
                 observed=f"{result}",
                 requirement=requirement,
             )
         elif not confirmed:
             raise CaseFailed(
-                f"the client does not show what came of {call.name}",
+                UserMessage("the client does not show what came of {call}", call=call.name),
                 expected=f"{expected}",
                 observed="something else",
                 requirement=requirement,
@@ -497,13 +511,13 @@ class ClientUnderTest:
         Raises:
             CaseFailed: The client says that it was done, or says nothing.
         """
-        failed = self.confirmed(f"{call.name} failed", call)
+        failed = self.confirmed(UserMessage("{call} failed", call=call.name), call)
         if failed is None:
             self.settled(call, within_s=within_s)
             failed = call.failed
         if not failed:
             raise CaseFailed(
-                f"{call.name} failed, and the client says that it was done",
+                UserMessage("{call} failed, and the client says that it was done", call=call.name),
                 expected="an error",
                 observed=f"{call}",
                 requirement=requirement,
@@ -625,12 +639,12 @@ class ClientUnderTest:
         try:
             self.access.restart()
         except DriverError as error:
-            raise CaseInconclusive(f"{error}") from None
+            raise CaseInconclusive(str(error)) from None
 
 
 def _not_lacking(call: Call) -> None:
     if call.unimplemented:
-        raise CaseSkipped(f"the client lacks the operation {call.name}")
+        raise CaseSkipped(UserMessage("the client lacks the operation {call}", call=call.name))
 
 
 @contextmanager
@@ -639,6 +653,8 @@ def _told() -> Iterator[None]:
     try:
         yield
     except DriverEndedError as error:
-        raise NoReply(f"the client has crashed: {error}", observed=f"{error}") from None
+        raise NoReply(
+            UserMessage("the client has crashed: {error}", error=error), observed=f"{error}"
+        ) from None
     except DriverError as error:
-        raise CaseInconclusive(f"{error}") from None
+        raise CaseInconclusive(str(error)) from None

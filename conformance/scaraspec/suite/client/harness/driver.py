@@ -19,6 +19,7 @@ from typing import IO, Any, Final
 
 from scaraspec.protocol.fields import show
 from scaraspec.suite.client.harness.call import Call
+from scaraspec.user_message import UserMessage
 
 _READ_BYTES: Final = 65536
 _FLOOD_BYTES: Final = 2**18
@@ -107,7 +108,13 @@ class Driver:
         while call.answer is None:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0:
-                raise DriverError(f"the driver has not answered {call.name} in {within_s:g} s")
+                raise DriverError(
+                    UserMessage(
+                        "the driver has not answered {call} in {within_s:g} s",
+                        call=call.name,
+                        within_s=within_s,
+                    )
+                )
             self._selector.select(left_s)
             self.pump()
         return call
@@ -142,7 +149,13 @@ class Driver:
             )
         except (OSError, ValueError) as error:
             why = error.strerror if isinstance(error, OSError) else error
-            raise DriverError(f"the driver {self._command!r} cannot be started: {why}") from None
+            raise DriverError(
+                UserMessage(
+                    "the driver {command!r} cannot be started: {why}",
+                    command=self._command,
+                    why=why,
+                )
+            ) from None
         self._input, self._output = _pipe(self._process.stdin), _pipe(self._process.stdout)
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._output, selectors.EVENT_READ)
@@ -182,8 +195,12 @@ class Driver:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_END_S)
         said = self.stderr.strip().splitlines()
-        why = f": {said[-1][:200]}" if said else ""
-        return DriverEndedError(f"the driver has ended with status {self._process.poll()}{why}")
+        why = UserMessage(": {said}", said=said[-1][:200]) if said else ""
+        return DriverEndedError(
+            UserMessage(
+                "the driver has ended with status {poll}{why}", poll=self._process.poll(), why=why
+            )
+        )
 
 
 def _pipe(end: IO[bytes] | None) -> IO[bytes]:

@@ -21,6 +21,7 @@ from scaraspec.suite.engine.expectations import (
     expect_equal,
     expect_in,
 )
+from scaraspec.user_message import UserMessage
 
 
 class Order(NamedTuple):
@@ -89,7 +90,7 @@ def run_at_will(subject: ClientUnderTest, line: IncomingConnection, order: Order
         request = line.serve(call, data=b"1")
         line.result(order.name)
         name = order.values["name"].encode()
-        expect_equal(request.seen.text, name, f"what {order.name} carries")
+        expect_equal(request.seen.text, name, UserMessage("what {order} carries", order=order.name))
         finished(subject, call)
 
 
@@ -168,7 +169,9 @@ def goes_beside(subject: ClientUnderTest, line: IncomingConnection, name: str) -
             line.reply(opening, data=reply)
         subject.settled(call)
     if not subject.known[key]:
-        raise CaseSkipped(f"the client begins no {name} while another command executes")
+        raise CaseSkipped(
+            UserMessage("the client begins no {name} while another command executes", name=name)
+        )
 
 
 def finished(subject: ClientUnderTest, call: Call, *, requirement: str = "") -> None:
@@ -234,7 +237,9 @@ def _expect_said(call: Call, stages: Mapping[str, Any], requirement: str) -> Non
     said = call.result if isinstance(call.result, Mapping) else {}
     expect(
         all(said.get(key, value) == value for key, value in stages.items()),
-        f"the client tells the stages of {call.name} otherwise than they were",
+        UserMessage(
+            "the client tells the stages of {call} otherwise than they were", call=call.name
+        ),
         expected=json.dumps(stages),
         observed=f"{call}",
         requirement=requirement,
@@ -247,6 +252,6 @@ def _expect_code(call: Call, code: str, requirement: str) -> None:
         expect_in(
             told.upper(),
             (code.upper(),),
-            f"the client tells another code of {call.name} than it was sent",
+            UserMessage("the client tells another code of {call} than it was sent", call=call.name),
             requirement=requirement,
         )

@@ -21,6 +21,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, expect_equal
 from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.traffic.events import FrameSeen
+from scaraspec.user_message import UserMessage
 
 _TRANSFER: Final = range(0x50, 0x57)
 _SLICE_S: Final = 0.05  # between two looks at what the client says
@@ -151,7 +152,7 @@ def serving(subject: ClientUnderTest, line: IncomingConnection, what: str) -> In
         except CaseFailed:
             error.requirement = "5.4/6"
             raise error from None
-        message = f"after {what} only a new connection is served"
+        message = UserMessage("after {what} only a new connection is served", what=what)
         subject.tolerate("5.4/6", "A-5-26", "closed", message)
     return line
 
@@ -245,7 +246,10 @@ class Upload:
                 continue
             expect(
                 chunk_of(again).position == chunk.position,
-                f"the upload went on although the chunk at {chunk.position} was refused",
+                UserMessage(
+                    "the upload went on although the chunk at {position} was refused",
+                    position=chunk.position,
+                ),
                 expected="no chunk",
                 observed=f"{again}",
                 requirement="5.2/8",
@@ -288,7 +292,7 @@ class Upload:
         wanted = self._content[due : due + chunk.length]
         expect(
             chunk.data == wanted,
-            f"the chunk at {due} does not hold what the file does",
+            UserMessage("the chunk at {due} does not hold what the file does", due=due),
             expected=wanted.hex(" "),
             observed=chunk.data.hex(" "),
             requirement="5.2/20",
@@ -421,7 +425,7 @@ class Download:
             raise error
         expect(
             answer.accepted,
-            f"{which} was refused",
+            UserMessage("{which} was refused", which=which),
             expected="1",
             observed=f"{answer}",
             requirement=requirement,
@@ -436,7 +440,9 @@ class Download:
         """
         expect_done(self._subject, self.call)
         size_bytes, content = len(self.received), self.received
-        confirmed = self._subject.confirmed(f"{self.local} holds {size_bytes} bytes")
+        confirmed = self._subject.confirmed(
+            UserMessage("{local} holds {size_bytes} bytes", local=self.local, size_bytes=size_bytes)
+        )
         stored = self.stored
         if confirmed or (confirmed is None and stored == content):
             return
@@ -445,7 +451,10 @@ class Download:
         at = next((i for i, (a, b) in pairs if a != b), min(len(got), size_bytes))
         seen = f"{len(got)} bytes, at {at}: {got[at : at + 8].hex(' ')}"
         raise CaseFailed(
-            f"of a file of {size_bytes} bytes that was downloaded the client has another one",
+            UserMessage(
+                "of a file of {size_bytes} bytes that was downloaded the client has another one",
+                size_bytes=size_bytes,
+            ),
             expected=f"{size_bytes} bytes, at {at}: {content[at : at + 8].hex(' ')}",
             observed="no file" if stored is None else seen,
             requirement=requirement,

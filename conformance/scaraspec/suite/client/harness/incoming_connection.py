@@ -27,6 +27,7 @@ from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.wire import Kind
 from scaraspec.transports.link import Link
+from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -105,7 +106,11 @@ class IncomingConnection(Connection):
             raise
         except NoReply:
             if self._subject.access.attended and within_s is None and not self.over:
-                raise CaseSkipped(f"the operator did not do it in {patience_s:g} s") from None
+                raise CaseSkipped(
+                    UserMessage(
+                        "the operator did not do it in {patience_s:g} s", patience_s=patience_s
+                    )
+                ) from None
             if within_s is None and not self.over:
                 self._subject.alone()
             raise
@@ -164,7 +169,13 @@ class IncomingConnection(Connection):
         silence_s = max((then - at for at, then in pairwise(spoken_ns)), default=0) / _NS
         if silence_s > limits_of(self._subject).early_s:
             slow = "this machine or the client is too slow"
-            raise CaseInconclusive(f"{slow}: nothing was sent to it for {silence_s:.3f} s")
+            raise CaseInconclusive(
+                UserMessage(
+                    "{slow}: nothing was sent to it for {silence_s:.3f} s",
+                    slow=slow,
+                    silence_s=silence_s,
+                )
+            )
 
     # ------------------------------------------------------------------ sending
 
@@ -258,7 +269,7 @@ class IncomingConnection(Connection):
         self.reply(call.name, value, data=data)
         if sent is not None:
             carried = request.seen.text if sent else request.frame.data  # NUL may end text (A-T-3)
-            expect_equal(carried, sent, f"what {call.name} carries")
+            expect_equal(carried, sent, UserMessage("what {call} carries", call=call.name))
         return request
 
 

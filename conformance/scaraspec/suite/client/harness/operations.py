@@ -33,6 +33,7 @@ from scaraspec.suite.client.harness.poses import gives_pose
 from scaraspec.suite.engine.connection import ReceivedFrame as Request
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply
 from scaraspec.traffic.events import InvalidBytes
+from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
     from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
@@ -182,7 +183,9 @@ def blame(line: IncomingConnection, *, of_length: str = "3/7") -> None:
     for noise in line.invalid_bytes:
         diagnosis = diagnose(noise)
         raise CaseFailed(
-            f"what the client sent is no frame: {diagnosis.fault.value}",
+            UserMessage(
+                "what the client sent is no frame: {fault_value}", fault_value=diagnosis.fault.value
+            ),
             expected=diagnosis.expected or "start, opcode, length, data, end",
             observed=f"{show(noise.data)} ({noise.data[:20].hex(' ').upper()})",
             requirement=_violated(noise, diagnosis, of_length),
@@ -220,10 +223,14 @@ def expect_carries(
     decoded = command.request.decode(data)
     for complaint in decoded.complaints:
         if complaint.wrong in _TRAILERS:
-            subject.tolerate("T/4", *_TRAILERS[complaint.wrong], f"{name}: {complaint.text}")
+            subject.tolerate(
+                "T/4",
+                *_TRAILERS[complaint.wrong],
+                UserMessage("{name}: {complaint_text}", name=name, complaint_text=complaint.text),
+            )
         elif complaint.wrong not in _NO_MATTER:
             raise CaseFailed(
-                f"{name}: {complaint.text}",
+                UserMessage("{name}: {complaint_text}", name=name, complaint_text=complaint.text),
                 expected=command.request.form,
                 observed=show(data),
                 requirement=_of_writing(complaint.wrong, data) or requirement,
@@ -233,11 +240,18 @@ def expect_carries(
     decimals = _fixed_decimals(command, data, value)
     if decimals:
         key, option = ("num_format", "one-decimal") if decimals == 1 else ("A-T-5", f"{decimals}")
-        subject.tolerate("T/10", key, option, f"{name}: each number has {decimals} decimals")
+        subject.tolerate(
+            "T/10",
+            key,
+            option,
+            UserMessage(
+                "{name}: each number has {decimals} decimals", name=name, decimals=decimals
+            ),
+        )
         return
     wanted = command.request.encode(value, subject.dialect.replace(name_max="255"))
     raise CaseFailed(
-        f"{name} carries another value than was ordered",
+        UserMessage("{name} carries another value than was ordered", name=name),
         expected=show(wanted, limit=255),
         observed=show(data, limit=255),
         requirement=requirement,
@@ -315,7 +329,7 @@ def tells(  # noqa: PLR0913 - an answer, and what is thought of it
     data = REPLIES[name] if data is None else data
     line.send_frame(line.frame(name, data=data)._replace(opcode=request.frame.opcode))
     if odd and not subject.settled(call).ok:
-        message = f"{name}: {show(data)} is told as an error"
+        message = UserMessage("{name}: {data} is told as an error", name=name, data=show(data))
         subject.tolerate(requirement or "T/9", *odd, message)
         return
     expect_told(subject, call, name, data, requirement=requirement)
@@ -347,7 +361,7 @@ def accomplished(subject: "ClientUnderTest", call: Call, *, requirement: str = "
         refused = result.get("accepted") is False or result.get("outcome", _DONE) != _DONE
         if refused:
             raise CaseFailed(
-                f"{call.name} was done, and the client says otherwise",
+                UserMessage("{call} was done, and the client says otherwise", call=call.name),
                 expected="accepted and done",
                 observed=f"{call}",
                 requirement=requirement,
@@ -380,7 +394,7 @@ def refused(
         subject.fails(call, requirement=requirement)
         return
     raise CaseFailed(
-        f"the client sends what it has to refuse: {call.name}",
+        UserMessage("the client sends what it has to refuse: {call}", call=call.name),
         expected="nothing",
         observed=sent,
         requirement=requirement,

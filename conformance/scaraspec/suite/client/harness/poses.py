@@ -14,6 +14,7 @@ from scaraspec.suite.client.harness.driver_values import same
 from scaraspec.suite.client.harness.request_checks import near, numbers_of
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect, told
+from scaraspec.user_message import UserMessage
 
 USEFUL: Final = ("x", "y", "z", "theta_x")
 """What means something."""
@@ -36,7 +37,7 @@ def expect_pose(
         and len(sent) == len(wanted)
         and all(map(near, sent[:meant], wanted))
         and all(near(number, due) or not number for number, due in zip(sent, wanted, strict=True)),
-        f"what {answer.seen.name} carries",
+        UserMessage("what {seen} carries", seen=answer.seen.name),
         expected="|".join(f"{number:.15g}" for number in wanted),
         observed=told(answer.frame.data),
     )
@@ -58,7 +59,7 @@ def gives_pose(subject: ClientUnderTest, call: Call, due: Pose, *, requirement: 
     useless = {name: values.get(name) or 0 for name in Pose._fields[len(USEFUL) :]}
     expect(
         right and all(same(v, 0) or same(v, getattr(due, name)) for name, v in useless.items()),
-        f"what the client says of {call.name}",
+        UserMessage("what the client says of {call}", call=call.name),
         expected=f"{due._asdict()}",
         observed=f"{result}",
         requirement=requirement,

@@ -15,6 +15,7 @@ from scaraspec.suite.client.harness.client_under_test import ClientUnderTest
 from scaraspec.suite.client.harness.incoming_connection import IncomingConnection
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import OperationRefused, expect, told
+from scaraspec.user_message import UserMessage
 
 _DECIMAL: Final = re.compile(rb"-?[0-9]+(\.[0-9]+)?")
 _NEAR: Final = 5e-4  # nobody need write more than three decimals (A-T-5)
@@ -50,7 +51,7 @@ def expect_numbers(
     sent = numbers_of(answer)
     expect(
         sent is not None and len(sent) == len(ordered) and all(map(near, sent, ordered)),
-        f"what {answer.seen.name} carries",
+        UserMessage("what {seen} carries", seen=answer.seen.name),
         expected="|".join(map(plain, ordered)),
         observed=told(answer.frame.data),
         requirement=requirement,

@@ -16,6 +16,7 @@ from scaraspec.suite.engine.expectations import (
     OperationRefused,
 )
 from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
+from scaraspec.user_message import UserMessage
 
 _LOOK_S: Final = 0.02
 _GRACE_S: Final = 0.5  # until a client that has given up says so
@@ -45,13 +46,18 @@ def survived(
     subject.pause(limits.survived_s * share)
     passed_s = silence.passed_s
     try:
-        message = f"a transfer did not survive {limits.survived_s * share:g} s of silence"
+        message = UserMessage(
+            "a transfer did not survive {survived_s:g} s of silence",
+            survived_s=limits.survived_s * share,
+        )
         subject.undone(call, message)
         go_on()
     except CaseFailed as error:
         if passed_s > limits.early_s:
             raise CaseInconclusive(
-                f"this machine is too slow: it was silent for {passed_s:g} s"
+                UserMessage(
+                    "this machine is too slow: it was silent for {passed_s:g} s", passed_s=passed_s
+                )
             ) from None
         error.requirement = requirement
         raise
@@ -74,14 +80,18 @@ def given_up(subject: ClientUnderTest, call: Call, requirement: str) -> None:
         raise
     if passed_s < limits.survived_s:
         raise CaseFailed(
-            f"a transfer was given up after {passed_s:.2f} s of silence",
+            UserMessage(
+                "a transfer was given up after {passed_s:.2f} s of silence", passed_s=passed_s
+            ),
             expected=f"at least {limits.survived_s:.2f} s",
             observed=f"{passed_s:.2f} s",
             requirement=requirement,
         )
     if not limits.early_s <= passed_s <= limits.late_s:
         option = "less" if passed_s < limits.early_s else "more"
-        message = f"a transfer was given up after {passed_s:.2f} s of silence"
+        message = UserMessage(
+            "a transfer was given up after {passed_s:.2f} s of silence", passed_s=passed_s
+        )
         subject.tolerate(requirement, "xfer_timeout", option, message)
 
 

@@ -20,6 +20,7 @@ from scaraspec.suite.engine.expectations import (
     expect,
     expect_equal,
 )
+from scaraspec.user_message import UserMessage
 
 _TIMES: Final = 100  # A-2-7
 _AGAIN: Final = 20
@@ -46,7 +47,12 @@ def test_port(subject: ControllerUnderTest) -> None:
         line.ask("get_status")
         line.close()
     if port != DEFAULT_PORT:
-        subject.tolerate("2/2", "A-2-1", f"port {port}", f"it was reached on port {port}")
+        subject.tolerate(
+            "2/2",
+            "A-2-1",
+            UserMessage("port {port}", port=port),
+            UserMessage("it was reached on port {port}", port=port),
+        )
 
 
 @case("2/13")

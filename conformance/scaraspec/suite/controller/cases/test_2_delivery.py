@@ -24,6 +24,7 @@ from scaraspec.suite.controller.harness.requests.queries import Query, known_to,
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply
+from scaraspec.user_message import UserMessage
 
 _BURST: Final = 250  # more than a kilobyte, which a small buffer holds; the judge follows 256
 _CARRIERS: Final = (GET_TIME, GET_VERSION, GET_STATUS)
@@ -156,4 +157,9 @@ def _or_one_at_a_time(subject: ControllerUnderTest, line: OutgoingConnection, na
     except NoReply:
         if not takes_one_at_a_time(subject) or line.ending is not None:
             raise
-        subject.tolerate("2/6", "pipelining", "one", f"{name} behind another one was not served")
+        subject.tolerate(
+            "2/6",
+            "pipelining",
+            "one",
+            UserMessage("{name} behind another one was not served", name=name),
+        )

@@ -38,6 +38,7 @@ from scaraspec.suite.engine.expectations import (
     expect_equal,
 )
 from scaraspec.suite.program_files.layout import short_program
+from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
     from scaraspec.traffic.events import FrameSeen
@@ -105,7 +106,9 @@ class _Stranger:
         for seen in self.granted:
             expect(
                 condition=False,
-                message=f"{seen.name} was accepted on a connection that had not logged in",
+                message=UserMessage(
+                    "{seen} was accepted on a connection that had not logged in", seen=seen.name
+                ),
                 expected="silence, a refusal or the end of the connection",
                 observed=f"{seen.frame}",
             )

@@ -16,6 +16,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
+from scaraspec.user_message import UserMessage
 
 _STATE: Final = (Hazard.STATE,)
 _LONG: Final = 60  # requests for each example that is asked for
@@ -79,7 +80,7 @@ def _ask_under_its_opcode(
             error.requirement = "3/31"
             raise
         raise CaseFailed(
-            f"{name} was answered under another opcode",
+            UserMessage("{name} was answered under another opcode", name=name),
             expected=f"{BY_NAME[name].opcode:02X}",
             observed=f"{line.inbox[0].frame}",
             requirement="3/11",
@@ -127,7 +128,11 @@ def test_long_session(subject: ControllerUnderTest, line: OutgoingConnection) ->
             data = line.ask(*query).frame.data
             expect(
                 query.name not in _CONSTANT or said.setdefault(query.name, data) == data,
-                f"in round {number} of a long session {query.name} is answered otherwise",
+                UserMessage(
+                    "in round {number} of a long session {query} is answered otherwise",
+                    number=number,
+                    query=query.name,
+                ),
                 expected=show(said.get(query.name, b"")),
                 observed=show(data),
             )

@@ -36,6 +36,7 @@ from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
 from scaraspec.suite.program_files.layout import short_program
 from scaraspec.traffic.events import FrameSeen
+from scaraspec.user_message import UserMessage
 
 _BLAME: Final[Mapping[Fault, str]] = {
     Fault.START: "3/4",
@@ -98,7 +99,7 @@ def _no_noise(line: OutgoingConnection, name: str) -> None:
         if requirement == "3/7" and found.observed == "0":
             requirement = "3/8"
         raise CaseFailed(
-            f"{name} was answered with bytes that are no frame",
+            UserMessage("{name} was answered with bytes that are no frame", name=name),
             expected=f"{found.fault.value} {found.expected}",
             observed=noise.data.hex(" "),
             requirement=requirement,
@@ -183,7 +184,12 @@ def _is_silent(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             observed=f"{seen.frame}",
             requirement="3/16",
         )
-        subject.tolerate("3/26", "A-3-16", "unsolicited frame", f"{seen.frame} came unasked")
+        subject.tolerate(
+            "3/26",
+            "A-3-16",
+            "unsolicited frame",
+            UserMessage("{frame} came unasked", frame=seen.frame),
+        )
     line.inbox.clear()
 
 
@@ -236,7 +242,13 @@ def test_every_length(subject: ControllerUnderTest, line: OutgoingConnection) ->
         many, rest = divmod(length_bytes, len(GET_TIME))
         line.send_bytes(Frame(A2C, 0x08, b"0" * rest + GET_TIME * many).encode())
         others = [seen for seen in _came(subject, line) if seen.frame.opcode not in pushed]
-        expect(not others, f"behind {length_bytes} bytes of data the frames are out of step")
+        expect(
+            not others,
+            UserMessage(
+                "behind {length_bytes} bytes of data the frames are out of step",
+                length_bytes=length_bytes,
+            ),
+        )
         if line.ending is not None:
             line = subject.open()
 

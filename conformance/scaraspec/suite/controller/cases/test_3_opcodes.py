@@ -31,6 +31,7 @@ from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect, ex
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 from scaraspec.suite.program_files.listed import store_program
+from scaraspec.user_message import UserMessage
 
 _UNDEFINED: Final = tuple(o for o in range(256) if o not in BY_OPCODE and o != TAG)
 """No reply can bear the tag for its opcode (A-3-5), so what follows it is read on no connection."""
@@ -183,7 +184,10 @@ def _only_themselves(
             observed=f"{seen.frame}",
         )
         subject.tolerate(
-            "3/21", "on_unknown", "0", f"an undefined opcode is answered: {seen.frame}"
+            "3/21",
+            "on_unknown",
+            "0",
+            UserMessage("an undefined opcode is answered: {frame}", frame=seen.frame),
         )
     line.inbox.clear()
 
@@ -210,4 +214,8 @@ def _expect_unchanged(subject: ControllerUnderTest, before: dict[str, Any]) -> N
     moved = farthest(after.pop("joints"), joints)
     expect(moved <= STANDSTILL, "an undefined opcode has moved the arm", observed=f"by {moved:.2f}")
     for name, data in before.items():
-        expect_equal(after[name], data, f"an undefined opcode has changed what {name} tells")
+        expect_equal(
+            after[name],
+            data,
+            UserMessage("an undefined opcode has changed what {name} tells", name=name),
+        )

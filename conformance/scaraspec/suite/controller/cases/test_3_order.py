@@ -39,6 +39,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import given
 from scaraspec.suite.engine.expectations import CaseInconclusive, CaseSkipped, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
+from scaraspec.user_message import UserMessage
 
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
@@ -84,7 +85,12 @@ def test_same_opcode(subject: ControllerUnderTest) -> None:
     line.send_bytes(line.request("get_status").encode() * 20)
     replies_to(line, [Query("get_status")] * 20)
     for seen in line.sync():
-        subject.tolerate("3/26", "A-3-16", "unsolicited frame", f"{seen.frame} came unasked")
+        subject.tolerate(
+            "3/26",
+            "A-3-16",
+            "unsolicited frame",
+            UserMessage("{frame} came unasked", frame=seen.frame),
+        )
 
 
 # ---------------------------------------------------------------------- effects

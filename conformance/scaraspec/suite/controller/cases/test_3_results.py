@@ -43,6 +43,7 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply, expect
 from scaraspec.traffic.events import FrameSeen, InvalidBytes
+from scaraspec.user_message import UserMessage
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
 _LATER_S: Final = 0.4  # for how long a second result is looked for
@@ -69,7 +70,7 @@ def test_one_tagged_result(
         return
     expect(
         first.seen.place.offset_bytes < result.seen.place.offset_bytes,
-        f"the final result of {name} came ahead of its first reply",
+        UserMessage("the final result of {name} came ahead of its first reply", name=name),
         expected="the first reply first",
         observed="the final result first",
         requirement="3/16",
@@ -96,7 +97,7 @@ def _expect_tagged(subject: ControllerUnderTest, name: str) -> None:
     for seen in subject.observer.recent:
         if seen.place.direction is C2A and _lacks_its_tag(seen, opcode):
             raise CaseFailed(
-                f"the final result of {name} came without the tag",
+                UserMessage("the final result of {name} came without the tag", name=name),
                 expected=f"{TAG:02X} {opcode:02X}",
                 observed=f"{seen.frame}" if isinstance(seen, FrameSeen) else show(seen.data[:8]),
                 requirement="3/12",

@@ -35,6 +35,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply, expect
+from scaraspec.user_message import UserMessage
 
 _LONG_BYTES: Final = 5000
 _HANGING: Final = 4
@@ -276,7 +277,7 @@ def test_bystander(subject: ControllerUnderTest) -> None:
         bystander.pump()
         expect(
             bystander.ending is None,
-            f"{show(data)} on one connection has ended another",
+            UserMessage("{data} on one connection has ended another", data=show(data)),
             expected="a connection that stays",
             observed="the end of both",
         )

@@ -10,6 +10,7 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect
+from scaraspec.user_message import UserMessage
 
 _LOGINS = 5
 
@@ -46,7 +47,7 @@ def _expect_refused(
     _expect_flag(answer)
     expect(
         not answer.accepted,
-        f"{what} was accepted",
+        UserMessage("{what} was accepted", what=what),
         expected="0",
         observed=f"{answer}",
         requirement="4.1/3",

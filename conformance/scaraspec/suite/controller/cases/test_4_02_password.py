@@ -16,6 +16,7 @@ from scaraspec.suite.controller.harness.suite_passwords import PLAIN_PASSWORD
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseFailed, CaseSkipped, NoReply, expect
+from scaraspec.user_message import UserMessage
 
 _EMPTY_FIELDS = ("empty in old", "empty in new")
 _TRIED = ("no-bars", "empty-payload", "last-missing", *_EMPTY_FIELDS)
@@ -54,7 +55,12 @@ def test_changed(subject: ControllerUnderTest) -> None:
             changed = expect_changed(line, old, new)
             line.close()
             if not changed:
-                subject.tolerate("4.2/2", "A-4.1-3", "refused", f"{show(new)} may be no password")
+                subject.tolerate(
+                    "4.2/2",
+                    "A-4.1-3",
+                    "refused",
+                    UserMessage("{new} may be no password", new=show(new)),
+                )
                 continue
             _expect_login(subject, new, "the new password does not open the next login", "4.2/4")
             if old == first:  # one wrong attempt is enough (A-4.1-2)
@@ -127,6 +133,12 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             if f"{wrong}" == "empty in new":
                 line.ask("set_password", data=b"|" + right)
             if f"{wrong}" in _EMPTY_FIELDS:  # split at the first bar (A-4.2-3)
-                subject.tolerate("4.2/6", "A-4.2-3", "split", f"{wrong} was accepted")
+                subject.tolerate(
+                    "4.2/6", "A-4.2-3", "split", UserMessage("{wrong} was accepted", wrong=wrong)
+                )
                 continue
-            raise CaseFailed(f"{wrong} was accepted", expected="0", observed=f"{offered}")
+            raise CaseFailed(
+                UserMessage("{wrong} was accepted", wrong=wrong),
+                expected="0",
+                observed=f"{offered}",
+            )

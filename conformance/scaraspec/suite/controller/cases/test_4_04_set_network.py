@@ -26,6 +26,7 @@ from scaraspec.suite.engine.expectations import (
     NoReply,
     expect,
 )
+from scaraspec.user_message import UserMessage
 
 _MASKS: Final = ("255.255.255.0", "255.255.0.0")
 
@@ -79,7 +80,7 @@ def _set(
     except NoReply as error:
         if line.ending is None:
             raise CaseFailed(
-                f"{error}",
+                str(error),
                 expected=error.expected,
                 observed=error.observed,
                 requirement="4.4/2",
@@ -182,7 +183,7 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             line = offered.line
             expect(
                 not (offered.accepted and wrong.firm),
-                f"{wrong} was accepted as a network",
+                UserMessage("{wrong} was accepted as a network", wrong=wrong),
                 expected="0",
                 observed=f"{offered}",
             )
@@ -191,7 +192,10 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
                 line = _set(subject, line, before, again=True)
             elif (shown := _read(line)) != before:
                 raise CaseFailed(
-                    f"a network with {wrong} was refused and has changed the network",
+                    UserMessage(
+                        "a network with {wrong} was refused and has changed the network",
+                        wrong=wrong,
+                    ),
                     expected="|".join(before),
                     observed="|".join(shown),
                     requirement="4.4/2",

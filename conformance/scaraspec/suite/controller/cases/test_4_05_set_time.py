@@ -22,6 +22,7 @@ from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.engine.strategies import payload_values
 from scaraspec.suite.program_files.bench import PROGRAMS, running
+from scaraspec.user_message import UserMessage
 
 _NS: Final = 1e9
 _SECOND: Final = timedelta(seconds=1)
@@ -94,7 +95,10 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
         answer = line.ask("set_time", time)
         if answer.accepted:
             first = Reading(time, asked_s, answer.time_s)
-        message = f"a setting while a program ran was answered {answer}, and the clock is another"
+        message = UserMessage(
+            "a setting while a program ran was answered {answer}, and the clock is another",
+            answer=answer,
+        )
         expect_ran(subject, first, read(subject, line), message, "4.5/4")
 
 
@@ -119,7 +123,7 @@ def _expect_rollover(
 ) -> Reading:
     first = set_to(subject, line, time - _SECOND)
     line.wait(_AFTER_S / subject.ics.time_scale)
-    message = f"the clock does not go over to {time}"
+    message = UserMessage("the clock does not go over to {time}", time=time)
     expect_ran(subject, first, read(subject, line), message, "4.5/6")
     return first
 
@@ -154,11 +158,13 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             line = offered.line
             expect(
                 not (offered.accepted and wrong.firm),
-                f"{wrong} was accepted as a time",
+                UserMessage("{wrong} was accepted as a time", wrong=wrong),
                 expected="0",
                 observed=f"{offered}",
             )
             if offered.accepted:
                 first = set_to(subject, line, _NOON)
-            message = f"the clock did not go on as before when {wrong} was refused"
+            message = UserMessage(
+                "the clock did not go on as before when {wrong} was refused", wrong=wrong
+            )
             expect_ran(subject, first, read(subject, line), message)

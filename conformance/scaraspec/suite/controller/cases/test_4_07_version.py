@@ -4,6 +4,7 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect, expect_equal
+from scaraspec.user_message import UserMessage
 
 _TIMES = 300
 
@@ -20,7 +21,7 @@ def test_constant(subject: ControllerUnderTest, line: OutgoingConnection) -> Non
     """The version is the same however often it is asked for, and on another connection."""
     first = line.ask("get_version").value
     for number in range(2, _TIMES):
-        message = f"request {number} for the version gave another one"
+        message = UserMessage("request {number} for the version gave another one", number=number)
         expect_equal(line.ask("get_version").value, first, message)
     line.close()
     version = subject.open().ask("get_version").value

@@ -26,6 +26,7 @@ from scaraspec.suite.engine.expectations import (
     expect,
     expect_equal,
 )
+from scaraspec.user_message import UserMessage
 
 _IDLE: Final = "00"
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
@@ -64,7 +65,7 @@ def test_idle_once_refused(subject: ControllerUnderTest, line: OutgoingConnectio
     for command in ("run_program", "simulate_program"):
         if line.ask(command, missing).accepted:  # it may fail late (A-4.15-1)
             line.result(command)
-        message = f"the status is not 00 once {command} was refused"
+        message = UserMessage("the status is not 00 once {command} was refused", command=command)
         _expect_idle(line, message)
 
 
@@ -92,7 +93,11 @@ def _watch_program(
     try:
         begin(subject, line, command, name)
         if not expect_status(subject, line, command, code, requirement):
-            raise CaseSkipped(f"{command} was over before the status could be asked for")
+            raise CaseSkipped(
+                UserMessage(
+                    "{command} was over before the status could be asked for", command=command
+                )
+            )
         for _ in range(int(_WAIT_S / _STEP_S) - 1):
             line.wait(_STEP_S / subject.ics.time_scale)
             if not expect_status(subject, line, command, code, requirement):
@@ -126,14 +131,18 @@ def _watch(
 ) -> None:
     with lasting(subject, line, command) as task:
         if not expect_status(subject, line, command, task.state, requirement):
-            raise CaseSkipped(f"{command} was over before the status could be asked for")
+            raise CaseSkipped(
+                UserMessage(
+                    "{command} was over before the status could be asked for", command=command
+                )
+            )
         line.wait(subject.ics.motion.jog_s / 2)
         expect_status(subject, line, command, task.state, requirement)
         with suppress(NoReply):  # a robot that executes need not answer (A-4-3)
             told = line.ask("get_running_program")
             expect(
                 not isinstance(told.value, RunningProgram),
-                f"a program is told to run during {command}",
+                UserMessage("a program is told to run during {command}", command=command),
                 expected="0",
                 observed=f"{told}",
                 requirement="4.9/6",

@@ -31,6 +31,7 @@ from scaraspec.suite.engine.expectations import (
 )
 from scaraspec.suite.program_files.bench import PROGRAMS
 from scaraspec.suite.program_files.listed import long_name, program_names, store_program
+from scaraspec.user_message import UserMessage
 
 _NONE: Final = (b"0", b"0||", b"\0", b"\0||")
 """No program runs; the ways to say so (A-4.9-2, A-T-1)."""
@@ -117,7 +118,7 @@ def _expect_grown(subject: ControllerUnderTest, first: _Reading, then: _Reading,
     grown_s, slack_s = then.run_time_s - first.run_time_s, _SLACK_S + _DRIFT * most_s
     expect(
         least_s - slack_s <= grown_s <= most_s + slack_s,
-        f"the run time does not grow as time passes{what}",
+        UserMessage("the run time does not grow as time passes{what}", what=what),
         expected=f"{most_s:.1f} s more than {first.run_time_s} s",
         observed=f"{then.run_time_s} s",
         requirement="4.9/5",

@@ -26,6 +26,7 @@ from scaraspec.suite.program_files.listed import (
     store_program,
 )
 from scaraspec.suite.program_files.writing import program_file, wait
+from scaraspec.user_message import UserMessage
 
 _EMPTY: Final = (b"0", b"0|", b"")
 """The list of an empty store, in the ways to tell it (A-4.10-4)."""
@@ -139,7 +140,7 @@ def test_many(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         except CaseFailed as error:
             if number < _FEW or error.requirement != "5.2/2":
                 raise
-            message = f"there is room for {number} more programs"
+            message = UserMessage("there is room for {number} more programs", number=number)
             subject.tolerate("4.10/4", "A-5-21", "full", message)
             mine.remove(longest := max(mine, key=len))
             _delete(line, longest)

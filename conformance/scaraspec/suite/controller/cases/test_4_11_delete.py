@@ -19,6 +19,7 @@ from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
 from scaraspec.suite.program_files.layout import short_program
 from scaraspec.suite.program_files.listed import INHERITED, long_name, program_names, store_program
+from scaraspec.user_message import UserMessage
 
 _DESTRUCTIVE: Final = (Hazard.STATE, Hazard.DESTRUCTIVE)
 _TIMES: Final = 3
@@ -49,7 +50,7 @@ def _expect_refused(
     try_request = offer(subject, line, "delete_program", wrong)
     expect(
         not try_request.accepted,
-        f"{wrong.kind} was deleted with the answer 1",
+        UserMessage("{kind} was deleted with the answer 1", kind=wrong.kind),
         expected="0",
         observed=f"{try_request} to {show(wrong.data)}",
         requirement=requirement,
@@ -103,7 +104,9 @@ def _goes_alone(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     for other in others:
         expect(
             other in left,
-            f"the deletion of {show(name)} took {show(other)} along",
+            UserMessage(
+                "the deletion of {name} took {other} along", name=show(name), other=show(other)
+            ),
             expected="listed still",
             observed="not in the list",
             requirement="4.10/11",
@@ -123,7 +126,7 @@ def test_not_run(subject: ControllerUnderTest, line: OutgoingConnection) -> None
                 answer = line.result(command)
             expect(
                 not (answer.done or answer.accepted),
-                f"{command} still finds a program that was deleted",
+                UserMessage("{command} still finds a program that was deleted", command=command),
                 expected="0|20",
                 observed=f"{answer}",
             )

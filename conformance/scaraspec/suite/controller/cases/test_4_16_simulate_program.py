@@ -27,6 +27,7 @@ from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.program_files.layout import configured, layout_in_use
 from scaraspec.suite.program_files.writing import program_file, set_output, wait
+from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 
@@ -39,7 +40,7 @@ def test_first_reply(subject: ControllerUnderTest, line: OutgoingConnection) -> 
         expect_first_reply(name, answer)
         expect(
             text_of(answer) == b"1",
-            f"the first reply to {name} is more than the flag 1",
+            UserMessage("the first reply to {name} is more than the flag 1", name=name),
             expected="1",
             observed=f"{answer}",
         )

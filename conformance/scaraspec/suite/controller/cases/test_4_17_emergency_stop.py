@@ -51,6 +51,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
+from scaraspec.user_message import UserMessage
 
 _BARELY_S: Final = 0.02  # a step may take but a fifth of a second
 _MOTION = (Hazard.STATE, Hazard.MOTION)
@@ -129,7 +130,7 @@ def test_stop(subject: ControllerUnderTest, line: OutgoingConnection, name: str)
             task.lasts()
         expect(
             answer.accepted,
-            f"the stop is refused while {name} executes",
+            UserMessage("the stop is refused while {name} executes", name=name),
             expected="1",
             observed=f"{answer}",
         )
@@ -154,7 +155,7 @@ def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
     own = interrupted(line, task.name)
     expect(
         own is None or not own.done or task.name == JOG,
-        f"{task.name} ended with 11 although a stop had interrupted it",
+        UserMessage("{task} ended with 11 although a stop had interrupted it", task=task.name),
         expected="00|code",
         observed=f"{own}",
         requirement="4.17/8",
@@ -162,7 +163,7 @@ def _expect_interrupted(line: OutgoingConnection, task: Task) -> None:
     status = status_behind(line)
     expect(
         status.value not in BUSY,
-        f"{task.name} goes on behind the stop",
+        UserMessage("{task} goes on behind the stop", task=task.name),
         expected="00",
         observed=f"{status}",
         requirement="4.17/4",

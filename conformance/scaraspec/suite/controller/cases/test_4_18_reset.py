@@ -31,6 +31,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect
+from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _REST_S = 0.3
@@ -102,7 +103,10 @@ def test_end_of_a_reset(subject: ControllerUnderTest, line: OutgoingConnection) 
         status = status_at_rest(line)
         expect(
             status.value == IDLE,
-            f"the status is {status.value} behind a reset that has succeeded",
+            UserMessage(
+                "the status is {status_value} behind a reset that has succeeded",
+                status_value=status.value,
+            ),
             expected=IDLE,
             observed=f"{status}",
             requirement="4/7",

@@ -28,6 +28,7 @@ from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.program_files.bench import PROGRAMS, running
 from scaraspec.suite.program_files.listed import store_program
+from scaraspec.user_message import UserMessage
 
 _EXAMPLE: Final = Point(200, 300, 456)  # L438
 _PLAIN: Final = Point(1.5, -2, 30.5)
@@ -107,7 +108,10 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
         for wanted in examples((_PLAIN, _OTHER)):
             before = gripper_of(line)
             answer = line.ask("set_gripper_center", wanted)
-            message = f"a setting while a program ran was answered {answer}, and 0x34 gives another"
+            message = UserMessage(
+                "a setting while a program ran was answered {answer}, and 0x34 gives another",
+                answer=answer,
+            )
             expect_numbers(
                 gripper_of(line), wanted if answer.accepted else before, message, "4.20/3"
             )
@@ -145,13 +149,15 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             line = offered.line
             expect(
                 not (offered.accepted and wrong.firm),
-                f"{wrong} was accepted as a gripper centre",
+                UserMessage("{wrong} was accepted as a gripper centre", wrong=wrong),
                 expected="0",
                 observed=f"{offered}",
             )
             if offered.accepted:
                 _set(subject, line, _PLAIN)
-            message = f"a gripper centre with {wrong} was refused and has changed it"
+            message = UserMessage(
+                "a gripper centre with {wrong} was refused and has changed it", wrong=wrong
+            )
             expect_numbers(gripper_of(line), _PLAIN, message, "4.20/3")
 
 

@@ -21,6 +21,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, running
+from scaraspec.user_message import UserMessage
 
 _MEANT: Final = 4  # x, y, z and thetaX; the others mean nothing (L1006)
 _ASIDE: Final = 0.5  # mm or degrees
@@ -112,7 +113,10 @@ def test_set_while_running(subject: ControllerUnderTest, line: OutgoingConnectio
             for step in examples((_ASIDE, -_ASIDE)):
                 wanted, before = near._replace(z=near.z + step), initial_of(line)
                 answer = _set(line, wanted)
-                message = f"a setting while a program ran was answered {answer}, and 0x37 differs"
+                message = UserMessage(
+                    "a setting while a program ran was answered {answer}, and 0x37 differs",
+                    answer=answer,
+                )
                 _expect_shown(line, wanted if answer.accepted else before, message)
 
 
@@ -128,13 +132,15 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             line = offered.line
             expect(
                 not (offered.accepted and wrong.firm),
-                f"{wrong} was accepted as an initial tool position",
+                UserMessage("{wrong} was accepted as an initial tool position", wrong=wrong),
                 expected="0",
                 observed=f"{offered}",
             )
             if offered.accepted:
                 _set(line, near)
-            message = f"a position with {wrong} was refused and has changed it"
+            message = UserMessage(
+                "a position with {wrong} was refused and has changed it", wrong=wrong
+            )
             _expect_shown(line, near, message)
 
 

@@ -44,6 +44,7 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import expect
+from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.MOTION,)
 _BEYOND_MM: Final = 1_000_000.0
@@ -85,7 +86,9 @@ def test_impossible_moves(subject: ControllerUnderTest, line: OutgoingConnection
             if answer.accepted:  # A-4.24-5: it may be found out later
                 result = finish(subject, line, MOVE)
                 message = "an impossible move was accepted, and failed"
-                subject.tolerate("4.24/3", "A-4.24-5", f"{result.code}", message)
+                subject.tolerate(
+                    "4.24/3", "A-4.24-5", UserMessage("{code}", code=result.code), message
+                )
                 continue
             expect_first_reply(MOVE, answer)
             bare = text_of(answer) == b"0"
@@ -228,7 +231,7 @@ def test_malformed_requests(subject: ControllerUnderTest, line: OutgoingConnecti
                 expect_first_reply(MOVE, answer)
                 continue
             finish(subject, line, MOVE)
-            message = f"a request that is {wrong} was accepted"
+            message = UserMessage("a request that is {wrong} was accepted", wrong=wrong)
             subject.tolerate("4.24/3", "A-3-9", wrong.kind, message)
             _expect_unmoved(line, pose, here, f"a malformed request ({wrong}) has moved the arm")
         line = alive(subject, line)

@@ -22,6 +22,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.expectations import expect
+from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 
@@ -78,7 +79,7 @@ def test_not_during_motion(
         task.lasts()
         expect(
             answer is None or not answer.accepted,
-            f"the joints were released while {name} executed",
+            UserMessage("the joints were released while {name} executed", name=name),
             expected=f"0|{task.state}",
             observed=f"{answer}",
         )

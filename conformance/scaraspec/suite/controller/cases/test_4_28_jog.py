@@ -40,6 +40,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseSkipped, expect
+from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.MOTION,)
 _ENOUGH_MM: Final = 1.0
@@ -103,7 +104,13 @@ def test_direction(
             expect_first_reply(JOG, answer)
             accepted(JOG, jog_somewhere(subject, line))
             stop(subject, line)
-            raise CaseSkipped(f"the arm has no room towards {direction}: {answer}")
+            raise CaseSkipped(
+                UserMessage(
+                    "the arm has no room towards {direction}: {answer}",
+                    direction=direction,
+                    answer=answer,
+                )
+            )
         _jogged(subject, line)
         halt(subject, line)
         now, after = pose_of(line), joints_of(line)
@@ -116,14 +123,23 @@ def test_direction(
         single = sum(abs(p - q) > STANDSTILL for p, q in zip(joints, after, strict=True)) == 1
         if max(abs(along), across) <= STANDSTILL:
             longest_s = subject.ics.motion.jog_s
-            message = f"the arm did not move towards {direction} within {longest_s:g} s"
-            raise CaseSkipped(f"{message}: it has no room there, or needs a longer [motion] jog_s")
+            message = UserMessage(
+                "the arm did not move towards {direction} within {longest_s:g} s",
+                direction=direction,
+                longest_s=longest_s,
+            )
+            raise CaseSkipped(
+                UserMessage(
+                    "{message}: it has no room there, or needs a longer [motion] jog_s",
+                    message=message,
+                )
+            )
         if single and along < across:
             subject.tolerate("4.28/3", "A-4.28-2", "joints", "a jog moved a single joint")
             return
         expect(
             along > across,
-            f"a jog towards {direction} moved the arm another way",
+            UserMessage("a jog towards {direction} moved the arm another way", direction=direction),
             expected=f"{direction}",
             observed=f"from {pose[:3]} to {now[:3]}",
         )
@@ -184,7 +200,12 @@ def test_end_of_a_jog(subject: ControllerUnderTest, line: OutgoingConnection) ->
 def test_to_the_limit(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     """A jog that meets the end of the arm's travel ends there, or is stopped there (A-4.28-3)."""
     if subject.access.patience_s < _TO_THE_LIMIT_S:
-        raise CaseSkipped(f"it lasts up to {_TO_THE_LIMIT_S:.0f} s: grant them with --patience")
+        raise CaseSkipped(
+            UserMessage(
+                "it lasts up to {to_the_limit_s:.0f} s: grant them with --patience",
+                to_the_limit_s=_TO_THE_LIMIT_S,
+            )
+        )
     with returning(subject, line):
         answer = begin_jog(subject, line, JogDirection.PLUS_X)
         if not answer.accepted:
@@ -267,7 +288,7 @@ def test_no_direction(subject: ControllerUnderTest, line: OutgoingConnection) ->
             answer = try_request(line, JOG, data=wrong.data)
             expect(
                 answer is None or not answer.accepted,
-                f"a jog was accepted whose direction is none: {wrong}",
+                UserMessage("a jog was accepted whose direction is none: {wrong}", wrong=wrong),
                 expected="0|05, or silence",
                 observed=f"{answer}",
             )
@@ -330,7 +351,10 @@ def _expect_same_way(
     """Fail the subject if one notation of a direction moves the arm against the other one."""
     expect(
         first[0] * second[0] + first[1] * second[1] > 0,
-        f"a binary byte for {direction} does not move the arm as the digit does",
+        UserMessage(
+            "a binary byte for {direction} does not move the arm as the digit does",
+            direction=direction,
+        ),
         expected=f"along {first}",
         observed=f"along {second}",
         requirement="4.28/3",

@@ -35,6 +35,7 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseSkipped, expect, expect_equal, expect_in
 from scaraspec.suite.program_files.bench import PROGRAMS, running
+from scaraspec.user_message import UserMessage
 
 _MOTION: Final = (Hazard.STATE, Hazard.MOTION)
 _FLAGS: Final = (b"0", b"1")
@@ -56,7 +57,12 @@ def test_each_output(line: OutgoingConnection) -> None:
                 answer = set_output(line, port, on=on)
                 if answer.accepted:
                     now = with_port(now, port, on=on)
-                told = f"output {port} was set to {on:d}, which was answered {answer}"
+                told = UserMessage(
+                    "output {port} was set to {on:d}, which was answered {answer}",
+                    port=port,
+                    on=on,
+                    answer=answer,
+                )
                 expect_outputs(line, now, told)
 
 
@@ -88,7 +94,9 @@ def test_all_on_and_off(subject: ControllerUnderTest, line: OutgoingConnection) 
             for port in examples(ports):
                 if set_output(line, port, on=on).accepted:
                     now = with_port(now, port, on=on)
-                told = f"output {port} was set to {on:d} as all before it were"
+                told = UserMessage(
+                    "output {port} was set to {on:d} as all before it were", port=port, on=on
+                )
                 expect_outputs(line, now, told)
         if not takes_one_at_a_time(subject):
             _expect_in_order(line, ports, now)
@@ -121,7 +129,11 @@ def test_held(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
     subject.pause(0.2)
     again = subject.open()
     try:
-        expect_outputs(again, due, f"output {port} was set on a connection that has ended")
+        expect_outputs(
+            again,
+            due,
+            UserMessage("output {port} was set on a connection that has ended", port=port),
+        )
     finally:
         set_output(again, port, on=not on)
 
@@ -158,7 +170,12 @@ def _set_meanwhile(line: OutgoingConnection, port: int, when: str) -> None:
     on = not before[port - 1]
     answer = set_output(line, port, on=on)
     due = with_port(before, port, on=on) if answer.accepted else before
-    expect_outputs(line, due, f"output {port} was set {when}", requirement="4.32/6")
+    expect_outputs(
+        line,
+        due,
+        UserMessage("output {port} was set {when}", port=port, when=when),
+        requirement="4.32/6",
+    )
 
 
 @case("4.32/4", "4.32/6", name="flags")
@@ -176,14 +193,22 @@ def test_flags(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
         for port in ALL_OUTPUTS:
             on = now[port - 1]
             data = set_output(line, port, on=on).seen.text
-            expect_in(data, _FLAGS, f"port {port} is answered with something else than a flag")
-            told = f"output {port} was set to {on:d}, as it was"
+            expect_in(
+                data,
+                _FLAGS,
+                UserMessage("port {port} is answered with something else than a flag", port=port),
+            )
+            told = UserMessage("output {port} was set to {on:d}, as it was", port=port, on=on)
             expect_outputs(line, now, told, requirement="4.32/6")
         for port in examples(range(ALL_OUTPUTS.stop, 41)):
             said, after, line = _try(subject, line, Malformed("no output", b"%d|0" % port))
-            message = f"port {port} is answered with something else than a flag"
+            message = UserMessage(
+                "port {port} is answered with something else than a flag", port=port
+            )
             expect_in(said, (*_FLAGS, None), message)
-            message = f"port {port} was switched off, and an output has changed"
+            message = UserMessage(
+                "port {port} was switched off, and an output has changed", port=port
+            )
             expect_equal(digits(after), digits(now), message, requirement="4.32/6")
 
 
@@ -195,9 +220,20 @@ def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) ->
             for value in examples((b"1", b"0")):
                 wrong = Malformed("no such port", port + b"|" + value)
                 said, now, line = _try(subject, line, wrong)
-                told = f"port {port.decode()} set to {value.decode()}"
-                expect(said != b"1", f"{told} is answered as done", expected="0", observed="1")
-                expect_equal(digits(now), digits(before), f"{told} has changed an output")
+                told = UserMessage(
+                    "port {decode} set to {decode_2}", decode=port.decode(), decode_2=value.decode()
+                )
+                expect(
+                    said != b"1",
+                    UserMessage("{told} is answered as done", told=told),
+                    expected="0",
+                    observed="1",
+                )
+                expect_equal(
+                    digits(now),
+                    digits(before),
+                    UserMessage("{told} has changed an output", told=told),
+                )
 
 
 @case("4.32/7")
@@ -214,10 +250,14 @@ def test_malformed(subject: ControllerUnderTest, line: OutgoingConnection) -> No
             if not wrong.firm and now != before:  # what is taken for the good one sets its port
                 set_output(line, port, on=before[port - 1])
                 now = with_port(now, port, on=before[port - 1])
-            expect_equal(digits(now), digits(before), f"an output has changed on {wrong}")
+            expect_equal(
+                digits(now),
+                digits(before),
+                UserMessage("an output has changed on {wrong}", wrong=wrong),
+            )
             expect(
                 said != b"1" or not wrong.firm,
-                f"{wrong} is answered as done",
+                UserMessage("{wrong} is answered as done", wrong=wrong),
                 expected="0",
                 observed="1",
             )
@@ -246,8 +286,12 @@ def test_other_values(subject: ControllerUnderTest, line: OutgoingConnection) ->
                 wrong = Malformed("no such value", b"%d|" % port + value)
                 _, now, line = _try(subject, line, wrong)
                 if not on and now != due:
-                    told = f"the value {value.decode()} counts for 1"
+                    told = UserMessage("the value {decode} counts for 1", decode=value.decode())
                     subject.tolerate("4.32/7", "A-4.32-4", "non-zero = 1", told)
                     set_output(line, port, on=False)
-                told = f"the value {value.decode()} for output {port} has changed an output"
+                told = UserMessage(
+                    "the value {decode} for output {port} has changed an output",
+                    decode=value.decode(),
+                    port=port,
+                )
                 expect_outputs(line, due, told)

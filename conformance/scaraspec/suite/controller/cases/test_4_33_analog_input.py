@@ -10,6 +10,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import try_request
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect
+from scaraspec.user_message import UserMessage
 
 _FORM: Final = re.compile(rb"1\|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)")
 _ERROR: Final = b"0"
@@ -26,7 +27,7 @@ def _value(line: OutgoingConnection, port: int) -> float | None:
         return None
     expect(
         _FORM.fullmatch(data),
-        f"analog input {port} is answered with something else than a number",
+        UserMessage("analog input {port} is answered with something else than a number", port=port),
         expected="1| and a number, or 0",
         observed=f"{answer}",
     )
@@ -72,7 +73,7 @@ def _shows(subject: ControllerUnderTest, line: OutgoingConnection, port: int) ->
         return False
     expect(
         None not in said,
-        f"analog input {port} is driven, and answered with an error",
+        UserMessage("analog input {port} is driven, and answered with an error", port=port),
         expected="1| and a number",
         observed="0",
     )
@@ -81,14 +82,16 @@ def _shows(subject: ControllerUnderTest, line: OutgoingConnection, port: int) ->
     shown = [zero + scale * value for value in _VALUES[2:]]
     expect(
         scale and all(abs(a - b) <= abs(scale) for a, b in zip(others, shown, strict=True)),
-        f"analog input {port} does not follow what drives it",
+        UserMessage("analog input {port} does not follow what drives it", port=port),
         expected=f"values in proportion to {_VALUES}",
         observed=f"{said}",
     )
     now = _value(line, other)
     expect(
         (now is None) == (unmoved is None) and abs((now or 0) - (unmoved or 0)) <= abs(scale),
-        f"analog input {other} changes when input {port} is driven",
+        UserMessage(
+            "analog input {other} changes when input {port} is driven", other=other, port=port
+        ),
         expected=f"{unmoved}",
         observed=f"{now}",
     )
@@ -103,12 +106,14 @@ def test_no_such_port(subject: ControllerUnderTest, line: OutgoingConnection) ->
         answer = try_request(line, "get_analog_input", data=port)
         if answer is None:
             option = "ignore" if line.ending is None else "close"
-            message = f"port {port.decode()}, which cannot be, is not answered"
+            message = UserMessage(
+                "port {decode}, which cannot be, is not answered", decode=port.decode()
+            )
             subject.tolerate("4.33/3", "A-3-9", option, message)
             continue
         expect(
             answer.seen.text == _ERROR,
-            f"port {port.decode()}, which cannot be, is read",
+            UserMessage("port {decode}, which cannot be, is read", decode=port.decode()),
             expected="0",
             observed=f"{answer}",
         )

@@ -13,6 +13,7 @@ from scaraspec.suite.controller.harness.requests.ports import (
 )
 from scaraspec.suite.engine.case import case
 from scaraspec.suite.program_files.bench import PROGRAMS, running
+from scaraspec.user_message import UserMessage
 
 
 @case("4.34/2", "4.34/4")
@@ -38,4 +39,6 @@ def test_order(line: OutgoingConnection) -> None:
             on = not before[port - 1]
             set_output(line, port, on=on)
             due = with_port(before, port, on=on)
-            expect_outputs(line, due, f"output {port} was set", requirement="4.34/3")
+            expect_outputs(
+                line, due, UserMessage("output {port} was set", port=port), requirement="4.34/3"
+            )

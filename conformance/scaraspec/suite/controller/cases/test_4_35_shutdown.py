@@ -20,6 +20,7 @@ from scaraspec.suite.engine.expectations import (
     NoReply,
     expect,
 )
+from scaraspec.user_message import UserMessage
 
 _LAST = (Hazard.MOTION, Hazard.DESTRUCTIVE)
 _SHUTDOWN: Final = "shutdown"
@@ -142,7 +143,11 @@ def _await_return(subject: ControllerUnderTest) -> None:
         return
     if hook:
         raise CaseInconclusive(
-            f"the subject did not come back within {_RETURN_S:g} s of the hook {hook}"
+            UserMessage(
+                "the subject did not come back within {return_s:g} s of the hook {hook}",
+                return_s=_RETURN_S,
+                hook=hook,
+            )
         )
     message = "the subject did not come back by itself: switch it on again"
     subject.tolerate("4.35/2", "A-4.35-2", "stays off", message)

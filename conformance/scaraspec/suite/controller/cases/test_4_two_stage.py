@@ -85,6 +85,7 @@ from scaraspec.suite.engine.expectations import (
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.program_files.bench import bench
 from scaraspec.suite.program_files.writing import wait
+from scaraspec.user_message import UserMessage
 
 _MOTION = (Hazard.STATE, Hazard.MOTION)
 _SOON_S = 0.5
@@ -113,7 +114,7 @@ def test_one_reply_and_one_result(
     if performed.result is not None and performed.result.done is not False:
         expect(
             text_of(performed.result) == b"11",
-            f"the final result of {name} is neither success nor failure",
+            UserMessage("the final result of {name} is neither success nor failure", name=name),
             expected="11",
             observed=f"{performed.result}",
             requirement="4/2",
@@ -189,7 +190,7 @@ def test_stopped_commands_fail(subject: ControllerUnderTest, line: OutgoingConne
             if result is not None and result.done is not True:
                 expect(
                     isinstance(result.value, Outcome) and len(text_of(result)) == 5,
-                    f"the failure of {name} is not 00|code",
+                    UserMessage("the failure of {name} is not 00|code", name=name),
                     expected="00|code",
                     observed=f"{result}",
                     requirement="4/3",
@@ -259,13 +260,19 @@ def test_faults_refuse(
             bare = name == MOVE and text_of(first) == b"0"  # err_bare0
             expect(
                 bare or (told is not None and not told.done and told.code == code),
-                f"a robot with the fault {code} does not refuse {name} with it",
+                UserMessage(
+                    "a robot with the fault {code} does not refuse {name} with it",
+                    code=code,
+                    name=name,
+                ),
                 expected=f"0|{code}",
                 observed=f"{first}",
             )
             if first.accepted:
-                message = f"{name} was accepted, and failed for a fault that was there before"
-                subject.tolerate("4/4", "A-4-1", f"00|{code}", message)
+                message = UserMessage(
+                    "{name} was accepted, and failed for a fault that was there before", name=name
+                )
+                subject.tolerate("4/4", "A-4-1", UserMessage("00|{code}", code=code), message)
     finally:
         _mend(subject, line)
 
@@ -359,7 +366,11 @@ def test_idle_afterwards(subject: ControllerUnderTest, line: OutgoingConnection,
     status = performed.status
     expect(
         status.value not in BUSY,
-        f"the status is still {status.value} although {name} has ended",
+        UserMessage(
+            "the status is still {status_value} although {name} has ended",
+            status_value=status.value,
+            name=name,
+        ),
         expected="00",
         observed=f"{status}",
     )
@@ -376,7 +387,7 @@ def test_never_idle_meanwhile(
             status = line.ask("get_status")
             expect(
                 status.value != IDLE or task.over,
-                f"the status is 00 while {name} executes",
+                UserMessage("the status is 00 while {name} executes", name=name),
                 expected=task.state,
                 observed=f"{status}",
             )
@@ -396,7 +407,7 @@ def _answered_late(
     try:
         line.reply(query.name)
     except NoReply as error:
-        message = f"{error} while {name} executed"
+        message = UserMessage("{error} while {name} executed", error=error, name=name)
         raise CaseFailed(message, observed=error.observed, requirement="3/31") from None
 
 
@@ -421,14 +432,14 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
             line.wait(0.05)
             expect(
                 answered < 4000,
-                f"no final result of {name} came between the replies",
+                UserMessage("no final result of {name} came between the replies", name=name),
                 expected="11",
                 observed="none",
                 requirement="3/18",
             )
         expect(
             len(results) == 1 and results[0].done,
-            f"{name} does not end with one success among other replies",
+            UserMessage("{name} does not end with one success among other replies", name=name),
             expected="11",
             observed=" ".join(map(str, results)),
             requirement="3/18",
@@ -437,7 +448,11 @@ def test_results_between_replies(subject: ControllerUnderTest, line: OutgoingCon
         status = status_at_rest(line)
         expect(
             status.value == IDLE,
-            f"the status is {status.value} although {name} has ended with success",
+            UserMessage(
+                "the status is {status_value} although {name} has ended with success",
+                status_value=status.value,
+                name=name,
+            ),
             expected=IDLE,
             observed=f"{status}",
             requirement="4/7",
@@ -459,7 +474,7 @@ def test_queries_meanwhile(subject: ControllerUnderTest, line: OutgoingConnectio
             try:
                 line.ask(*query)
             except NoReply as error:
-                message = f"{error} while a program ran"
+                message = UserMessage("{error} while a program ran", error=error)
                 raise CaseFailed(message, observed=error.observed, requirement="3/31") from None
         expect(
             not line.invalid_bytes,
@@ -495,7 +510,7 @@ def test_reply_before_execution(
     twice = range(2)  # once a packet may have been lost on its way
     expect(
         not all(_is_replied_to_at_its_end(subject, line, name, program) for _ in twice),
-        f"the first reply to {name} came late, with its final result",
+        UserMessage("the first reply to {name} came late, with its final result", name=name),
         expected="the first reply before the execution",
         observed="both at its end",
     )

@@ -29,6 +29,7 @@ from scaraspec.suite.engine.chunks import (
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, expect, expect_equal
 from scaraspec.suite.engine.file_contents import content_of
+from scaraspec.user_message import UserMessage
 
 _SIZES = (1, 200, 201, 400, 450)
 _WHOLE = content_of(450)
@@ -61,7 +62,12 @@ def test_torn_structure(subject: ControllerUnderTest, line: OutgoingConnection) 
         begin(line, subject.new_name())
         patience_s = SILENCE_S if size <= HEAD_BYTES else None  # it may be the signal of L787
         taken = offer(line, data=whole[:size], within_s=patience_s)
-        expect(not taken, f"{size} bytes were taken as a fileData", expected="0", observed="1")
+        expect(
+            not taken,
+            UserMessage("{size} bytes were taken as a fileData", size=size),
+            expected="0",
+            observed="1",
+        )
         line = again(subject, line)
 
 
@@ -251,7 +257,10 @@ def _not_complete(
     got = download(again(subject, line), name)
     if got is None:
         return
-    message = f"a file of 600 bytes was taken for complete before the chunks at {missing} came"
+    message = UserMessage(
+        "a file of 600 bytes was taken for complete before the chunks at {missing} came",
+        missing=missing,
+    )
     claimed = "chunk_order" in subject.ics.claimed
     if claimed and subject.dialect["chunk_order"] == "any" and 400 in sent:
         subject.tolerate("5.1/13", "chunk_order", "any", message)

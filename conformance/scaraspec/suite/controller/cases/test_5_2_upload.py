@@ -35,6 +35,7 @@ from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import NoReply, expect
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.strategies import NAME_CHARACTERS
+from scaraspec.user_message import UserMessage
 
 _MOST = 2**32 - 1
 _LARGEST = 70_000
@@ -71,7 +72,7 @@ def test_new_name(subject: ControllerUnderTest, line: OutgoingConnection, stem: 
     try:
         upload(line, name, b"!")
     except NameRefused as refusal:
-        subject.tolerate("5.2/2", "A-5-20", "letters and digits", f"{refusal}")
+        subject.tolerate("5.2/2", "A-5-20", "letters and digits", str(refusal))
         return
     delete(line, name)
 
@@ -84,16 +85,16 @@ def test_long_names(subject: ControllerUnderTest, line: OutgoingConnection) -> N
         name = short[:-4] + b"n" * (size - len(short)) + short[-4:]
         answer = line.ask("upload_name", data=name)
         if size <= 30:
-            message = f"a name of {size} bytes was refused"
+            message = UserMessage("a name of {size} bytes was refused", size=size)
             expect(answer.accepted, message, expected="1", observed=f"{answer}")
         if not answer.accepted:
-            message = f"a name of {size} bytes is refused"
+            message = UserMessage("a name of {size} bytes is refused", size=size)
             subject.tolerate("5.2/2", "name_max", "30", message)
             continue
         send(line, Chunk(1, 0, 1, b"!"))
         expect_stored(line, name, b"!", "5.2/2")
         cut = line.ask("download_name", data=name[:30]).accepted if size > 30 else False
-        message = f"a name of {size} bytes was cut to 30"
+        message = UserMessage("a name of {size} bytes was cut to 30", size=size)
         expect(not cut, message, expected="0 to its first 30 bytes", observed="1")
 
 
@@ -148,7 +149,7 @@ def test_path_in_a_new_name(subject: ControllerUnderTest, line: OutgoingConnecti
         name = path % plain
         try_request = malformed.offer(subject, line, "upload_name", Malformed("a path", name))
         line = try_request.line
-        message = f"the name {name.decode()} was accepted"
+        message = UserMessage("the name {decode} was accepted", decode=name.decode())
         expect(not try_request.accepted, message, expected="0", observed="1")
 
 
@@ -163,7 +164,11 @@ def test_backslash_in_a_new_name(subject: ControllerUnderTest, line: OutgoingCon
         if try_request.accepted:
             offer(line, Chunk(1, 0, 1, b"!"))
             line = again(subject, line)
-            message = f"the name {name.decode()} has stored {plain.decode()}"
+            message = UserMessage(
+                "the name {decode} has stored {decode_2}",
+                decode=name.decode(),
+                decode_2=plain.decode(),
+            )
             expect(left_behind(line, plain) is None, message, expected="0", observed="1")
 
 
@@ -178,7 +183,9 @@ def test_path_to_a_file(subject: ControllerUnderTest, line: OutgoingConnection) 
         name = path % plain
         try_request = malformed.offer(subject, line, "download_name", Malformed("a path", name))
         line = try_request.line
-        message = f"{name.decode()} fetched {plain.decode()}"
+        message = UserMessage(
+            "{decode} fetched {decode_2}", decode=name.decode(), decode_2=plain.decode()
+        )
         expect(not try_request.accepted, message, expected="0", observed="1")
 
 
@@ -191,7 +198,7 @@ def test_path_to_the_system(subject: ControllerUnderTest, line: OutgoingConnecti
     ):
         try_request = malformed.offer(subject, line, "download_name", Malformed("a path", name))
         line = try_request.line
-        message = f"{name.decode()} was fetched"
+        message = UserMessage("{decode} was fetched", decode=name.decode())
         expect(not try_request.accepted, message, expected="0", observed="1")
 
 
@@ -222,7 +229,11 @@ def test_refused_chunks_are_answered(
                 raise
             subject.tolerate("5.2/6", "A-5-26", "closed", "a chunk out of bounds ends the link")
         else:
-            message = f"a chunk of length {chunk.length} of {chunk.file_size} was not refused"
+            message = UserMessage(
+                "a chunk of length {length} of {file_size} was not refused",
+                length=chunk.length,
+                file_size=chunk.file_size,
+            )
             refused = answer.accepted is False
             expect(refused, message, expected="0", observed=f"{answer}")
             nothing_more(line, "a chunk was answered twice", "5.2/6")
@@ -246,7 +257,12 @@ def _out_of_bounds(
     for chunk in list(chunks_of(content_of(head.file_size)))[:taken_before]:
         send(line, chunk)
     taken = offer(line, head)
-    message = f"length {head.length} at {head.position} of {head.file_size} bytes was taken"
+    message = UserMessage(
+        "length {length} at {position} of {file_size} bytes was taken",
+        length=head.length,
+        position=head.position,
+        file_size=head.file_size,
+    )
     expect(not taken, message, expected="0", observed="1", requirement="5.2/10")
     line.close()
 
@@ -274,7 +290,7 @@ def test_more_than_the_buffer(subject: ControllerUnderTest) -> None:
         begin(line, subject.new_name())
         head = FILE_DATA.encode(Chunk(1000, 0, length, b""), subject.dialect)[:HEAD_BYTES]
         taken = offer(line, data=head + content_of(length))
-        message = f"a chunk of {length} bytes was taken"
+        message = UserMessage("a chunk of {length} bytes was taken", length=length)
         expect(not taken, message, expected="0", observed="1")
         line.close()
 
@@ -575,10 +591,16 @@ def _expect_too_large(subject: ControllerUnderTest, line: OutgoingConnection, si
     for larger in (size + 1, _LARGEST + 1, 2 * size + 1):
         begin(line, subject.new_name())
         taken = offer(line, Chunk(larger, 0, BUFFER_BYTES, bytes(BUFFER_BYTES)))
-        message = f"a file of {size} bytes is refused, and one of {larger} bytes is not"
+        message = UserMessage(
+            "a file of {size} bytes is refused, and one of {larger} bytes is not",
+            size=size,
+            larger=larger,
+        )
         expect(not taken, message, expected="1", observed="0", requirement="5.2/16")
         line = again(subject, line)
-    subject.tolerate("5.2/16", "A-5-25", "no room", f"there is no room for {size} bytes")
+    subject.tolerate(
+        "5.2/16", "A-5-25", "no room", UserMessage("there is no room for {size} bytes", size=size)
+    )
 
 
 @case("5.2/16", "5.2/12", name="51200")

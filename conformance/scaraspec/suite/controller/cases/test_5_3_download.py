@@ -51,6 +51,7 @@ from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.transfer_timeouts import Silence, limits_of
 from scaraspec.suite.program_files.listed import INHERITED
 from scaraspec.traffic.transfers import refuses_an_answer
+from scaraspec.user_message import UserMessage
 
 _CONTENT = content_of(650)
 
@@ -166,7 +167,7 @@ def test_content_follows(subject: ControllerUnderTest, line: OutgoingConnection)
         if not chunk.position:
             late_s = (subject.now_ns - begun_ns) / 1e9
     if late_s > subject.reply_s:
-        message = f"the first chunk came {late_s:.1f} s behind the 1"
+        message = UserMessage("the first chunk came {late_s:.1f} s behind the 1", late_s=late_s)
         subject.tolerate("5.3/4", "A-5-23", "later", message)
 
 
@@ -178,7 +179,7 @@ def test_content_at_the_edges(subject: ControllerUnderTest, line: OutgoingConnec
         upload(line, name, content)
         chunks = [chunk_of(frame) for frame in course_of(line, name)]
         got = b"".join(chunk.data for chunk in chunks)
-        message = f"the chunks of a file of {size} bytes do not hold it"
+        message = UserMessage("the chunks of a file of {size} bytes do not hold it", size=size)
         expect(got == content, message, expected=f"{size} bytes", observed=f"{len(got)} bytes")
 
 
@@ -266,22 +267,31 @@ def test_silence_of_the_client(subject: ControllerUnderTest, line: OutgoingConne
         expect(not early, message, observed=f"{early}", requirement="5.3/6")
         silence.in_time(limits.early_s)
         if not _goes_on(on, CHUNK_S):
-            message = f"an answer to a chunk after {limits.survived_s:g} s was not taken any more"
+            message = UserMessage(
+                "an answer to a chunk after {survived_s:g} s was not taken any more",
+                survived_s=limits.survived_s,
+            )
             raise CaseFailed(message, expected="the next chunk", observed="none")
 
     def early(on: OutgoingConnection, silence: Silence) -> None:
         passed_s = silence.passed_s
         if not _goes_on(on, subject.reply_s) and passed_s < subject.transfer_s:
-            message = f"a download is given up before {passed_s:g} s of silence"
+            message = UserMessage(
+                "a download is given up before {passed_s:g} s of silence", passed_s=passed_s
+            )
             subject.tolerate("5.3/7", "xfer_timeout", "less", message)
 
     def late(on: OutgoingConnection, _: Silence) -> None:
         if _still_goes_on(on):
-            message = f"a download is not given up after {limits.late_s:g} s of silence"
+            message = UserMessage(
+                "a download is not given up after {late_s:g} s of silence", late_s=limits.late_s
+            )
             subject.tolerate("5.3/7", "xfer_timeout", "more", message)
 
     def over(on: OutgoingConnection, _: Silence) -> None:
-        message = f"an answer to a chunk was taken after {limits.over_s:g} s"
+        message = UserMessage(
+            "an answer to a chunk was taken after {over_s:g} s", over_s=limits.over_s
+        )
         goes_on = _still_goes_on(on)
         expect(not goes_on, message, expected="no further chunk", observed="the next chunk")
         if on.ending is None:
@@ -341,7 +351,10 @@ def _after_refusal(
     repeated = [seen for seen in came if seen.value == chunk]
     expect(
         len(came) == len(repeated) <= 1,
-        f"after chunk {refuse_at + 1} of a download was refused, another one came",
+        UserMessage(
+            "after chunk {refuse_at} of a download was refused, another one came",
+            refuse_at=refuse_at + 1,
+        ),
         expected="none, or the same once more",
         observed="; ".join(f"{seen.frame}" for seen in came),
     )

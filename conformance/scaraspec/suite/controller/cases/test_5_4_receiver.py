@@ -42,6 +42,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, exp
 from scaraspec.suite.engine.file_contents import content_of
 from scaraspec.suite.engine.transfer_timeouts import Limits, Silence, limits_of
 from scaraspec.suite.program_files.listed import program_names, store_program
+from scaraspec.user_message import UserMessage
 
 _CONTENT = content_of(650)
 _CHUNKS = tuple(chunks_of(_CONTENT))
@@ -103,7 +104,9 @@ def test_each_of_many_names(subject: ControllerUnderTest, line: OutgoingConnecti
         name = subject.new_name()
         full = bool(names) and not line.ask("upload_name", data=name).accepted
         if full:
-            message = f"there is room for {len(names)} more files"
+            message = UserMessage(
+                "there is room for {names_count} more files", names_count=len(names)
+            )
             subject.tolerate("5.4/2", "A-5-21", "full", message)
             delete(line, names.pop())  # then there is room again
         if full or not names:
@@ -114,8 +117,8 @@ def test_each_of_many_names(subject: ControllerUnderTest, line: OutgoingConnecti
             break
     for name in names:
         answer = line.ask("upload_name", data=name)
-        message = "the name of a file that is there was accepted"
-        expect(not answer.accepted, message, expected="0", observed=f"{answer}")
+        taken = "the name of a file that is there was accepted"
+        expect(not answer.accepted, taken, expected="0", observed=f"{answer}")
 
 
 @case("5.4/3")
@@ -212,7 +215,10 @@ def _patient(subject: ControllerUnderTest, limits: Limits) -> Track:
         if not taken:
             silence.in_time(limits.early_s + (CHUNK_S if taken is None else 0))
             _serving(subject, line, "a time-out")
-            message = f"an upload did not survive {limits.survived_s:g} s of silence"
+            message = UserMessage(
+                "an upload did not survive {survived_s:g} s of silence",
+                survived_s=limits.survived_s,
+            )
             raise CaseFailed(message, expected="1", observed="0 or silence", requirement="5.4/5")
 
     def rest(line: OutgoingConnection, silence: Silence) -> None:
@@ -233,10 +239,14 @@ def _reported(subject: ControllerUnderTest, silence_s: float, limits: Limits) ->
         passed_s = silence.passed_s
         alive = offer(line, _CHUNKS[1])
         if alive and silence_s >= limits.late_s:
-            message = f"an upload is not given up after {silence_s:g} s of silence"
+            message = UserMessage(
+                "an upload is not given up after {silence_s:g} s of silence", silence_s=silence_s
+            )
             subject.tolerate("5.4/5", "xfer_timeout", "more", message)
         if not alive and passed_s < subject.transfer_s:
-            message = f"an upload is given up before {passed_s:g} s of silence"
+            message = UserMessage(
+                "an upload is given up before {passed_s:g} s of silence", passed_s=passed_s
+            )
             subject.tolerate("5.4/5", "xfer_timeout", "less", message)
 
     return Track(start, ((silence_s, look),))
@@ -249,7 +259,7 @@ def _abandoned(subject: ControllerUnderTest, limits: Limits, sent: int) -> Track
     def over(line: OutgoingConnection, _: Silence) -> None:
         expect(
             not offer(line, _CHUNKS[sent]),
-            f"a chunk was taken after {limits.over_s:g} s of silence",
+            UserMessage("a chunk was taken after {over_s:g} s of silence", over_s=limits.over_s),
             expected="0",
             observed="1",
             requirement="5.4/5",
@@ -278,7 +288,7 @@ def _serving(
         except CaseFailed:
             error.requirement = "5.4/6"
             raise error from None
-        message = f"after {what} only a new connection is served"
+        message = UserMessage("after {what} only a new connection is served", what=what)
         subject.tolerate("5.4/6", "A-5-26", "closed", message)
     return line
 
@@ -289,7 +299,7 @@ def _transfers(subject: ControllerUnderTest, line: OutgoingConnection, what: str
         expect_round_trip(subject, line, b"next")
     except CaseFailed as error:
         raise CaseFailed(
-            f"after {what} no other transfer works: {error}",
+            UserMessage("after {what} no other transfer works: {error}", what=what, error=error),
             expected=error.expected,
             observed=error.observed,
             requirement="5.4/6",

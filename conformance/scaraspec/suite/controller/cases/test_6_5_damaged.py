@@ -20,6 +20,7 @@ from scaraspec.suite.engine.expectations import expect
 from scaraspec.suite.program_files.bench import PROGRAMS, Bench, bench
 from scaraspec.suite.program_files.layout import CODE_20
 from scaraspec.suite.program_files.writing import OUTPUTS, compare, curve, number, set_output, wait
+from scaraspec.user_message import UserMessage
 
 _WATCHED_S: Final = 1.0
 """For how long a damaged file that was accepted may go on without any result."""
@@ -46,7 +47,7 @@ def _never_run(subject: ControllerUnderTest, robot: Bench, content: bytes, told:
     result = robot.ended(within_s=robot.ours_s(_WATCHED_S))
     expect(
         result is None or not result.done,
-        f"{told} is reported as run",
+        UserMessage("{told} is reported as run", told=told),
         expected="a refusal or a failure",
         observed=f"{result}",
     )
@@ -86,7 +87,7 @@ def test_one_wrong_letter(subject: ControllerUnderTest, line: OutgoingConnection
         def never_run(place: int, bit: int) -> None:
             wrong = bytearray(good)
             wrong[place] ^= 1 << bit
-            told = f"a file whose mark has a wrong bit in byte {place}"
+            told = UserMessage("a file whose mark has a wrong bit in byte {place}", place=place)
             _never_run(subject, robot, bytes(wrong), told)
 
         never_run()

@@ -35,6 +35,7 @@ from scaraspec.suite.program_files.model import (
 from scaraspec.suite.program_files.strategies import blocks, variables
 from scaraspec.suite.program_files.writing import OUTPUTS, branch, compare, loop, number, variable
 from scaraspec.suite.program_files.writing import set_output as output_node
+from scaraspec.user_message import UserMessage
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _X: Final = 3
@@ -69,7 +70,9 @@ def test_output_node_alone(subject: ControllerUnderTest, line: OutgoingConnectio
             set_output(line, port, on=on)
             robot.performs([Flip(port)])
             if set_output(line, port, on=on).accepted:
-                message = f"output {port} was set once more to what a program had changed"
+                message = UserMessage(
+                    "output {port} was set once more to what a program had changed", port=port
+                )
                 expect_outputs(line, before, message, requirement="4.32/6")
 
 
@@ -86,7 +89,9 @@ def test_output_node_in_time(subject: ControllerUnderTest, line: OutgoingConnect
         on = not robot.before[first - 1]
         expect(
             robot.until(first, on=on, within_s=pause_s / 2),
-            f"output {first} is not set although the program has come to its node",
+            UserMessage(
+                "output {first} is not set although the program has come to its node", first=first
+            ),
             expected=f"{on:d}",
             observed=f"{not on:d}",
         )

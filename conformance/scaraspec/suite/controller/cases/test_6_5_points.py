@@ -15,6 +15,7 @@ from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import CaseInconclusive, expect
 from scaraspec.suite.program_files.bench import PROGRAMS, bench
 from scaraspec.suite.program_files.writing import Values, curve, straight
+from scaraspec.user_message import UserMessage
 
 _VALUES: Final = (3, 2, 1, 0)  # the last one turns nothing but the gripper
 _LEAST_SEEN: Final = 8
@@ -31,7 +32,9 @@ def _expect_at(moved: Arm, target: Values) -> None:
     where = "0x3C" if moved.meaning == "joints" else "0x38"
     expect(
         near(place, target),
-        f"after a program the values of its last point are not those of {where}",
+        UserMessage(
+            "after a program the values of its last point are not those of {where}", where=where
+        ),
         expected=f"{target}",
         observed=f"{place}",
     )
@@ -134,7 +137,9 @@ def test_several_moves(subject: ControllerUnderTest, line: OutgoingConnection) -
         place = moved.place()
         expect(
             near(place, points[0]),
-            f"a straight move does not end at the last of {_MANY + 1} points",
+            UserMessage(
+                "a straight move does not end at the last of {many} points", many=_MANY + 1
+            ),
             expected=f"{points[0]}",
             observed=f"{place}",
         )

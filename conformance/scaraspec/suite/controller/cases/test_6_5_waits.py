@@ -37,6 +37,7 @@ from scaraspec.suite.program_files.writing import (
     wait_input,
     wait_until,
 )
+from scaraspec.user_message import UserMessage
 
 _SLACK_S: Final = 0.5
 _SLACK: Final = 0.1  # of the seconds, whichever is more (6.5/20)
@@ -107,7 +108,7 @@ def test_long_wait(subject: ControllerUnderTest, line: OutgoingConnection) -> No
         result = robot.ended()
         expect(
             result is None,
-            f"a wait of {_LONG_S} s is over at once",
+            UserMessage("a wait of {long_s} s is over at once", long_s=_LONG_S),
             expected="none",
             observed=f"{result}",
         )
@@ -131,13 +132,13 @@ def _expect_lasted(subject: ControllerUnderTest, trial: Trial, waits: Sequence[i
     took_s = f"{trial.ended_s - trial.asked_s:.2f} s"
     expect(
         trial.ended_s - trial.asked_s >= seconds / scale - EARLY_S,
-        f"a wait of {seconds} s is too short",
+        UserMessage("a wait of {seconds} s is too short", seconds=seconds),
         expected=f"at least {seconds / scale:g} s",
         observed=took_s,
     )
     expect(
         trial.ended_s - trial.replied_s <= longest_s,
-        f"a wait of {seconds} s is too long",
+        UserMessage("a wait of {seconds} s is too long", seconds=seconds),
         expected=f"at most {longest_s:g} s",
         observed=took_s,
     )
@@ -163,7 +164,10 @@ def test_timer(subject: ControllerUnderTest, line: OutgoingConnection) -> None:
             problem = _timer(subject, robot, *_tick(subject, line)) and problem
     if problem and not is_utc:
         subject.tolerate(
-            "6.5/22", "A-6.5-13", "another clock", f"{problem}; but the clock does not show UTC"
+            "6.5/22",
+            "A-6.5-13",
+            "another clock",
+            UserMessage("{problem}; but the clock does not show UTC", problem=problem),
         )
     else:
         expect(not problem, problem, expected="11 at its instant", observed=problem)
@@ -243,12 +247,12 @@ def _stands_still(
     result = robot.ended()
     expect(
         result is None,
-        f"the program ends although {where}",
+        UserMessage("the program ends although {where}", where=where),
         expected="no final result",
         observed=f"{result}",
     )
     if robot.listens:
-        expect_outputs(line, due, f"the program goes on although {where}")
+        expect_outputs(line, due, UserMessage("the program goes on although {where}", where=where))
 
 
 @case("6.5/9", "6.5/21", hazards=PROGRAMS)
@@ -283,7 +287,13 @@ def _pass_and_stand(line: OutgoingConnection, robot: Bench) -> None:
                 continue
             before = outputs(line)  # a stop may have switched them off
             robot.start([waiting, set_output(OUTPUTS[0], on=not before[OUTPUTS[0] - 1])])
-            told = f"input {ports[on]} is {on:d} and the condition is {condition} with {value}"
+            told = UserMessage(
+                "input {ports} is {on:d} and the condition is {condition} with {value}",
+                ports=ports[on],
+                on=on,
+                condition=condition,
+                value=value,
+            )
             _stands_still(line, robot, before, told, for_s=_GLANCE_S)
             robot.stop()
         robot.run(passed)
@@ -304,13 +314,22 @@ def test_goes_on(subject: ControllerUnderTest, line: OutgoingConnection) -> None
         robot.start(nodes)
         due = robot.before
         for (condition, value), port, output in examples(steps):
-            told = f"input {port} does not meet condition {condition} with {value}"
+            told = UserMessage(
+                "input {port} does not meet condition {condition} with {value}",
+                port=port,
+                condition=condition,
+                value=value,
+            )
             _stands_still(line, robot, due, told)
             drive(port, on=not drive.now[port - 1])
             on = not robot.before[output - 1]
             expect(
                 robot.until(output, on=on, within_s=_SOON_S),
-                f"the program stands still although input {port} meets condition {condition}",
+                UserMessage(
+                    "the program stands still although input {port} meets condition {condition}",
+                    port=port,
+                    condition=condition,
+                ),
                 expected=f"output {output} is set to {on:d}",
                 observed="it is not",
             )
@@ -385,7 +404,11 @@ def test_analog_conditions(subject: ControllerUnderTest, line: OutgoingConnectio
                 raise CaseSkipped("in which unit the hook drives analog inputs is not known")
             robot.start([wait_input(ANALOG, condition, value) for condition, value, _ in steps])
             for condition, value, drives in examples(steps):
-                told = f"the analog input does not meet condition {condition} with {value}"
+                told = UserMessage(
+                    "the analog input does not meet condition {condition} with {value}",
+                    condition=condition,
+                    value=value,
+                )
                 _stands_still(line, robot, robot.before, told)
                 subject.hook("set_analog", port=ANALOG, value=drives)
             robot.finish()

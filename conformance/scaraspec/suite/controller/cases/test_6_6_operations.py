@@ -34,6 +34,7 @@ from scaraspec.suite.program_files.model import (
     nodes_of,
 )
 from scaraspec.suite.program_files.writing import INPUTS, OUTPUTS, input_port, number, variable
+from scaraspec.user_message import UserMessage
 
 _GOOD, _BAD = OUTPUTS[0], OUTPUTS[-1]
 _X, _Y, _Z, _W = 7, 1000, -2, 0x10007
@@ -218,7 +219,10 @@ def test_result_of_a_comparison(subject: ControllerUnderTest, line: OutgoingConn
             before = outputs(line)
             if not robot.accepts(robot.file(_two_branches(before, result))):
                 subject.tolerate(
-                    "6.6a/2", "A-6.6a-1", "refused", f"a comparison with result {result} is refused"
+                    "6.6a/2",
+                    "A-6.6a-1",
+                    "refused",
+                    UserMessage("a comparison with result {result} is refused", result=result),
                 )
                 return
             robot.finish()

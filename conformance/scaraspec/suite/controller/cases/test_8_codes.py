@@ -26,6 +26,7 @@ from scaraspec.suite.engine.case import case
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples
 from scaraspec.suite.engine.expectations import expect, expect_equal
+from scaraspec.user_message import UserMessage
 
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
 _FAULTS: Final = ("motor_fault", "clear_faults")
@@ -53,7 +54,9 @@ def _expect_code(subject: ControllerUnderTest, data: bytes) -> None:
         requirement="8/2",
     )
     if code in errors.RESERVED:
-        subject.tolerate("8/3", "A-8-3", text, f"the reserved code {text} was sent")
+        subject.tolerate(
+            "8/3", "A-8-3", text, UserMessage("the reserved code {text} was sent", text=text)
+        )
 
 
 def _code_of(answer: ReceivedFrame) -> bytes:
@@ -100,7 +103,11 @@ def test_missing_program(subject: ControllerUnderTest, line: OutgoingConnection)
         answer = line.ask(name, subject.new_name())
         if answer.accepted:
             answer = finish(subject, line, name)
-        expect_equal(answer.code, _MISSING, f"{name} of a missing program is not refused as such")
+        expect_equal(
+            answer.code,
+            _MISSING,
+            UserMessage("{name} of a missing program is not refused as such", name=name),
+        )
 
 
 @case("8/5", name="deleted", hazards=(Hazard.MOTION, Hazard.STATE))

@@ -27,6 +27,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.examples import examples, given
 from scaraspec.suite.engine.expectations import CaseFailed, expect, expect_equal
 from scaraspec.suite.program_files.layout import short_program
+from scaraspec.user_message import UserMessage
 
 _STATE: Final = (Hazard.STATE,)
 _MOTION: Final = (Hazard.MOTION, Hazard.STATE)
@@ -44,7 +45,9 @@ def _without(answers: list[ReceivedFrame], *wrongs: Defect) -> None:
         complaints = answer.seen.parsed.decoded.complaints if answer.seen.parsed else ()
         for complaint in complaints:
             if complaint.wrong in wrongs:
-                message = f"{answer.seen.name}: {complaint.text}"
+                message = UserMessage(
+                    "{seen}: {complaint_text}", seen=answer.seen.name, complaint_text=complaint.text
+                )
                 raise CaseFailed(message, observed=show(answer.frame.data))
 
 
@@ -205,9 +208,19 @@ def test_decimals_are_taken(subject: ControllerUnderTest, line: OutgoingConnecti
         for data in examples((b"20|30|40", b"20.0|30.0|40.0", b"20.000|30.00|40", b"-20|-30.5|0")):
             said = line.ask("set_gripper_center", data=data)
             if not said.accepted and subject.dialect["num_format"] == "one-decimal":
-                subject.tolerate("T/5", "num_format", "one-decimal", f"{show(data)} was refused")
+                subject.tolerate(
+                    "T/5",
+                    "num_format",
+                    "one-decimal",
+                    UserMessage("{data} was refused", data=show(data)),
+                )
                 continue
-            expect(said.accepted, f"{show(data)} was refused", expected="1", observed=f"{said}")
+            expect(
+                said.accepted,
+                UserMessage("{data} was refused", data=show(data)),
+                expected="1",
+                observed=f"{said}",
+            )
             now = line.ask("get_gripper_center").value
             wanted = Point(*map(float, data.split(b"|")))
             expect_equal(now, wanted, "numbers have changed", requirement="4.20/3")
@@ -269,9 +282,16 @@ def test_names_beyond_ascii(subject: ControllerUnderTest, line: OutgoingConnecti
         return
     for encoding in ("ascii", "utf-8", "gb18030"):
         if all(is_taken is _is_text(name, encoding) for name, is_taken in taken.items()):
-            subject.tolerate("T/8", "text_encoding", encoding, f"names refused: {refused}")
+            subject.tolerate(
+                "T/8",
+                "text_encoding",
+                encoding,
+                UserMessage("names refused: {refused}", refused=refused),
+            )
             return
-    subject.tolerate("T/8", "A-5-20", "some", f"names refused: {refused}")
+    subject.tolerate(
+        "T/8", "A-5-20", "some", UserMessage("names refused: {refused}", refused=refused)
+    )
 
 
 def _is_text(data: bytes, encoding: str) -> bool:

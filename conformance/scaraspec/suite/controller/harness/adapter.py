@@ -25,6 +25,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import Options
+from scaraspec.user_message import UserMessage
 
 _NS: Final = 1e9
 
@@ -141,8 +142,11 @@ class ControllerAdapter:
         if changes.any and not (subject.off and changes.only_outputs):
             self.journal.close()
             subject.notify(
-                "Something may be left on the controller: the next run puts it back first. "
-                f"The journal {self.journal.path or 'in memory'} says what it is"
+                UserMessage(
+                    "Something may be left on the controller: the next run puts it back "
+                    "first. The journal {value} says what it is",
+                    value=self.journal.path or "in memory",
+                )
             )
             shut_down = ["it was shut down before all was put back"] if subject.off else []
             return [*problems, *shut_down]

@@ -31,6 +31,7 @@ from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.system_under_test import StopFailure
 from scaraspec.transports.link import Link, LinkError
+from scaraspec.user_message import UserMessage
 
 SILENCE_S: Final = 0.3
 """For how long silence is listened to where no fence can show it."""
@@ -240,7 +241,9 @@ class ControllerUnderTest:
                 link = self.access.connect()
             except LinkError as error:
                 if attempt == attempts - 1:
-                    raise NoReply(f"the subject takes no connection: {error}") from None
+                    raise NoReply(
+                        UserMessage("the subject takes no connection: {error}", error=error)
+                    ) from None
                 self.access.pause(_RECONNECT_S)
                 continue
             break
@@ -346,14 +349,16 @@ class ControllerUnderTest:
         hook = self.ics.hooks.get(name)
         if hook is None:
             raise CaseSkipped(
-                f"it needs the hook {name} in [hooks] of the statement of conformance"
+                UserMessage(
+                    "it needs the hook {name} in [hooks] of the statement of conformance", name=name
+                )
             )
         self.guard.may_change(EVERYTHING)
         self.guard.stop.forget()
         try:
             hook.run(**values)
         except HookError as error:
-            raise CaseInconclusive(f"{error}") from None
+            raise CaseInconclusive(str(error)) from None
 
     def notify(self, sentence: str) -> None:
         """Say what the user must know first, now and at the head of the results."""
@@ -415,7 +420,9 @@ class ControllerUnderTest:
                 if status is None:
                     raise Unreadable("what the subject tells of its status is no status")
                 raise CaseInconclusive(
-                    f"the subject's status stays {status} and does not become 00"
+                    UserMessage(
+                        "the subject's status stays {status} and does not become 00", status=status
+                    )
                 )
             line.wait(_POLL_S)
             left_s -= _POLL_S

@@ -16,6 +16,7 @@ from scaraspec.protocol.payloads import Acceptance
 from scaraspec.suite.engine.expectations import CaseInconclusive
 from scaraspec.suite.engine.system_under_test import StopFailure
 from scaraspec.traffic.events import FrameSeen
+from scaraspec.user_message import UserMessage
 
 LATE_S: Final = 2.0
 """A first reply to a stop that comes later is as good as none."""
@@ -152,8 +153,10 @@ class StopMonitor:
         stop = pending.popleft() if pending else _Stop(now_ns, ())
         late_s = (now_ns - stop.sent_ns) / _NS
         if stop.during and late_s > LATE_S:
-            message = (
-                f"it was answered {late_s:.1f} s after it was sent, while {stop.names} executed"
+            message = UserMessage(
+                "it was answered {late_s:.1f} s after it was sent, while {names} executed",
+                late_s=late_s,
+                names=stop.names,
             )
             self.fail("4.17/6", message, f"within {LATE_S:g} s", f"{late_s:.1f} s")
         if not isinstance(seen.value, Acceptance):

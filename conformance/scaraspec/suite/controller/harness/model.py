@@ -73,6 +73,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, NoReply, expect, exp
 from scaraspec.suite.program_files.layout import configured, layout_in_use
 from scaraspec.suite.program_files.listed import program_names, store_program
 from scaraspec.suite.program_files.writing import endless_program, program_file, wait
+from scaraspec.user_message import UserMessage
 
 VALUES: Final = 4
 """How many values each number of a step may have."""
@@ -338,7 +339,7 @@ class Model:
             expect_equal(
                 show(data),
                 show(self._constant.setdefault(query.name, data)),
-                f"{query.name} is answered otherwise than before",
+                UserMessage("{query} is answered otherwise than before", query=query.name),
                 requirement="4.7/4" if query.name == "get_version" else "4.3/2",
             )
         return query.name
@@ -366,7 +367,11 @@ class Model:
             return
         expect(
             status.value == due,
-            f"the status is {status.value} while {command or 'nothing'} executes",
+            UserMessage(
+                "the status is {status_value} while {value} executes",
+                status_value=status.value,
+                value=command or "nothing",
+            ),
             expected=due,
             observed=f"{status}",
             requirement={RUN: "4.8/4", SIMULATE: "4.8/5"}.get(command, "4.8/3"),
@@ -400,8 +405,12 @@ class Model:
         answer, there = line.ask("upload_name", data=name), name in self._files
         expect(
             answer.accepted is not there,
-            f"{show(name)} was {'accepted' if there else 'refused'} although there is "
-            f"{'one' if there else 'none'}",
+            UserMessage(
+                "{name} was {value} although there is {value_2}",
+                name=show(name),
+                value="accepted" if there else "refused",
+                value_2="one" if there else "none",
+            ),
             expected="0" if there else "1",
             observed=f"{answer}",
             requirement="5.2/3" if there else "5.2/2",
@@ -421,12 +430,12 @@ class Model:
         got, due = download(line, name), self._files.get(name)
         self._fetching = line
         if due is None:
-            message = f"{show(name)} is not there and was promised"
+            message = UserMessage("{name} is not there and was promised", name=show(name))
             expect(got is None, message, expected="0", observed="1", requirement="5.3/3")
         else:
             expect(
                 got == due,
-                f"{show(name)} is not what was uploaded",
+                UserMessage("{name} is not what was uploaded", name=show(name)),
                 expected=f"{len(due)} bytes",
                 observed="0" if got is None else f"{len(got)} bytes",
                 requirement="5.2/12",
@@ -441,8 +450,12 @@ class Model:
             return f"delete {show(name)}, refused"
         expect(
             answer.accepted is there,
-            f"{show(name)} was {'not ' if there else ''}deleted although there is "
-            f"{'one' if there else 'none'}",
+            UserMessage(
+                "{name} was {value}deleted although there is {value_2}",
+                name=show(name),
+                value="not " if there else "",
+                value_2="one" if there else "none",
+            ),
             expected="1" if there else "0",
             observed=f"{answer}",
             requirement="4.11/2" if there else "4.11/4",
@@ -468,7 +481,11 @@ class Model:
         for name in self._names:
             if (name in listed) is not (name in self._files):
                 raise CaseFailed(
-                    f"{show(name)} is {'' if name in listed else 'not '}listed",
+                    UserMessage(
+                        "{name} is {value}listed",
+                        name=show(name),
+                        value="" if name in listed else "not ",
+                    ),
                     expected=" ".join(map(show, sorted(self._files))) or "none",
                     observed=" ".join(map(show, listed)) or "none",
                     requirement="4.10/11" if name in self._files else "4.11/3",
@@ -481,7 +498,9 @@ class Model:
         if name in self._files:
             expect(
                 answer.accepted,
-                f"{show(name)}, which is stored, cannot be made the default program",
+                UserMessage(
+                    "{name}, which is stored, cannot be made the default program", name=show(name)
+                ),
                 expected="1",
                 observed=f"{answer}",
                 requirement="4.13/2",
@@ -547,7 +566,11 @@ class Model:
         answer = set_output(line, port, on=on)
         expect(
             answer.accepted,
-            f"output {port}, which could be set before, cannot be set to {on:d}",
+            UserMessage(
+                "output {port}, which could be set before, cannot be set to {on:d}",
+                port=port,
+                on=on,
+            ),
             expected="1",
             observed=f"{answer}",
             requirement="4.32/4",
@@ -600,7 +623,9 @@ class Model:
         if name not in self._files:
             if answer.accepted:  # it may fail late (A-4.15-1)
                 result = line.result(command)
-                message = f"{command} of a program that is not stored ends as done"
+                message = UserMessage(
+                    "{command} of a program that is not stored ends as done", command=command
+                )
                 expect(not result.done, message, observed=f"{result}", requirement="4.15/7")
             return f"{command} {show(name)}, which is not there"
         accepted(command, answer)
@@ -621,7 +646,11 @@ class Model:
             return f"{command} {show(name)} behind the end of a simulation"
         expect(
             answer is None or not answer.accepted,
-            f"{command} is accepted while {self._running[0] if self._running else ''} executes",
+            UserMessage(
+                "{command} is accepted while {value} executes",
+                command=command,
+                value=self._running[0] if self._running else "",
+            ),
             expected="0|01 or 0|02",
             observed=f"{answer}",
             requirement="4/6",
@@ -672,7 +701,7 @@ class Model:
             return None
         expect(
             answer.accepted,
-            f"the stop is refused while {command} executes",
+            UserMessage("the stop is refused while {command} executes", command=command),
             expected="1",
             observed=f"{answer}",
             requirement="4.17/3",

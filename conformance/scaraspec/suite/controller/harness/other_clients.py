@@ -27,6 +27,7 @@ from scaraspec.suite.controller.harness.setting_values import (
 )
 from scaraspec.suite.engine.system_under_test import Interference
 from scaraspec.traffic.events import FrameSeen
+from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
     from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -105,7 +106,12 @@ class OtherClients(Interference):
             return
         self.deviating[name] = suspicious or self.deviating.get(name, False)
         self._case.suspicious |= suspicious
-        sentence = f"the {name} was {shown(value)} in place of {shown(expected)}"
+        sentence = UserMessage(
+            "the {name} was {value} in place of {expected}",
+            name=name,
+            value=shown(value),
+            expected=shown(expected),
+        )
         self._case.deviations.setdefault(name, sentence)
 
     def _reported(self, connection: str, seen: FrameSeen) -> Any:
@@ -169,7 +175,14 @@ class OtherClients(Interference):
     def _notify(self, sentence: str) -> None:
         if not any(REASON in notice for notice in self._subject.notices):
             consequence = "Findings that depend on it are inconclusive"
-            self._subject.notify(f"{REASON}: {sentence}. {consequence}")
+            self._subject.notify(
+                UserMessage(
+                    "{reason}: {sentence}. {consequence}",
+                    reason=REASON,
+                    sentence=sentence,
+                    consequence=consequence,
+                )
+            )
 
     def reason(self, case: str) -> str:
         """Why a failure of this case does not count; empty if it does."""

@@ -22,6 +22,7 @@ from scaraspec.suite.engine.transfer_timeouts import limits_of
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.transfers import NAMES
 from scaraspec.transports.link import Link
+from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
     from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -91,12 +92,17 @@ class OutgoingConnection(Connection):
         command, dialect = BY_NAME[name], self._subject.dialect
         if value is None and data is None and not isinstance(command.request, Nothing):
             raise CaseInconclusive(
-                f"{name} cannot be asked with what the subject tells, which is nothing"
+                UserMessage(
+                    "{name} cannot be asked with what the subject tells, which is nothing",
+                    name=name,
+                )
             )
         try:
             payload = command.request.encode(value, dialect) if data is None else data
         except PayloadError as error:
-            raise CaseInconclusive(f"{name} cannot be asked: {error}") from None
+            raise CaseInconclusive(
+                UserMessage("{name} cannot be asked: {error}", name=name, error=error)
+            ) from None
         opcode = command.opcode
         if command.alternate_opcode is not None and dialect["op_get_default"] == "0x13":
             opcode = command.alternate_opcode
@@ -110,7 +116,10 @@ class OutgoingConnection(Connection):
         """
         if (pause_s := self._pause_ns / _NS) > limits_of(self._subject).early_s:
             raise CaseInconclusive(
-                f"this machine is too slow: a frame followed {pause_s:.3f} s late"
+                UserMessage(
+                    "this machine is too slow: a frame followed {pause_s:.3f} s late",
+                    pause_s=pause_s,
+                )
             )
 
     # ------------------------------------------------------------------ asking
@@ -225,7 +234,7 @@ class OutgoingConnection(Connection):
         opcode = BY_NAME[name].opcode
         for seen in self.inbox:
             if seen.frame.tagged and seen.frame.opcode == opcode:
-                message = f"a final result of {name} came that must not come"
+                message = UserMessage("a final result of {name} came that must not come", name=name)
                 raise CaseFailed(
                     message, expected="none", observed=f"{seen.frame}", requirement=requirement
                 )

@@ -13,6 +13,7 @@ from typing import Final
 from scaraspec.protocol.fields import NAME_MAX_BYTES
 from scaraspec.suite.engine.expectations import CaseSkipped
 from scaraspec.suite.engine.journal import Journal
+from scaraspec.user_message import UserMessage
 
 STEM: Final = "zs"
 """How the names of all files begin that the suite makes."""
@@ -58,7 +59,9 @@ class OwnFiles:
             if not any(name.startswith(self.prefix) for name in self._foreign):
                 return
             self.prefix = (STEM + self._draw_token()).encode()
-        raise CaseSkipped(f"{_TOKENS} names for new files were all in use")
+        raise CaseSkipped(
+            UserMessage("{tokens} names for new files were all in use", tokens=_TOKENS)
+        )
 
     def new_name(self, extension: str, stem: str = "", *, lead: str = "") -> bytes:
         """A name that no file has: the prefix, `lead`, a number, `stem`, the extension.
@@ -94,7 +97,11 @@ class OwnFiles:
         """
         if _base(name) in self._foreign and not self.is_own(name):
             shown = name.decode("utf-8", "backslashreplace")
-            raise CaseSkipped(f"{shown} is a file on the controller that the suite did not make")
+            raise CaseSkipped(
+                UserMessage(
+                    "{shown} is a file on the controller that the suite did not make", shown=shown
+                )
+            )
 
     def offered(self, name: bytes) -> None:
         """An upload is about to be requested."""

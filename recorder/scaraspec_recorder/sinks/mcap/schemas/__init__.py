@@ -18,6 +18,8 @@ from google.protobuf.message import (  # type: ignore[import-untyped]  # as abov
     DecodeError,
 )
 
+from scaraspec.user_message import UserMessage
+
 PACKAGE: Final = "scara.v1"
 
 
@@ -232,7 +234,14 @@ def decode(kind: type[_M], data: bytes) -> _M:
     try:
         proto = _CLASSES[kind].FromString(data)
     except DecodeError:
-        raise SchemaError(f"{len(data)} bytes are no {PACKAGE}.{kind.__name__}") from None
+        raise SchemaError(
+            UserMessage(
+                "{data_count} bytes are no {package}.{name__}",
+                data_count=len(data),
+                package=PACKAGE,
+                name__=kind.__name__,
+            )
+        ) from None
     return kind(*(_value(proto, field) for field in proto.DESCRIPTOR.fields))
 
 

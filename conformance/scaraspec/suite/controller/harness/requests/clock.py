@@ -11,6 +11,7 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, expect
+from scaraspec.user_message import UserMessage
 
 SLACK_S: Final = 2.0
 """What a clock may be off (4.5/4)."""
@@ -56,7 +57,9 @@ def shifted(time: datetime, by: timedelta) -> datetime:
     try:
         return time + by
     except OverflowError:
-        raise CaseInconclusive(f"the clock tells {time}, next to an end of the calendar") from None
+        raise CaseInconclusive(
+            UserMessage("the clock tells {time}, next to an end of the calendar", time=time)
+        ) from None
 
 
 def set_to(subject: ControllerUnderTest, line: OutgoingConnection, time: datetime) -> Reading:
@@ -67,7 +70,7 @@ def set_to(subject: ControllerUnderTest, line: OutgoingConnection, time: datetim
     """
     asked_s = subject.now_ns / _NS
     answer = line.ask("set_time", time)
-    message = f"the time {time} was not answered 1"
+    message = UserMessage("the time {time} was not answered 1", time=time)
     requirement = "4.5/3" if answer.accepted is None else "4.5/6"
     expect(answer.accepted, message, expected="1", observed=f"{answer}", requirement=requirement)
     return Reading(time, asked_s, answer.time_s)

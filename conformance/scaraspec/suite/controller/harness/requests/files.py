@@ -24,6 +24,7 @@ from scaraspec.suite.engine.expectations import (
 )
 from scaraspec.traffic.events import FrameSeen
 from scaraspec.traffic.transfers import refuses_an_answer
+from scaraspec.user_message import UserMessage
 
 CHUNK_S: Final = 30.0
 """How long a chunk may take to come, or to be answered (A-5-23, L763, L787)."""
@@ -141,7 +142,10 @@ def incoming(line: OutgoingConnection) -> Iterator[Chunk]:
         due += chunk.length
         if due > _MOST_BYTES:
             raise CaseInconclusive(
-                f"a file of more than {_MOST_BYTES} bytes is not fetched to its end"
+                UserMessage(
+                    "a file of more than {most_bytes} bytes is not fetched to its end",
+                    most_bytes=_MOST_BYTES,
+                )
             )
     line.apart()
 
@@ -167,7 +171,11 @@ def expect_stored(
     first = next((i for i, (a, b) in enumerate(zip(got, content, strict=False)) if a != b), None)
     at = min(len(got), len(content)) if first is None else first
     raise CaseFailed(
-        f"a file of {len(content)} bytes differs from byte {at} on when it is fetched",
+        UserMessage(
+            "a file of {content_count} bytes differs from byte {at} on when it is fetched",
+            content_count=len(content),
+            at=at,
+        ),
         expected=f"{len(content)} bytes, at {at}: {content[at : at + 8].hex(' ')}",
         observed=f"{len(got)} bytes, at {at}: {got[at : at + 8].hex(' ')}",
         requirement=requirement,

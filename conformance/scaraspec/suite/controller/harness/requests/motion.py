@@ -22,6 +22,7 @@ from scaraspec.suite.controller.harness.requests.poses import numbers_of
 from scaraspec.suite.controller.harness.timeouts import Due
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
+from scaraspec.user_message import UserMessage
 
 AXES: Final = ("x", "y", "z", "theta_x")
 """What a move may change, with a meaning (7.1, L1006)."""
@@ -85,7 +86,11 @@ def neighbours(subject: ControllerUnderTest, pose: Pose, axis: str) -> list[Pose
     """
     motion = subject.ics.motion
     if not in_box(subject, pose):
-        raise CaseSkipped(f"the arm stands at {pose[:3]}, outside of motion.box_mm: bring it there")
+        raise CaseSkipped(
+            UserMessage(
+                "the arm stands at {pose}, outside of motion.box_mm: bring it there", pose=pose[:3]
+            )
+        )
     value = getattr(pose, axis)
     steps = (value + motion.step_mm, value - motion.step_mm)
     poses = [pose._replace(**{axis: round(each, 3)}) for each in steps]
@@ -133,7 +138,7 @@ def begin_step(
         answer = ask_move(subject, line, pose, speed_percent)
         if not is_out_of_reach(answer):
             return pose, answer
-    raise CaseSkipped(f"there is no room for a step along {axis}")
+    raise CaseSkipped(UserMessage("there is no room for a step along {axis}", axis=axis))
 
 
 def begin_step_somewhere(
@@ -176,7 +181,9 @@ def returning(subject: ControllerUnderTest, line: OutgoingConnection) -> Iterato
         _go_back(subject, line, pose)
     except CaseFailed as error:
         raise CaseInconclusive(
-            f"the arm could not be brought back to {pose[:4]}: {error}"
+            UserMessage(
+                "the arm could not be brought back to {pose}: {error}", pose=pose[:4], error=error
+            )
         ) from None
 
 

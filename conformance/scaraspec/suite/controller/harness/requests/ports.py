@@ -13,6 +13,7 @@ from scaraspec.suite.controller.harness.controller_under_test import ControllerU
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, expect, expect_equal
+from scaraspec.user_message import UserMessage
 
 ALL_OUTPUTS: Final = range(1, 17)
 """The ports of 0x49 (L687)."""
@@ -41,11 +42,13 @@ def expect_form(subject: ControllerUnderTest, line: OutgoingConnection, name: st
     ports, requirement, register = _FORMS[name]
     answer = line.ask(name)
     if answer.seen.text == b"0":
-        subject.tolerate(requirement, register, "0", f"{name} is answered with an error")
+        subject.tolerate(
+            requirement, register, "0", UserMessage("{name} is answered with an error", name=name)
+        )
         return
     expect(
         re.fullmatch(rb"1\|[01]{%d}" % len(ports), answer.seen.text),
-        f"{name} is not answered with one digit a port",
+        UserMessage("{name} is not answered with one digit a port", name=name),
         expected=f"1| and {len(ports)} digits, each 0 or 1: {len(ports) + 2} bytes",
         observed=f"{answer}",
         requirement=requirement,
@@ -75,9 +78,9 @@ def inputs(line: OutgoingConnection) -> Bits:
 def _bits(line: OutgoingConnection, name: str, requirement: str) -> Bits:
     answer = line.ask(name)
     if answer.seen.text == b"0":
-        raise CaseInconclusive(f"{name} is answered with an error")
+        raise CaseInconclusive(UserMessage("{name} is answered with an error", name=name))
     if not isinstance(answer.value, str):
-        message = f"{name} is not answered with one digit a port"
+        message = UserMessage("{name} is not answered with one digit a port", name=name)
         raise CaseFailed(
             message, expected="1| and digits", observed=f"{answer}", requirement=requirement
         )

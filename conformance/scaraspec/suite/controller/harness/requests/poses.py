@@ -9,6 +9,7 @@ from scaraspec.judge.rounding import read_back
 from scaraspec.protocol.commands import JointValues, Point, Pose
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.expectations import CaseFailed, expect
+from scaraspec.user_message import UserMessage
 
 _Numbers = TypeVar("_Numbers", JointValues, Point, Pose)
 
@@ -24,7 +25,9 @@ def numbers_of(
     answer = line.ask(command)
     if not isinstance(answer.value, kind):
         count = len(kind._fields)
-        message = f"{command} does not tell {count} numbers between bars"
+        message = UserMessage(
+            "{command} does not tell {count} numbers between bars", command=command, count=count
+        )
         expected = "|".join(kind._fields)
         raise CaseFailed(message, expected=expected, observed=f"{answer}", requirement=requirement)
     return answer.value

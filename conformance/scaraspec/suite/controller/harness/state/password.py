@@ -9,6 +9,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
 from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConnection
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
+from scaraspec.user_message import UserMessage
 
 MOST_ATTEMPTS: Final = 5
 """How many passwords are tried: a controller may lock out who tries more (A-4.1-2)."""
@@ -88,8 +89,11 @@ def _candidates(subject: ControllerUnderTest) -> Iterator[bytes]:
     kept_wrongly = dict.fromkeys(_as_kept_wrongly(passwords))
     more = [*passwords[MOST_ATTEMPTS:], *(each for each in kept_wrongly if each not in passwords)]
     subject.notify(
-        f"the password is none of the last that the suite has set: {len(more)} more are tried, as "
-        "a faulty controller may have kept another one"
+        UserMessage(
+            "the password is none of the last that the suite has set: {more_count} more are "
+            "tried, as a faulty controller may have kept another one",
+            more_count=len(more),
+        )
     )
     yield from more
     if subject.has_hook("factory_reset"):
@@ -142,4 +146,9 @@ def set_value(
         CaseFailed: It does.
     """
     answer = line.ask(name, value, data=data)
-    expect(answer.accepted, f"{name} was refused", expected="1", observed=f"{answer}")
+    expect(
+        answer.accepted,
+        UserMessage("{name} was refused", name=name),
+        expected="1",
+        observed=f"{answer}",
+    )

@@ -12,6 +12,7 @@ from scaraspec.suite.controller.harness.outgoing_connection import OutgoingConne
 from scaraspec.suite.controller.harness.state.password import restore_password
 from scaraspec.suite.controller.harness.state.restore import ITEMS
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
+from scaraspec.user_message import UserMessage
 
 
 def alive(subject: ControllerUnderTest, line: OutgoingConnection) -> OutgoingConnection:
@@ -78,4 +79,6 @@ def patient(subject: ControllerUnderTest, lasts_s: float) -> None:
     """
     ours_s = lasts_s / subject.ics.time_scale
     if ours_s > subject.access.patience_s:
-        raise CaseSkipped(f"it lasts {ours_s:.0f} s: grant them with --patience")
+        raise CaseSkipped(
+            UserMessage("it lasts {ours_s:.0f} s: grant them with --patience", ours_s=ours_s)
+        )

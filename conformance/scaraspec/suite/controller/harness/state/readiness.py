@@ -69,7 +69,7 @@ def come_back(subject: ControllerUnderTest) -> list[str]:
             return []
         why = "it refuses to go there"
     except (CaseFailed, CaseInconclusive) as error:
-        why = f"{error}"
+        why = str(error)
     return [f"the arm could not be brought back to {stood[0][:4]}: {why}"]
 
 

@@ -21,6 +21,7 @@ from scaraspec.suite.controller.harness.state.restore import (
 )
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
 from scaraspec.suite.engine.journal import Changes
+from scaraspec.user_message import UserMessage
 
 
 class RecoveryError(Exception):
@@ -47,7 +48,13 @@ def recover(subject: ControllerUnderTest) -> None:
         told = _recovered(subject, earlier)
     except (PasswordLost, CaseInconclusive) as error:
         raise _failed(subject, f"{error}") from None
-    subject.notify(f"{_interrupted(subject)}: {'; '.join(told) or 'nothing was left'}")
+    subject.notify(
+        UserMessage(
+            "{subject}: {value}",
+            subject=_interrupted(subject),
+            value="; ".join(told) or "nothing was left",
+        )
+    )
 
 
 def _recovered(subject: ControllerUnderTest, earlier: Changes) -> list[str]:
@@ -130,15 +137,24 @@ def _require(subject: ControllerUnderTest, left: dict[str, Hazard]) -> None:
     if missing:
         allow = ",".join(sorted(missing | {h.value for h in subject.allowed} - {"read-only"}))
         raise RecoveryError(
-            f"{_interrupted(subject)}, and {'; '.join(left)}: allow the recovery with --allow "
-            f"{allow}"
+            UserMessage(
+                "{subject}, and {left}: allow the recovery with --allow {allow}",
+                subject=_interrupted(subject),
+                left="; ".join(left),
+                allow=allow,
+            )
         )
 
 
 def _failed(subject: ControllerUnderTest, why: str) -> RecoveryError:
     return RecoveryError(
-        f"{_interrupted(subject)}, and the controller could not be put back: {why}. Put it back by "
-        f"hand as the journal says, then delete the journal {subject.journal.path}"
+        UserMessage(
+            "{subject}, and the controller could not be put back: {why}. Put it back by hand "
+            "as the journal says, then delete the journal {path}",
+            subject=_interrupted(subject),
+            why=why,
+            path=subject.journal.path,
+        )
     )
 
 

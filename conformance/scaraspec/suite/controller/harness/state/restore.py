@@ -20,6 +20,7 @@ from scaraspec.suite.controller.harness.state.password import restore_password, 
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply, expect
 from scaraspec.suite.engine.journal import JournalError
 from scaraspec.suite.program_files.listed import program_names
+from scaraspec.user_message import UserMessage
 
 _CLOCK_SLACK_S: Final = 2
 _HALF_S: Final = 0.5
@@ -136,10 +137,16 @@ def _put_back(
                 f"the {item.name} was {shown(item, wanted)} at the start and is "
                 f"{shown(item, now)}: the suite has not set it"
             )
-        expect(item.hazard in subject.allowed, f"it needs --allow {item.hazard.value}")
+        expect(
+            item.hazard in subject.allowed,
+            UserMessage("it needs --allow {hazard_value}", hazard_value=item.hazard.value),
+        )
         item.write(subject, line, wanted)
         now = _read(item, subject, line)
-        expect(not item.differs(subject, now, wanted), f"it is {shown(item, now)}")
+        expect(
+            not item.differs(subject, now, wanted),
+            UserMessage("it is {shown}", shown=shown(item, now)),
+        )
     except (CaseFailed, CaseInconclusive) as error:
         return f"the {item.name} could not be put back to {shown(item, wanted)}: {error}"
     return ""

@@ -20,6 +20,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import require_responsiv
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive
 from scaraspec.suite.program_files.bench import Bench
 from scaraspec.suite.program_files.writing import Values, straight
+from scaraspec.user_message import UserMessage
 
 REACHED: Final = 0.2
 """mm or degrees by which what is shown may differ from what was to be reached: both may be rounded
@@ -168,12 +169,14 @@ def _place(line: OutgoingConnection, meaning: Meaning) -> Values:
     name = "get_joint_angles" if meaning is Meaning.JOINTS else "get_tool_coordinates"
     value = line.ask(name).value
     if value is None:
-        raise CaseInconclusive(f"{name} does not tell where the arm is")
+        raise CaseInconclusive(UserMessage("{name} does not tell where the arm is", name=name))
     a, b, c, d, *_ = value
     try:
         straight(1, [(a, b, c, d)])
     except ValueError as error:
-        raise CaseInconclusive(f"no program can carry what {name} tells: {error}") from None
+        raise CaseInconclusive(
+            UserMessage("no program can carry what {name} tells: {error}", name=name, error=error)
+        ) from None
     return a, b, c, d
 
 

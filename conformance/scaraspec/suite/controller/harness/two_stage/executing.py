@@ -19,6 +19,7 @@ from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, CaseSkipped, NoReply
 from scaraspec.suite.program_files.layout import configured, find_layout
 from scaraspec.suite.program_files.writing import wait_program
+from scaraspec.user_message import UserMessage
 
 _IDLE: Final = "00"
 _RUNNING: Final = ("01", "02")  # L1018-1019
@@ -54,7 +55,9 @@ def begin(
     subject.moved = True
     answer = line.ask(command, value)
     if not answer.accepted:
-        raise CaseSkipped(f"{command} was refused: {answer}")
+        raise CaseSkipped(
+            UserMessage("{command} was refused: {answer}", command=command, answer=answer)
+        )
 
 
 @contextmanager
@@ -81,7 +84,9 @@ def unless_others_run(
                 subject.close_lines()
             name = _program_of_others(subject, line or subject.open())
         if name:
-            message = f"the robot runs {show(name)}, which is not the suite's: end it first"
+            message = UserMessage(
+                "the robot runs {name}, which is not the suite's: end it first", name=show(name)
+            )
             raise CaseSkipped(message) from None
         raise
 
@@ -119,7 +124,11 @@ def ask_busy(
         stopped = _replied(subject, line)
         if ended(line, command, 0 if stopped else subject.longest_s) is None and not stopped:
             raise
-    raise CaseSkipped(f"{query} is not answered while {command} executes")
+    raise CaseSkipped(
+        UserMessage(
+            "{query} is not answered while {command} executes", query=query, command=command
+        )
+    )
 
 
 def _replied(subject: ControllerUnderTest, line: OutgoingConnection) -> bool:
@@ -150,7 +159,11 @@ def expect_status(
     if answer.value == _IDLE and ended(line, command, _LAG_S) is not None:
         return False
     sound(answer)
-    message = f"the status is {answer.value} while {command} executes"
+    message = UserMessage(
+        "the status is {answer_value} while {command} executes",
+        answer_value=answer.value,
+        command=command,
+    )
     raise CaseFailed(message, expected=wanted, observed=f"{answer}", requirement=requirement)
 
 
@@ -163,7 +176,11 @@ def sound(status: ReceivedFrame) -> errors.Code | None:
     code = errors.lookup(status.value) if isinstance(status.value, str) else None
     if code is not None and code.kind is errors.Kind.FAULT:
         raise CaseInconclusive(
-            f"the robot reports {code.text}, {code.meaning}: clear that, and try again"
+            UserMessage(
+                "the robot reports {code_text}, {meaning}: clear that, and try again",
+                code_text=code.text,
+                meaning=code.meaning,
+            )
         )
     return code
 

@@ -24,6 +24,7 @@ from scaraspec.suite.controller.harness.two_stage.tasks import (
 )
 from scaraspec.suite.engine.connection import ReceivedFrame
 from scaraspec.suite.engine.expectations import expect
+from scaraspec.user_message import UserMessage
 
 _FAILURES: Final = errors.FAILURES | {errors.TABLE_8_1["00"], errors.TABLE_8_1["20"]}
 """Of results: an interrupted command's too (A-4.17-4), and that of a missing program (A-4.15-1)."""
@@ -49,7 +50,7 @@ def expect_first_reply(name: str, answer: ReceivedFrame) -> None:
     )
     expect(
         answer.accepted is not None and not malformed,
-        f"the first reply to {name} is neither yes nor no",
+        UserMessage("the first reply to {name} is neither yes nor no", name=name),
         expected=BY_NAME[name].reply.form,
         observed=f"{answer}",
         requirement="4/1",
@@ -94,7 +95,11 @@ def _expect_code(
         requirement=requirement,
     )
     if code is not None and code not in usual:
-        message = f"a refusal or a failure bears the code {code.text} ({code.meaning})"
+        message = UserMessage(
+            "a refusal or a failure bears the code {code_text} ({meaning})",
+            code_text=code.text,
+            meaning=code.meaning,
+        )
         subject.tolerate(requirement, entry, code.text, message)
 
 
@@ -109,7 +114,7 @@ def expect_busy(
     """
     answer = try_request(line, name, value)
     if answer is None:
-        message = f"the busy robot did not answer {name}"
+        message: str = UserMessage("the busy robot did not answer {name}", name=name)
         subject.tolerate("4/6", "busy_reply", "silence", message)
         return
     if answer.accepted and name == task.name == JOG:
@@ -121,7 +126,7 @@ def expect_busy(
             task.lasts()
     expect(
         not answer.accepted,
-        f"{name} was accepted while {task.name} executed",
+        UserMessage("{name} was accepted while {task} executed", name=name, task=task.name),
         expected=f"0|{task.state}",
         observed=f"{answer}",
         requirement="4/6",
@@ -130,7 +135,11 @@ def expect_busy(
     if answer.code in BUSY:
         expect(
             answer.code == task.state,
-            f"{name} was refused with another state than that of the robot, at {task.name}",
+            UserMessage(
+                "{name} was refused with another state than that of the robot, at {task}",
+                name=name,
+                task=task.name,
+            ),
             expected=f"0|{task.state}",
             observed=f"{answer}",
             requirement="4/15",
@@ -155,7 +164,7 @@ def expect_missing(
     told = finish(subject, line, name) if first.accepted else first
     expect(
         not told.done and told.code == _MISSING,
-        f"{name} of a program that is not stored is not told by code 20",
+        UserMessage("{name} of a program that is not stored is not told by code 20", name=name),
         expected="0|20",
         observed=f"{first}" if told is first else f"{first}, then {told}",
         requirement=requirement,

@@ -42,6 +42,7 @@ from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, Ca
 from scaraspec.suite.program_files.layout import configured, find_layout, layout_in_use
 from scaraspec.suite.program_files.writing import wait_program
 from scaraspec.traffic.events import FrameSeen
+from scaraspec.user_message import UserMessage
 
 RUN, SIMULATE, STOP, RESET = "run_program", "simulate_program", "emergency_stop", "reset"
 MOVE, RELEASE, LOCK, JOG = "set_tool_coordinates", "release_joints", "lock_joints", "jog"
@@ -98,7 +99,7 @@ def require_command(subject: ControllerUnderTest, *names: str) -> None:
     """
     for name in names:
         if name in subject.ics.unsupported:
-            raise CaseSkipped(f"the subject lacks {name}")
+            raise CaseSkipped(UserMessage("the subject lacks {name}", name=name))
 
 
 def accepted(name: str, answer: ReceivedFrame) -> ReceivedFrame:
@@ -111,7 +112,11 @@ def accepted(name: str, answer: ReceivedFrame) -> ReceivedFrame:
         return answer
     busy = answer.code in BUSY
     raise CaseFailed(
-        f"{name} is refused {'as busy ' if busy else ''}by a robot that is idle",
+        UserMessage(
+            "{name} is refused {value}by a robot that is idle",
+            name=name,
+            value="as busy " if busy else "",
+        ),
         expected="1",
         observed=f"{answer}",
         requirement="4/15" if busy else ACCEPTANCE[name],
@@ -313,7 +318,11 @@ class Task:
             CaseSkipped: It is over: it was too short to find anything out.
         """
         if self.over:
-            raise CaseSkipped(f"{self.name} was over before anything could be asked of it")
+            raise CaseSkipped(
+                UserMessage(
+                    "{self_} was over before anything could be asked of it", self_=self.name
+                )
+            )
 
 
 @contextmanager
@@ -457,7 +466,11 @@ def finish(
     answer = end_of(subject, line, name, within_s=within_s)
     if answer is None:
         longest = "motion.longest_s of the statement at most"
-        message = f"no final result of {name} came while the robot was busy ({longest}), nor behind"
+        message = UserMessage(
+            "no final result of {name} came while the robot was busy ({longest}), nor behind",
+            name=name,
+            longest=longest,
+        )
         error = line.no_answer(message)
         error.expected = f"{C2A.start:02X} 90 {BY_NAME[name].opcode:02X} …"
         error.requirement = SUCCESS[name]
@@ -474,7 +487,7 @@ def done(subject: ControllerUnderTest, line: OutgoingConnection, name: str) -> R
     answer = finish(subject, line, name)
     if answer.frame.data.rstrip(b"\0") != b"11":
         raise CaseFailed(
-            f"{name} does not end with success",
+            UserMessage("{name} does not end with success", name=name),
             expected="11",
             observed=f"{answer}",
             requirement=SUCCESS[name],

@@ -1,0 +1,44 @@
+"""User message: a sentence for the user, kept with its template and its named values.
+
+The template identifies the message, as the source text does in gettext. So results can be compared
+by template and values, and translated later. A constant sentence is its own template and needs no
+`UserMessage`.
+"""
+
+from typing import Any, Self
+
+
+class UserMessage(str):
+    """A sentence made of a template and named values.
+
+    Args:
+        template: The sentence in English, with a replacement field ``{name}`` for each value.
+        values: The values by name.
+
+    Attributes:
+        template: See above.
+        values: The values by name, as they are shown.
+
+    Raises:
+        KeyError: The template names a value that is not given.
+    """
+
+    __slots__ = ("template", "values")
+
+    template: str
+    values: dict[str, str]
+
+    def __new__(cls, template: str, /, **values: Any) -> Self:
+        """Format the template."""
+        shown = {name: str(value) for name, value in values.items()}
+        return cls._of(template.format(**values), template, shown)
+
+    @classmethod
+    def _of(cls, text: str, template: str, values: dict[str, str]) -> Self:
+        message = super().__new__(cls, text)
+        message.template, message.values = template, values
+        return message
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Keep the text: a value that is shown as text no longer fits ``{value:.1f}``."""
+        return self._of, (str(self), self.template, self.values)
