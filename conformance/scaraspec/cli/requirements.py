@@ -1,7 +1,11 @@
-"""`scaraspec requirements`: the catalogue, and what tests each requirement, or why nothing does."""
+"""`scaraspec requirements`: the catalogue, the register, and what tests each requirement."""
 
+import ast
+import inspect
 import json
 from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -15,18 +19,22 @@ from scaraspec.judge.requirements import (
     Method,
     Requirement,
     UnknownRequirementError,
+    requirement,
     select,
 )
 from scaraspec.judge.rules import RULES
 from scaraspec.judge.rules.undecided import UNDECIDED
+from scaraspec.mutants import client as client_mutants
+from scaraspec.mutants import controller as controller_mutants
+from scaraspec.register import Entry, register
 from scaraspec.suite.engine.plan import Options
-from scaraspec.suite.engine.run import METHODS, collect
+from scaraspec.suite.engine.run import CASES, METHODS, collect
 from scaraspec.user_message import UserMessage
 
 if TYPE_CHECKING:
     from scaraspec.report.model import Role
 
-EXAMPLE = "Example: scaraspec requirements --clause 4.15,3/31"
+EXAMPLE = "Example: scaraspec requirements --entry 4.17/3"
 
 _HARM = "no network tool can test it without harm, or without Bluetooth"
 _RULES = Counter(rule.requirement for rule in RULES)
@@ -39,8 +47,8 @@ class Coverage:
         self._cases: dict[tuple[Role, str], list[str]] = {}
         for role in METHODS:
             for case in collect(Options(), role):
-                for requirement in case.requirements:
-                    self._cases.setdefault((role, requirement), []).append(case.id)
+                for judged in case.requirements:
+                    self._cases.setdefault((role, judged), []).append(case.id)
 
     def of(self, requirement: Requirement) -> dict[str, object]:
         """Rules and cases by method; the reason where there are none."""
@@ -85,11 +93,23 @@ def _as_json(requirement: Requirement, coverage: Coverage) -> dict[str, object]:
 @click.command(epilog=EXAMPLE)
 @click.option("--clause", metavar="LIST", help="Clauses or ids, separated by commas.")
 @click.option(
-    "--uncovered", is_flag=True, help="Only those that could be tested in a way, and are not."
+    "--entry", metavar="ID", help="One entry of the register (A-3-14) or one requirement (4.17/3)."
 )
-@click.option("--json", "as_json", is_flag=True, help="One JSON array, with the document's words.")
-def command(clause: str | None, *, uncovered: bool, as_json: bool) -> None:
-    """Show the requirements of the document, and what tests them or why nothing does."""
+@click.option(
+    "--uncovered", is_flag=True, help="Only requirements that could be tested, and are not."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, with the document's sentences.")
+def command(clause: str | None, entry: str | None, *, uncovered: bool, as_json: bool) -> None:
+    """Show the requirements of the document, and what tests each of them.
+
+    With --entry, show one entry of the register of open points, or one requirement with the
+    document's sentence and the file and line of its rules, cases and mutants.
+    """
+    if entry:
+        if clause or uncovered:
+            raise Problem("--entry cannot be combined with --clause or --uncovered")
+        _show_entry(entry, as_json=as_json)
+        return
     try:
         chosen = select(clause) if clause else tuple(REQUIREMENTS.values())
     except UnknownRequirementError as unknown:
@@ -98,8 +118,7 @@ def command(clause: str | None, *, uncovered: bool, as_json: bool) -> None:
     if uncovered:
         chosen = tuple(r for r in chosen if coverage.missing(r))
     if as_json:
-        told = [_as_json(r, coverage) for r in chosen]
-        click.echo(json.dumps(told, ensure_ascii=False, indent=1))
+        _print_json([_as_json(r, coverage) for r in chosen])
         return
     console = Console(highlight=False)
     for r in chosen:
@@ -108,3 +127,96 @@ def command(clause: str | None, *, uncovered: bool, as_json: bool) -> None:
         tested = "; ".join(f"{way}: {_told(what)}" for way, what in coverage.of(r).items())
         console.print(Padding(Text(f"{r.sentence}\n{tested}"), (0, 0, 0, 8)))
     click.echo(f"{len(chosen)} of {len(REQUIREMENTS)} requirements")
+
+
+def _print_json(value: object) -> None:
+    click.echo(json.dumps(value, ensure_ascii=False, indent=1))
+
+
+def _show_entry(name: str, *, as_json: bool) -> None:
+    if name in register():
+        fields = _of_register(register()[name])
+    else:
+        try:
+            fields = _of_requirement(requirement(name))
+        except UnknownRequirementError as unknown:
+            raise Problem(
+                UserMessage(
+                    "--entry: {unknown}; register entries have ids such as A-3-14", unknown=unknown
+                )
+            ) from None
+    if as_json:
+        _print_json(fields)
+        return
+    console = Console(highlight=False)
+    for label, value in fields.items():
+        lines = value if isinstance(value, list) else [value]
+        console.print(f"[bold]{label}[/]")
+        for line in lines or ["none"]:
+            console.print(Padding(Text(line), (0, 0, 0, 4)))
+
+
+def _of_register(entry: Entry) -> dict[str, str | list[str]]:
+    fields: dict[str, str | list[str]] = {
+        "id": entry.id,
+        "title": entry.title,
+        "verdict": entry.verdict,
+        "lines of the document": entry.where,
+        "the document says": entry.says,
+        "problem": entry.problem,
+        "readings": entry.readings,
+        "default": entry.default,
+        "what a report may say": entry.tool_may_say,
+    }
+    return fields | ({"key of the reading": entry.key} if entry.key else {})
+
+
+def _of_requirement(found: Requirement) -> dict[str, str | list[str]]:
+    return {
+        "id": found.id,
+        "requirement": found.sentence,
+        "lines of the document": str(found.where),
+        "the document says": found.original,
+        "register entries": list(found.register),
+        "rules": [
+            _location(rule.check.__code__.co_filename, rule.check.__code__.co_firstlineno)
+            for rule in RULES
+            if rule.requirement == found.id
+        ],
+        "cases": list(_case_locations(found.id)),
+        "mutants": list(_mutant_locations(found.id)),
+    }
+
+
+def _location(file: str, line: int) -> str:
+    """Return file and line, relative to the folder that holds the package."""
+    return f"{Path(file).relative_to(Path(__file__).parents[2])}:{line}"
+
+
+def _case_locations(requirement_id: str) -> Iterator[str]:
+    for folder in CASES.values():
+        for file in sorted(folder.glob("test_*.py")):
+            for node in ast.parse(file.read_text("utf-8")).body:
+                if isinstance(node, ast.FunctionDef) and requirement_id in _judged_by(node):
+                    sentence = (ast.get_docstring(node) or "").partition("\n")[0]
+                    yield f"{_location(str(file), node.lineno)}: {sentence}"
+
+
+def _judged_by(function: ast.FunctionDef) -> set[object]:
+    """Return the requirements that the decorator of a case names."""
+    return {
+        argument.value
+        for decorator in function.decorator_list
+        if isinstance(decorator, ast.Call)
+        for argument in decorator.args
+        if isinstance(argument, ast.Constant)
+    }
+
+
+def _mutant_locations(requirement_id: str) -> Iterator[str]:
+    for package in (controller_mutants, client_mutants):
+        for mutant in package.mutants().values():
+            if requirement_id in mutant.requirements:
+                _, line = inspect.findsource(mutant.wrong)
+                file = str(inspect.getsourcefile(mutant.wrong))
+                yield f"{_location(file, line + 1)}: {mutant.name}"

@@ -246,15 +246,19 @@ class StoppedProgramGoesOn(Brain):
 
 @mutant("4.17/7")
 class ArmCoastsOn(Brain):
-    """Behind a stop a move goes on for a second at a tenth of its speed."""
+    """From the second stopped move on, the arm moves on slowly for a second after the stop."""
+
+    _stopped_moves = 0
 
     def emergency_stop(self, request: Request) -> Acceptance:
         """Let the arm go on."""
         task = self.robot.task
         answer = super().emergency_stop(request)
         if task is not None and task.request.command.name == "set_tool_coordinates":
-            way = motion.jog(self.plant.joints(request.now_s), JogDirection.PLUS_Y)
-            self.plant.start(way, request.now_s)
+            self._stopped_moves += 1
+            if self._stopped_moves > 1:
+                way = motion.jog(self.plant.joints(request.now_s), JogDirection.PLUS_Y)
+                self.plant.start(way, request.now_s)
         return answer
 
 

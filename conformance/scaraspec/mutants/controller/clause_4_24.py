@@ -1,5 +1,6 @@
 """Faults of clause 4.24: moves to tool coordinates."""
 
+import math
 from dataclasses import replace
 
 from scaraspec.mutants.controller import mutant
@@ -148,7 +149,8 @@ class RefusesToStandStill(Brain):
     def set_tool_coordinates(self, request: Request) -> Acceptance:
         """Look whether there is a way to go."""
         pose = self.get_tool_coordinates(request)
-        if request.value is not None and request.value[1:4] == pose[:3] and not self.robot.task:
+        there = request.value is not None and request.value[1:4]
+        if there and math.dist(there, pose[:3]) < 0.001 and not self.robot.task:
             return Acceptance(accepted=False, code="06")
         return super().set_tool_coordinates(request)
 

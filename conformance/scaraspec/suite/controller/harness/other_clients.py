@@ -82,6 +82,9 @@ class OtherClients(Interference):
         """A request was sent."""
         if name := DEPENDS_ON.get(seen.name):
             self._case.touched.add(name)
+        if seen.parsed is None:  # an undefined opcode may change any setting
+            for setting in self.settings.values():
+                setting.expected = None
         if seen.name == "upload_name":
             self._uploads.append(seen.frame.data)
 
