@@ -11,7 +11,7 @@ WORKERS ?= $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2
 # The tests start many processes, and each would compile what it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-lowest test-kill test-net test-net-full test-browser test-viewer check bench soak pictures prove format lock wheel clean
+.PHONY: demo test test-fast test-lowest test-kill test-net test-net-full test-browser test-viewer check bench soak pictures prove spec format lock wheel clean
 
 demo: $(READY)
 	rm -rf reports/out/demo
@@ -19,6 +19,10 @@ demo: $(READY)
 
 test: check
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal
+
+# Without subprocesses and network: for every change while you work.
+test-fast: $(READY)
+	$(BIN)/pytest -q -n $(WORKERS) --dist worksteal $(FAST)
 
 # The same tests with the oldest versions that pyproject.toml allows, in an environment of their own.
 test-lowest: LOWEST := .venv/lowest/bin/python
@@ -58,7 +62,7 @@ check: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
-	$(BIN)/mypy bench docs
+	$(BIN)/mypy bench docs spec
 	$(BIN)/lint-imports
 
 bench: $(READY)
@@ -81,6 +85,10 @@ prove: $(READY)
 # Wants Chromium and a software renderer; no other target does.
 pictures: demo
 	$(BIN)/python docs/pictures.py reports/out/demo
+
+# The pages that are generated from the register and the catalogue.
+spec: $(READY)
+	$(BIN)/python spec/generate.py
 
 format: $(READY)
 	$(BIN)/ruff check --fix

@@ -62,13 +62,13 @@ def _requirement_lines() -> Iterator[str]:
         "",
         "- **Lines**: lines of the document; `-` if the requirement is not in the text.",
         "- **Binds**: controller, client or both.",
-        "- **Tested**: actively on a controller or a client, passively in a capture, or in a program",
-        "  file.",
+        "- **Tested**: actively on a controller or a client, passively in a capture, or in a",
+        "  program file.",
         "- **Hazard**: the worst effect of a test on a real robot.",
         "- **Verdict**: see [register.md](register.md).",
         "",
-        "`scaraspec requirements --entry 4.17/3` prints one requirement with the document's sentence",
-        "and the file and line of its rules, cases and mutants.",
+        "`scaraspec requirements --entry 4.17/3` prints one requirement with the document's",
+        "sentence and the file and line of its rules, cases and mutants.",
     )
     clause_of = {r.id: r.id.partition("/")[0] for r in REQUIREMENTS.values()}
     for clause, found in itertools.groupby(REQUIREMENTS.values(), lambda r: clause_of[r.id]):

@@ -1,4 +1,4 @@
-"""`scaraspec audit`: what happened in a capture, and whether it was right."""
+"""`scaraspec audit`: judge a capture."""
 
 from pathlib import Path
 
@@ -24,14 +24,14 @@ _PATH = click.Path(path_type=Path)
 @click.argument("file", type=_PATH)
 @capture_port
 @click.option(
-    "--serial", is_flag=True, help="The link was serial (clause 2), if FILE does not say so."
+    "--serial", is_flag=True, help="The link was serial (clause 2), even if FILE does not state it."
 )
 @click.option(
     "--reading",
     "readings",
     multiple=True,
     metavar="KEY=OPTION",
-    help="What the controller claims, such as xfer_timeout=60; repeatable.",
+    help="A reading that the controller claims, such as xfer_timeout=60; repeatable.",
 )
 @click.option("--json", "json_file", type=_PATH, help="Write results.json here.")
 @click.option("--html", "html_file", type=_PATH, help="Write the report here.")
@@ -39,7 +39,7 @@ _PATH = click.Path(path_type=Path)
     "--language",
     type=click.Choice([each.value for each in Language]),
     default=Language.ENGLISH.value,
-    help="The language that the report opens in.",
+    help="Language in which the report opens.",
 )
 def command(  # noqa: PLR0913 - one for each option
     file: Path,

@@ -1,4 +1,4 @@
-"""Judging a capture file to its end: shared by `scaraspec audit` and `scaraspec demo`."""
+"""Judge a capture file, for `scaraspec audit` and `scaraspec demo`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from scaraspec.report.model import Results, Role, Subject
 from scaraspec.report.session import SessionStats
 from scaraspec_recorder.sources.capture import McapCapture, open_capture
 
-_EVENTS_A_STEP = 1000
+_EVENTS_PER_UPDATE = 1000
 
 
 def audit(
@@ -24,13 +24,13 @@ def audit(
 
     Args:
         file: The capture.
-        dialect: What the controller claims.
-        port: TCP port of the controller in packet captures; None for every connection.
-        serial: Whether the link was serial (L83), though the file may not say so.
+        dialect: The readings that the controller claims.
+        port: The controller's TCP port in packet captures; None for all connections.
+        serial: Whether the link was serial (L83), even if the file does not state it.
 
     Returns:
-        The results, inconclusive at best where the file holds other bytes than its accounts say;
-        and a sentence for each thing that the file lacks.
+        The results, and one sentence for each defect of the file. If the file's byte counts are
+        wrong, the results are inconclusive at best.
 
     Raises:
         CaptureError: The file cannot be read.
@@ -47,7 +47,7 @@ def audit(
         for number, event in enumerate(capture):
             for item in judge.feed(event):
                 stats.add(item)
-            if number % _EVENTS_A_STEP == 0:
+            if number % _EVENTS_PER_UPDATE == 0:
                 bar.update(task, completed=number)
     for item in judge.close():
         stats.add(item)
@@ -62,7 +62,7 @@ def audit(
     accounted = not (isinstance(capture, McapCapture) and capture.summary.wrong_accounts)
     if not accounted and results.verdict is not Conclusion.NONCONFORMANT:
         results = replace(results, verdict=Conclusion.INCONCLUSIVE)
-    spoken = results.session and results.session.frames
-    if results.verdict is Conclusion.CONFORMANT and not spoken:  # a client was let in, at most
+    has_frames = results.session and results.session.frames
+    if results.verdict is Conclusion.CONFORMANT and not has_frames:
         results = replace(results, verdict=Conclusion.NOTHING_TESTED)
     return results, tuple(capture.summary.notes)

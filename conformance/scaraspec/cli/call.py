@@ -1,7 +1,6 @@
-"""`scaraspec call`: one command to one controller.
+"""`scaraspec call`: send one command to a controller.
 
-Arguments in; one operation of a client; its result or its problem out. Which commands there are,
-what they take and how results read is made from the table (`client.words`).
+The commands, their arguments and the form of results are derived from the command table.
 """
 
 import difflib
@@ -33,7 +32,7 @@ _USAGE = (PayloadError, LinkError, OSError)
 
 
 def _catalogue() -> str:
-    """Every command with what it takes, none broken over two lines."""
+    """Return each command with its arguments, none split over two lines."""
     items = ["\xa0".join((name, *map(str.upper, takes))) for name, takes in OPERATIONS.items()]
     return textwrap.fill(", ".join(items), 78).replace("\xa0", " ")
 
@@ -45,13 +44,13 @@ def _catalogue() -> str:
 @click.argument("url")
 @click.argument("name", metavar="COMMAND")
 @click.argument("texts", metavar="[ARGS]...", nargs=-1)
-@password_option(None, "What to log in with over TCP")
+@password_option(None, "Password for the login over TCP")
 @click.option(
     "--timeout",
     "timeout_s",
     metavar="S",
     type=Real(0.001, 1e6),
-    help="How long to wait for a reply (5 s) and for a final result (no limit).",
+    help="Time to wait for a reply [5] and for a final result [no limit].",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def command(  # noqa: PLR0913, PLR0917 - a command line's options are its arguments
@@ -62,9 +61,9 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     timeout_s: float | None,
     as_json: bool,  # noqa: FBT001 - a flag of the command line
 ) -> None:
-    """Send COMMAND with ARGS to the controller at URL, and print what comes of it.
+    """Send COMMAND with ARGS to the controller at URL, and print the result.
 
-    Exit status: 0 done, 1 refused or failed, 2 wrong usage, 3 no answer or link lost.
+    Exit status: 0 done, 1 refused or failed, 2 usage error, 3 no reply or link lost.
     """
     name = name.replace("-", "_")
     if name not in OPERATIONS:
@@ -77,8 +76,8 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
         status = _status(error)
         if not as_json:
             raise Problem(_sentence(error), status) from None
-        told = {"ok": False, "command": name, "error": json_of_error(error)}
-        click.echo(json.dumps(told))
+        answer = {"ok": False, "command": name, "error": json_of_error(error)}
+        click.echo(json.dumps(answer))
         raise SystemExit(status) from None
     if as_json:
         click.echo(json.dumps({"ok": True, "command": name, "result": json_of(result)}))
@@ -113,7 +112,7 @@ def _carry_out(
         except KeyboardInterrupt:
             raise Problem(
                 UserMessage(
-                    "{name} goes on: only the waiting for it has ended; emergency_stop stops it",
+                    "{name} continues on the robot: only the wait ended; emergency_stop stops it",
                     name=name,
                 ),
                 ExitStatus.INCONCLUSIVE,
@@ -121,7 +120,7 @@ def _carry_out(
 
 
 def _transfer(client: Client, name: str, values: list[str]) -> Any:
-    """Carry out an upload or a download, with a bar where somebody looks on."""
+    """Upload or download, with a progress bar on a terminal."""
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(name, total=None)

@@ -1,4 +1,4 @@
-"""`scaraspec client-driver`: the reference client, for a tester that plays the controller."""
+"""`scaraspec client-driver`: the reference client as a driver for `certify client`."""
 
 import asyncio
 
@@ -18,16 +18,22 @@ EXAMPLE = "Example: scaraspec certify client --driver 'scaraspec client-driver'"
     "--transfer-timeout",
     type=Real(0.1, 3600),
     metavar="S",
-    help="Give a transfer up after this silence [30].",
+    help="Abandon a transfer after this silence [30].",
 )
-@click.option("--reply-timeout", type=Real(0.1, 3600), metavar="S", help="Wait for replies [5].")
 @click.option(
-    "--reading", "readings", multiple=True, metavar="KEY=OPTION", help="Speak so; repeatable."
+    "--reply-timeout", type=Real(0.1, 3600), metavar="S", help="Time to wait for a reply [5]."
+)
+@click.option(
+    "--reading",
+    "readings",
+    multiple=True,
+    metavar="KEY=OPTION",
+    help="Follow this reading; repeatable.",
 )
 def command(
     *, transfer_timeout: float | None, reply_timeout: float | None, readings: tuple[str, ...]
 ) -> None:
-    """Drive the reference client by JSON Lines on stdin and stdout, until stdin ends."""
+    """Run the reference client as a driver: JSON Lines on stdin and stdout, until stdin ends."""
     try:
         dialect = Dialect.parse(readings)
     except ReadingError as error:

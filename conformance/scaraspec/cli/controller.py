@@ -46,7 +46,7 @@ Example: a controller of another dialect on any free port
 
 @dataclass(frozen=True, slots=True)
 class _Options:
-    """Where the controller serves and what it tells."""
+    """Where the controller listens, and how it starts."""
 
     host: str
     port: int
@@ -61,28 +61,34 @@ class _Options:
     "--listen",
     default=_LISTEN,
     metavar="HOST:PORT",
-    help=f"Where to serve [{_LISTEN}]; port 0 is any.",
+    help=f"Address to listen on [{_LISTEN}]; port 0 selects a free port.",
 )
-@password_option(None, "What clients log in with")
+@password_option(None, "Password of the controller")
 @click.option("--data", type=_PATH, metavar="DIR", help="Keep programs and settings here.")
 @click.option(
-    "--time-scale", type=_SCALE, default=1.0, metavar="X", help="Time passes X times as fast."
+    "--time-scale", type=_SCALE, default=1.0, metavar="X", help="Run the clock X times as fast."
 )
-@click.option("--programs", type=_PATH, metavar="DIR", help="Store the files in here first.")
-@click.option("--serial", metavar="DEV", help="Serve a serial device too, such as /dev/rfcomm0.")
+@click.option("--programs", type=_PATH, metavar="DIR", help="Store the files of this folder first.")
+@click.option("--serial", metavar="DEV", help="Also serve a serial device, such as /dev/rfcomm0.")
 @click.option(
     "--reading",
     "readings",
     multiple=True,
     metavar="KEY=OPTION",
-    help="Read an open point of the document so; repeatable.",
+    help="Follow this reading of an open point; repeatable.",
 )
 @click.option(
     "--fault", metavar="ID", help="Be wrong this way on purpose; see scaraspec prove --list."
 )
-@click.option("--control", is_flag=True, help="Break and drive the robot from stdin: say help.")
-@click.option("--ready-file", type=_PATH, metavar="FILE", help="Write host:port here when ready.")
-@click.option("-v", "--verbose", is_flag=True, help="Log every exchange, passwords masked.")
+@click.option(
+    "--control",
+    is_flag=True,
+    help="Accept commands on stdin, such as faults and inputs; help lists them.",
+)
+@click.option(
+    "--ready-file", type=_PATH, metavar="FILE", help="Write host:port to this file when ready."
+)
+@click.option("-v", "--verbose", is_flag=True, help="Log every exchange; passwords are masked.")
 def command(  # noqa: PLR0913 - one for each option
     *,
     listen: str,
@@ -97,7 +103,7 @@ def command(  # noqa: PLR0913 - one for each option
     ready_file: Path | None,
     verbose: bool,
 ) -> None:
-    """Run the virtual controller until it is stopped or shut down."""
+    """Run the virtual controller until it is stopped or receives a shutdown."""
     logging.basicConfig(
         level=logging.INFO if verbose else logging.WARNING, format="%(asctime)s %(message)s"
     )
@@ -128,7 +134,7 @@ def _brain(fault: str | None) -> type[Brain]:
 
 
 def _serial(text: str | None) -> Serial | None:
-    """A device by its path or its link URL."""
+    """Return the device that a path or a link URL names."""
     if text is None:
         return None
     if "://" not in text:
@@ -179,7 +185,7 @@ async def _serve(brain: Brain, options: _Options) -> None:
 async def _begin(server: Server, options: _Options) -> None:
     if options.ready_file is not None:
         with _writing(options.ready_file):
-            options.ready_file.unlink(missing_ok=True)  # one from before is not true any more
+            options.ready_file.unlink(missing_ok=True)  # a file of an earlier run is outdated
     try:
         host, port = await server.listen(options.host, options.port)
     except (OSError, UnicodeError) as error:
@@ -205,15 +211,15 @@ async def _begin(server: Server, options: _Options) -> None:
 
 
 def _reason(error: OSError | UnicodeError) -> str:
-    """Why, without the address that asyncio repeats."""
+    """Return the reason without the address that asyncio repeats."""
     if isinstance(error, socket.gaierror) or not isinstance(error, OSError):
         return "the host name is unknown"
-    # From 3.13 on all addresses of a name are tried, and where none can be had no number is given.
+    # Python 3.13 tries all addresses of a name and gives no number if none is available.
     return os.strerror(error.errno or errno.EADDRNOTAVAIL)
 
 
 def _announce(ready_file: Path, where: str) -> None:
-    """Write a file that is there whole or not at all."""
+    """Write the file atomically."""
     with _writing(ready_file):
         beside = ready_file.with_name(f".{ready_file.name}.{os.getpid()}")
         beside.write_text(f"{where}\n")

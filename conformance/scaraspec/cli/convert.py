@@ -1,4 +1,4 @@
-"""`scaraspec convert`: a capture, written again in another format."""
+"""`scaraspec convert`: convert a capture to another format."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -41,11 +41,11 @@ def _write_pcapng(capture: McapCapture | Capture, target: Path) -> None:
         for event in capture:
             writer.write(event)
     if writer.short_holes:
-        told = UserMessage(
-            "{short_holes} gaps of unknown length are holes of one byte",
+        note = UserMessage(
+            "{short_holes} gaps of unknown length were written as gaps of one byte",
             short_holes=writer.short_holes,
         )
-        click.echo(f"{target}: {told}", err=True)
+        click.echo(f"{target}: {note}", err=True)
 
 
 _WRITERS: dict[str, Callable[[McapCapture | Capture, Path], None]] = {
@@ -60,17 +60,17 @@ _WRITERS: dict[str, Callable[[McapCapture | Capture, Path], None]] = {
 @click.argument("target", metavar="OUT", type=_PATH)
 @capture_port
 def command(source: Path, target: Path, port: int | None) -> None:
-    """Write the capture IN again as OUT, whose ending says how: .mcap, .pcapng or .rrd.
+    """Convert the capture IN to OUT. The suffix of OUT selects the format: .mcap, .pcapng or .rrd.
 
-    IN is MCAP, pcap or pcapng; OUT must not exist. MCAP is decoded anew. In .pcapng the packets
-    around the bytes are made up, and bytes that were not recorded are missing segments. Exit
-    status 3 if IN is not whole; OUT then holds what could be read.
+    IN is MCAP, pcap or pcapng. OUT must not exist. MCAP is decoded again. In .pcapng the packets
+    around the bytes are artificial, and bytes that were not recorded are missing segments. Exit
+    status 3 if IN is incomplete; OUT then contains what could be read.
     """
     write = _WRITERS.get(target.suffix.lower())
     if not write:
         raise Problem(
             UserMessage(
-                "{target} says no format: end it in {writers}",
+                "{target} has no known suffix: use one of {writers}",
                 target=target,
                 writers=", ".join(_WRITERS),
             )
@@ -102,7 +102,7 @@ def command(source: Path, target: Path, port: int | None) -> None:
                 "{target} cannot be written: {strerror}", target=target, strerror=error.strerror
             )
         ) from None
-    except BaseException:  # interrupted: half a file is none
+    except BaseException:  # interrupted: remove the incomplete file
         target.unlink()
         raise
     for note in capture.summary.notes:

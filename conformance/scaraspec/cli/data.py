@@ -1,4 +1,4 @@
-"""Where the package's data lies: in the wheel, or in the repository that it is run from."""
+"""Paths of data files, in the wheel or in the repository."""
 
 from pathlib import Path
 
@@ -8,6 +8,6 @@ _PACKAGE = Path(scaraspec.__file__).parent
 
 
 def sample_program(name: str) -> Path:
-    """The sample user program of this name."""
+    """Return the path of a sample user program."""
     installed = _PACKAGE / "_fixtures" / "programs" / name
     return installed if installed.exists() else _PACKAGE.parents[1] / "fixtures" / "programs" / name

@@ -1,4 +1,4 @@
-"""`scaraspec driver-check`: what is wrong with a driver, before any certification."""
+"""`scaraspec driver-check`: check the driver of a client before a certification."""
 
 import socket
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from scaraspec.user_message import UserMessage
 
 EXAMPLE = "Example: scaraspec driver-check 'scaraspec client-driver'"
 
-_PASSWORD = "zs-password"  # noqa: S105 - it opens nothing but the check's own socket
+_PASSWORD = "zs-password"  # noqa: S105 - used on the socket of this check only
 
 
 @click.command(epilog=EXAMPLE)
@@ -29,13 +29,13 @@ _PASSWORD = "zs-password"  # noqa: S105 - it opens nothing but the check's own s
     default=10.0,
     show_default=True,
     metavar="S",
-    help="How long any answer may take.",
+    help="Time limit for each answer.",
 )
 def command(command_line: str, timeout_s: float) -> None:
     """Check that COMMAND is a driver of a client: JSON Lines on stdio.
 
-    What it has to understand and to say: fixtures/drivers/README.md. Each step is a line of its
-    own. Exit status 0 if all is well, 1 if not.
+    fixtures/drivers/README.md describes what a driver must do. Each step prints one line. Exit
+    status 0 if all steps succeed, 1 if not.
     """
     try:
         driver = Driver(command_line)
@@ -48,18 +48,18 @@ def command(command_line: str, timeout_s: float) -> None:
 
 
 def _steps(driver: Driver, timeout_s: float) -> Iterator[str]:
-    """Do one thing after the other; what worked, in words.
+    """Execute the steps and yield a sentence for each that succeeds.
 
     Raises:
-        DriverError: What did not.
+        DriverError: A step failed.
     """
     yield "it starts"
     made_up = driver.wait(driver.begin("levitate"), timeout_s)
     if not made_up.unimplemented:
         raise DriverError(
-            UserMessage("an operation that nobody has is answered {made_up}", made_up=made_up)
+            UserMessage("an unknown operation is answered {made_up}", made_up=made_up)
         )
-    yield "an operation that nobody has is answered unimplemented"
+    yield "an unknown operation is answered unimplemented"
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
         listener.settimeout(timeout_s)
         host, port = listener.getsockname()
@@ -68,24 +68,27 @@ def _steps(driver: Driver, timeout_s: float) -> Iterator[str]:
             link.settimeout(timeout_s)
             _serve(link, "login", _PASSWORD.encode(), b"1")
             _done(driver, connecting, timeout_s)
-            yield "connect opens a connection and logs in with the password given"
+            yield "connect opens a connection and logs in with the given password"
             asking = driver.begin("get_status")
             _serve(link, "get_status", b"", b"00")
             _done(driver, asking, timeout_s)
             if asking.result != "00":
                 raise DriverError(
                     UserMessage(
-                        'get_status was answered 00 and told as {asking}, not "00"', asking=asking
+                        'get_status was answered 00, and the driver returned {asking}, not "00"',
+                        asking=asking,
                     )
                 )
-            yield "get_status asks, and tells the code as it is on the wire"
+            yield "get_status sends a request and returns the code of the reply"
             _done(driver, driver.begin("disconnect"), timeout_s)
             if link.recv(1):
-                raise DriverError("disconnect sends something, and does not end the connection")
-            yield "disconnect ends the connection"
+                raise DriverError("disconnect sends data instead of closing the connection")
+            yield "disconnect closes the connection"
     if driver.strays:
         raise DriverError(
-            UserMessage("a line of its stdout answers nothing: {strays}", strays=driver.strays[0])
+            UserMessage(
+                "a line on stdout is no answer to a request: {strays}", strays=driver.strays[0]
+            )
         )
 
 
@@ -93,11 +96,11 @@ def _accepted(listener: socket.socket) -> socket.socket:
     try:
         return listener.accept()[0]
     except TimeoutError:
-        raise DriverError("connect was asked for and no connection came") from None
+        raise DriverError("the driver was asked to connect and opened no connection") from None
 
 
 def _serve(link: socket.socket, name: str, data: bytes, answer: bytes) -> None:
-    """Await one request, and answer it."""
+    """Wait for one request and answer it."""
     opcode = BY_NAME[name].opcode
     framer, wanted = Framer(A2C), Frame(A2C, opcode, data)
     while True:
@@ -105,17 +108,20 @@ def _serve(link: socket.socket, name: str, data: bytes, answer: bytes) -> None:
             received = link.recv(4096)
         except TimeoutError:
             raise DriverError(
-                UserMessage("{name} was asked for and no request came", name=name)
+                UserMessage("the driver was asked for {name} and sent no request", name=name)
             ) from None
         if not received:
             raise DriverError(
-                UserMessage("the connection was ended where a request of {name} was due", name=name)
+                UserMessage(
+                    "the driver closed the connection instead of sending the request {name}",
+                    name=name,
+                )
             )
         for found in framer.feed(received):
             if found != wanted:
                 raise DriverError(
                     UserMessage(
-                        "{name} was sent as {found}, and should be {wanted}",
+                        "{name} was sent as {found}, expected {wanted}",
                         name=name,
                         found=found,
                         wanted=wanted,
@@ -127,12 +133,12 @@ def _serve(link: socket.socket, name: str, data: bytes, answer: bytes) -> None:
 
 def _done(driver: Driver, call: Call, timeout_s: float) -> None:
     if driver.wait(call, timeout_s).unimplemented:
-        raise DriverError(UserMessage("the driver has no operation {call}", call=call.name))
+        raise DriverError(UserMessage("the driver does not implement {call}", call=call.name))
     if not call.ok:
         raise DriverError(
             UserMessage(
-                "{call} was answered on the wire and is told as {call_2}",
+                "{call} succeeded on the wire, and the driver returned {answer}",
                 call=call.name,
-                call_2=call,
+                answer=call,
             )
         )

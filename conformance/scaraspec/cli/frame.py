@@ -1,4 +1,4 @@
-"""`scaraspec frame`: frames read from hexadecimal digits."""
+"""`scaraspec frame`: explain frames given as hexadecimal digits."""
 
 import click
 
@@ -14,7 +14,7 @@ EXAMPLE = "Example: scaraspec frame AA0900CC CC09023030AA"
 
 
 def _explain(frame: Frame) -> list[str]:
-    """A frame in words: who, what, its data, and what is wrong with it."""
+    """Return lines about a frame: sender, command, data and defects."""
     sender = "client" if frame.direction is Direction.A2C else "controller"
     parsed = read(frame)
     if parsed is None:
@@ -28,9 +28,10 @@ def _explain(frame: Frame) -> list[str]:
 @click.command(epilog=EXAMPLE)
 @click.argument("hexadecimal", nargs=-1, required=True)
 def command(hexadecimal: tuple[str, ...]) -> None:
-    """Read the frames in HEXADECIMAL digits; exit 1 if any byte is no frame or anything is wrong.
+    """Explain the frames in HEXADECIMAL digits.
 
-    Each argument is the bytes of one sender; the first byte, AA or CC, says which.
+    Each argument is the bytes of one sender. The first byte, AA or CC, determines the sender. Exit
+    status 1 if a byte belongs to no frame or a frame has a defect.
     """
     wrong = False
     for digits in hexadecimal:
@@ -43,7 +44,7 @@ def command(hexadecimal: tuple[str, ...]) -> None:
                 )
             ) from None
         if not data:
-            raise Problem("there are no bytes to read: write them like AA0900CC")
+            raise Problem("no bytes given: write them like AA0900CC")
         direction = Direction.C2A if data[:1] == b"\xcc" else Direction.A2C
         framer = Framer(direction)
         for item in framer.feed(data) + framer.finish():

@@ -1,4 +1,4 @@
-"""A command with so many options that its help needs headings."""
+"""Help texts with headings, for commands with many options."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,7 +11,7 @@ class GroupedCommand(click.Command):
 
     Args:
         groups: Names of parameters by heading, in the order of the help.
-        arguments: What `click.Command` takes.
+        arguments: The arguments of `click.Command`.
     """
 
     def __init__(self, *, groups: Mapping[str, Sequence[str]], **arguments: Any) -> None:
@@ -19,7 +19,7 @@ class GroupedCommand(click.Command):
         self._groups = groups
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the options, each under its heading, and what is left at the end."""
+        """Write the options under their headings, and the others at the end."""
         records = {
             parameter.name: record
             for parameter in self.get_params(ctx)

@@ -1,9 +1,8 @@
-"""The entry point: names the commands, tells what went wrong, and gives that no verdict.
+"""Entry point of the command line: the list of commands, error messages, exit statuses.
 
-What a user, or his machine, got wrong is one sentence.
-
-Each command lives in a module of its own here and is imported only when it is called, so that
-one that needs an absent extra hinders no other.
+An error that a user or the machine has caused is printed as one sentence. Each command is a module
+of this package. It is imported only when it is called, so a missing extra affects only the commands
+that need it.
 """
 
 import importlib
@@ -21,25 +20,25 @@ COMMANDS = {
     "audit": "Judge a capture: MCAP, pcap or pcapng.",
     "call": "Send one command to a controller.",
     "certify": "Certify an implementation against the document.",
-    "client-driver": "Drive the reference client by JSON Lines.",
+    "client-driver": "Run the reference client as a driver (JSON Lines).",
     "controller": "Run the virtual controller.",
-    "convert": "Write a capture again in another format.",
-    "demo": "Record and judge a whole session, controller and client included.",
-    "driver-check": "Say what is wrong with a client's driver.",
-    "frame": "Read frames from hexadecimal digits.",
+    "convert": "Convert a capture to another format.",
+    "demo": "Record and judge a complete session with the virtual controller.",
+    "driver-check": "Check the driver of a client.",
+    "frame": "Explain frames given as hexadecimal digits.",
     "program": "List, check or convert user program files.",
-    "prove": "Run the suite against seeded faults.",
+    "prove": "Run the suite against mutants (faulty implementations).",
     "record": "Record the traffic between a client and a controller.",
     "recover": "Repair recordings whose recorder was killed.",
-    "replay": "Send what a recorded client sent to a controller again.",
-    "requirements": "Show the catalogue of requirements.",
+    "replay": "Send recorded requests to a controller again.",
+    "requirements": "Show requirements and register entries.",
     "view": "Open a capture in the Rerun viewer.",
 }
-"""Every command and its one-line help; the module of its name holds it as `command`."""
+"""Each command with its one-line help. The module of the same name defines `command`."""
 
 
 class _Lazy(click.Group):
-    """A group that knows its commands by name and imports the one that is called."""
+    """A group that imports a command only when it is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 - click's signature
         return list(COMMANDS)
@@ -55,8 +54,8 @@ class _Lazy(click.Group):
     def invoke(self, ctx: click.Context) -> object:
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:  # click would end it with 1, which says nonconformant
-            raise Problem("ended before its end", ExitStatus.INCONCLUSIVE) from None
+        except KeyboardInterrupt:  # click would exit with 1, which means nonconformant
+            raise Problem("interrupted", ExitStatus.INCONCLUSIVE) from None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's signature
         with formatter.section("Commands"):
@@ -68,25 +67,25 @@ class _Lazy(click.Group):
 def group() -> None:
     """Certify, record and gate UISR4200S robot traffic.
 
-    scaraspec is no safety function: keep a hardware emergency stop within reach.
+    scaraspec is not a safety function: keep a hardware emergency stop within reach.
     """
 
 
 def main() -> None:
-    """Run the command line; exit statuses are those of the README."""
+    """Run the command line. README.md lists the exit statuses."""
     with outliving_readers(), ending_alike():
         try:
             group(prog_name="scaraspec")
         except Problem as problem:
-            _tell(f"{problem}")
+            _print_error(f"{problem}")
             sys.exit(problem.exit_status)
         except OSError as error:
-            _tell(f"{error}")
-        except Exception:  # noqa: BLE001 - whatever it is, Python would end with 1: nonconformant
+            _print_error(f"{error}")
+        except Exception:  # noqa: BLE001 - Python would exit with 1, which means nonconformant
             traceback.print_exc()
-            _tell("that is a defect of scaraspec, and no result")
+            _print_error("this is a defect of scaraspec; please report it")
         sys.exit(ExitStatus.INCONCLUSIVE)
 
 
-def _tell(why: str) -> None:
-    click.echo(f"scaraspec: {visible(why)}", err=True)
+def _print_error(message: str) -> None:
+    click.echo(f"scaraspec: {visible(message)}", err=True)

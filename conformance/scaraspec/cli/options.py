@@ -1,4 +1,4 @@
-"""What several commands take from their user, said once."""
+"""Options that several commands share."""
 
 import math
 from collections.abc import Callable
@@ -12,17 +12,17 @@ from scaraspec_recorder.quantities import SECOND_NS, QuantityError, parse_durati
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-DEFAULT_PASSWORD: Final = "password"  # noqa: S105 - the document's own (L109)
+DEFAULT_PASSWORD: Final = "password"  # noqa: S105 - the document's example (L109)
 
 
 class Real(click.FloatRange):
-    """A number of a range, in which NaN is not."""
+    """A number in a range. NaN is not permitted."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number."""
+        """Convert the text to a number."""
         number = super().convert(value, param, ctx)
         if math.isnan(number):
-            self.fail(UserMessage("{value!r} is no number.", value=value), param, ctx)
+            self.fail(UserMessage("{value!r} is not a number.", value=value), param, ctx)
         return number
 
 
@@ -34,7 +34,7 @@ class Duration(click.ParamType[float]):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """The seconds."""
+        """Convert the text to seconds."""
         if isinstance(value, float):
             return value
         try:
@@ -44,10 +44,10 @@ class Duration(click.ParamType[float]):
 
 
 def password_option(default: str | None, text: str) -> Callable[[F], F]:
-    """The option ``--password``, which the environment can give, too.
+    """Return the option ``--password``, which the environment can give, too.
 
     Args:
-        default: The password where neither names one.
+        default: The password if neither gives one.
         text: Its help text.
     """
     return click.option(
@@ -55,7 +55,7 @@ def password_option(default: str | None, text: str) -> Callable[[F], F]:
         envvar="SCARASPEC_PASSWORD",
         default=default,
         metavar="PASSWORD",
-        help=f"{text}; else SCARASPEC_PASSWORD, else '{DEFAULT_PASSWORD}'.",
+        help=f"{text} [SCARASPEC_PASSWORD, or '{DEFAULT_PASSWORD}'].",
     )
 
 
@@ -67,4 +67,4 @@ capture_port: Final = click.option(
     callback=lambda _context, _option, port: port or None,
     help="The controller's TCP port in a pcap; 0 for any.",
 )
-"""Which connections of a packet capture are read; None where any are."""
+"""The port of the connections to read in a packet capture; None for all connections."""

@@ -1,4 +1,4 @@
-"""What a user can get wrong, as one sentence and an exit status."""
+"""Errors that a user can cause: one sentence and an exit status."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -8,7 +8,7 @@ from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.user_message import UserMessage
 
 
-class Problem(Exception):  # noqa: N818 - it is told to a user, who made no error in Python
+class Problem(Exception):  # noqa: N818 - it is a message for the user
     """One sentence for the user: what was wrong, where, what to do."""
 
     def __init__(self, sentence: str, exit_status: ExitStatus = ExitStatus.USAGE) -> None:
@@ -32,21 +32,23 @@ def no_such_fault(name: str, known: Iterable[str], role: str) -> Problem:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder to write into; a disk that is full or failing may serve later.
+    """Create a folder to write into. A full or failing disk is ignored: it may recover.
 
     Raises:
-        Problem: It can never be one.
+        Problem: The path cannot become a folder.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
         raise Problem(
-            UserMessage("{path} is no folder: name another with --out", path=path)
+            UserMessage("{path} is not a folder: name another one with --out", path=path)
         ) from None
     except (FileNotFoundError, PermissionError) as error:
         raise Problem(
             UserMessage(
-                "the folder {path} cannot be made: {strerror}", path=path, strerror=error.strerror
+                "the folder {path} cannot be created: {strerror}",
+                path=path,
+                strerror=error.strerror,
             )
         ) from None
     except OSError:

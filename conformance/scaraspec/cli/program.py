@@ -1,4 +1,4 @@
-"""`scaraspec program`: user program files (clause 6), listed, checked and converted."""
+"""`scaraspec program`: list, check and convert user program files (clause 6)."""
 
 from pathlib import Path
 
@@ -42,7 +42,7 @@ def _parse(file: Path) -> tuple[bytes, Program]:
         return data, parse(data)
     except ProgramError as error:
         raise Problem(
-            UserMessage("{file} is no user program: {error}", file=file, error=error),
+            UserMessage("{file} is not a user program: {error}", file=file, error=error),
             ExitStatus.NONCONFORMANT,
         ) from None
 
@@ -59,10 +59,10 @@ def command() -> None:
     type=click.Choice([m.value for m in PointMeaning]),
     default=PointMeaning.JOINTS.value,
     show_default=True,
-    help="What the four numbers of a coordinate node are (reading point_meaning).",
+    help="Meaning of the four numbers of a coordinate node (reading point_meaning).",
 )
 def show(file: Path, points: str) -> None:
-    """Print a readable listing of FILE."""
+    """Print a listing of FILE."""
     _, program = _parse(file)
     click.echo(listing(program, PointMeaning(points)), nl=False)
 
@@ -70,7 +70,7 @@ def show(file: Path, points: str) -> None:
 @command.command(epilog="Example: scaraspec program check pick-and-place.rob")
 @click.argument("file", type=_FILE)
 def check(file: Path) -> None:
-    """Hold FILE against every rule of clause 6; exit 1 if it breaks one."""
+    """Check FILE against all rules of clause 6. Exit status 1 if a rule is violated."""
     data = _read(file)
     findings = lint(data)
     for finding in findings:
@@ -90,11 +90,11 @@ def check(file: Path) -> None:
     type=click.Choice(list(LAYOUTS)),
     required=True,
     metavar="LAYOUT",
-    help="The target's: ilp32, packed, pack2, lp64, outer-packed, packed-long8, pack2-long8; "
-    "behind it -header13, -header14 or -header16, and -big.",
+    help="ilp32, packed, pack2, lp64, outer-packed, packed-long8 or pack2-long8, optionally "
+    "followed by -header13, -header14 or -header16, and by -big.",
 )
 def convert(file: Path, target: Path, layout: str) -> None:
-    """Write FILE again as TARGET, in another layout or byte order."""
+    """Convert FILE to TARGET, in another layout or byte order."""
     _, program = _parse(file)
     try:
         with target.open("xb") as stream:

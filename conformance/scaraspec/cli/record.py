@@ -1,6 +1,6 @@
 """`scaraspec record`: the recording proxy between clients and controllers.
 
-Arguments only: what is recorded is checked in `config`, who does it stands in `recording`.
+This module handles arguments and output. `config` checks the configuration, `recording` records.
 """
 
 import asyncio
@@ -57,7 +57,7 @@ EXAMPLE = "Example: scaraspec record tcp://192.168.1.2 --listen 0.0.0.0:8877 --l
 
 _LISTEN: Final = DEFAULT_LISTEN[Mode.EXPLICIT]
 _DRAIN_S: Final = 1800.0
-"""After weeks the last file may take minutes to be drawn; a second Ctrl-C ends the waiting."""
+"""The last .rrd of a long recording may take minutes; a second Ctrl-C ends the wait."""
 
 _LINES_S: Final = 1.0
 _DASHBOARD_S: Final = 0.5
@@ -67,7 +67,7 @@ _GROUPS: Final = {
     "The files": ("out", "rotate", "keep", "min_free", "redact", "timestamps", "trigger"),
     "Watching": ("live", "metrics"),
 }
-_OF_ALL: Final = ("config", "live", "metrics")  # these say nothing of one robot
+_OF_ALL: Final = ("config", "live", "metrics")  # these do not belong to one robot
 
 
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
@@ -76,41 +76,51 @@ _OF_ALL: Final = ("config", "live", "metrics")  # these say nothing of one robot
 @click.option(
     "--mode",
     type=click.Choice(list(MODES)),
-    help="How they come there [port]; the others need the rules of docs/transparent-proxy.md.",
+    help="How clients reach the recorder [port]; see docs/transparent-proxy.md.",
 )
-@click.option("--config", metavar="FILE", help="Several robots, from TOML; no URL then.")
+@click.option("--config", metavar="FILE", help="Record the robots of a TOML file.")
 @click.option("--out", metavar="DIR", help=f"Folder; nothing is overwritten [{DEFAULT_OUT}].")
 @click.option(
     "--rotate",
     metavar="LIMITS",
-    help="Next file after 1h, 512MB, 1h,512MB or connection; of several [1h].",
+    help="New file after 1h, 512MB, 1h,512MB or connection.",
 )
-@click.option("--keep", metavar="LIMITS", help="Remove what is beyond 30d, 20GB or 30d,20GB.")
-@click.option("--min-free", metavar="SIZE", help="Remove the oldest where less is free, as 2GB.")
-@click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes too.")
+@click.option(
+    "--keep",
+    metavar="LIMITS",
+    help="Remove files beyond 30d, 20GB or 30d,20GB.",
+)
+@click.option("--min-free", metavar="SIZE", help="Remove the oldest files if less is free: 2GB.")
+@click.option("--redact", is_flag=True, help="Mask passwords in the raw bytes, too.")
 @click.option(
     "--timestamps",
     type=click.Choice([clock.value for clock in Clock]),
-    help="Who says when bytes came in [user].",
+    help="Source of the time stamps [user].",
 )
 @click.option(
     "--trigger",
     metavar="COND",
     multiple=True,
-    help="Mark the moment in the recording's log at code:12, refusal, finding:4.15/3,"
+    help="Mark the time in the log of the recording at code:12, refusal, finding:4.15/3,"
     " finding:fail, silence:30s, late:500ms, malformed, disconnect or signal (SIGUSR1);"
     " repeatable.",
 )
-@click.option("--live", is_flag=True, help="Draw in a Rerun viewer; a slow one costs drawing only.")
-@click.option("--metrics", metavar="HOST:PORT", help="For Prometheus, on this machine alone.")
-@click.option("--inject", metavar="FILE", help="Disturb the link by this TOML file of faults.")
-@click.option("--i-mean-it", is_flag=True, help="Inject even where other machines connect.")
+@click.option(
+    "--live",
+    is_flag=True,
+    help="Show the traffic in a Rerun viewer.",
+)
+@click.option(
+    "--metrics", metavar="HOST:PORT", help="Serve Prometheus metrics, on this machine only."
+)
+@click.option("--inject", metavar="FILE", help="Inject the faults of a TOML file.")
+@click.option("--i-mean-it", is_flag=True, help="Inject even if other machines can connect.")
 def command(url: str | None, **options: Any) -> None:
-    """Relay clients to the controller at URL and record what passes, until Ctrl-C.
+    """Relay clients to the controller at URL and record the traffic, until Ctrl-C.
 
-    Forward first: the link never waits for the recording. Writes capture.mcap, or files named by
-    time and robot where --rotate, --keep or --min-free ask for several, and .rrd files where the
-    extra view is installed. Exit status 3 if anything was lost.
+    The link never waits for the recording. The command writes capture.mcap. With --rotate, --keep
+    or --min-free it writes several files, named by time and robot; the default is then one file an
+    hour. With the extra view it also writes .rrd files. Exit status 3 if anything was lost.
     """
     try:
         plans = [_plan(robot) for robot in _robots(url, options)]
@@ -120,18 +130,18 @@ def command(url: str | None, **options: Any) -> None:
             asyncio.run(_record(plans, viewer, watches))
     except (ConfigError, UrlError) as error:
         raise Problem(str(error)) from None
-    _tell([watch.look() for watch in watches])
+    _print_summary([watch.look() for watch in watches])
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """A robot, and its link.
+    """A robot and its link.
 
     Attributes:
-        robot: What is recorded of it.
-        controller: Its link.
-        listen: Where the tap listens.
-        caller: The serial line that the client is on; None where clients connect.
+        robot: The configuration of its recording.
+        controller: The link of the controller.
+        listen: The address on which the tap listens.
+        caller: The serial line of the client; None if clients connect over TCP.
     """
 
     robot: RobotConfig
@@ -141,13 +151,13 @@ class _Plan:
 
     @property
     def way(self) -> Route:
-        """Where clients are led."""
+        """The route to the controller."""
         if isinstance(self.controller, Tcp):
             return route(self.robot.mode, *self.controller)
         return relay.LineRoute(_line(self.controller))
 
     def sinks(self, viewer: str | None) -> tuple[SinkFactory, ...]:
-        """What takes the recording."""
+        """Return the factories of the sinks."""
         needs_login = isinstance(self.controller, Tcp)  # L83
         session = {"controller": str(self.controller)}
         files = self.robot.sink(session, draw=has_viewer(), needs_login=needs_login)
@@ -156,7 +166,7 @@ class _Plan:
 
     @contextlib.asynccontextmanager
     async def calling(self, address: tuple[str, int]) -> AsyncIterator[str]:
-        """Let the client in, and say where it comes in."""
+        """Connect the client's line; yield the address or line of the client side."""
         if not self.caller:
             yield join_host_port(*address)
             return
@@ -169,7 +179,7 @@ def _line(link: Serial | Rfcomm) -> relay.End:
 
 
 def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
-    """What is to be recorded: of the command line, or of a file."""
+    """Return the robots to record, from the command line or from a file."""
     given = {
         key.replace("_", "-"): list(value) if isinstance(value, tuple) else value
         for key, value in options.items()
@@ -180,13 +190,13 @@ def _robots(url: str | None, options: dict[str, Any]) -> Sequence[RobotConfig]:
             what = url or f"--{next(iter(given))}"
             raise Problem(
                 UserMessage(
-                    "{what} and --config do not go together: write it into the file", what=what
+                    "{what} cannot be combined with --config: write it into the file", what=what
                 )
             )
         return read_config(Path(options["config"]))
     if not url:
         raise Problem("no controller: name its URL, as tcp://192.168.1.2, or a file with --config")
-    name = safe_name(str(parse(url)[0]))  # the host, the device or the address
+    name = safe_name(str(parse(url)[0]))  # host, device or address
     return (read_robot(name, {"url": url, **given}, "--"),)
 
 
@@ -197,7 +207,7 @@ def _plan(robot: RobotConfig) -> _Plan:
         if isinstance(client, Tcp):
             raise Problem(
                 UserMessage(
-                    "{listen} is no place to listen: write {value}",
+                    "{listen} is not an address to listen on: write {value}",
                     listen=robot.listen,
                     value=join_host_port(*client),
                 )
@@ -206,16 +216,12 @@ def _plan(robot: RobotConfig) -> _Plan:
     else:
         listen = split_host_port(robot.listen, lowest_port=0)
     if robot.mode is not Mode.EXPLICIT and (caller or not isinstance(controller, Tcp)):
-        raise Problem(
-            UserMessage(
-                "the mode {mode} leads TCP connections aside, and no serial lines", mode=robot.mode
-            )
-        )
+        raise Problem(UserMessage("the mode {mode} needs TCP on both sides", mode=robot.mode))
     if robot.injection and not robot.i_mean_it and not is_loopback(listen[0]):
-        risk = "other machines can connect to it: add --i-mean-it if they may be disturbed"
+        risk = "other machines can connect: add --i-mean-it if this is intended"
         raise Problem(
             UserMessage(
-                "faults are injected at {listen}, and {risk}", listen=robot.listen, risk=risk
+                "faults would be injected at {listen}, and {risk}", listen=robot.listen, risk=risk
             )
         )
     return _Plan(robot, controller, listen, caller)
@@ -224,7 +230,7 @@ def _plan(robot: RobotConfig) -> _Plan:
 def _metrics(
     address: str | None, watches: Sequence[Watch]
 ) -> contextlib.AbstractContextManager[object]:
-    """Offer metrics, if that is asked for."""
+    """Serve metrics if an address is given."""
     if not address:
         return contextlib.nullcontext()
     try:
@@ -246,7 +252,7 @@ def _metrics(
 
 
 async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watch]) -> None:
-    """Record until the first signal, and wait for what is left until another one insists."""
+    """Record until the first signal; then write the rest, until a second signal."""
     stopped = asyncio.Event()
     loop, whole = asyncio.get_running_loop(), asyncio.current_task()
     assert whole
@@ -257,7 +263,7 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
         stopped.set()
 
     asked: list[Recording] = []
-    with contextlib.suppress(NotImplementedError, AttributeError):  # not on every system
+    with contextlib.suppress(NotImplementedError, AttributeError):  # missing on some systems
         for number in ending_signals():
             loop.add_signal_handler(number, end, number)
         loop.add_signal_handler(signal.SIGUSR1, _ask, asked)
@@ -269,21 +275,21 @@ async def _record(plans: Sequence[_Plan], viewer: str | None, watches: list[Watc
     except* Problem as problems:
         raise problems.exceptions[0] from None
     except* asyncio.CancelledError:
-        pass  # what is not finished is told
+        pass  # unfinished recordings are reported
     finally:
         showing.cancel()
         await asyncio.gather(showing, return_exceptions=True)
 
 
 def _ask(asked: Sequence[Recording]) -> None:
-    """Ask each of these recordings for a mark."""
+    """Request a mark in each of these recordings."""
     if not asked:
-        click.echo("SIGUSR1 does nothing: no recording is under way with --trigger signal")
+        click.echo("SIGUSR1 has no effect: no recording has --trigger signal")
     for recording in asked:
         try:
             recording.ask()
         except OSError as error:
-            click.echo(f"SIGUSR1 does nothing: {error}")
+            click.echo(f"SIGUSR1 has no effect: {error}")
 
 
 async def _record_one(
@@ -293,7 +299,7 @@ async def _record_one(
     asked: list[Recording],
     stopped: asyncio.Event,
 ) -> None:
-    """Record one robot; `asked` takes the recording if a signal marks it."""
+    """Record one robot. Append the recording to `asked` if a signal marks it."""
     robot = plan.robot
     make_folder(robot.out)
     try:
@@ -312,18 +318,18 @@ async def _record_one(
             watches.append(Watch(robot.name, recording, robot.out))
             if SIGNAL in robot.triggers:
                 asked.append(recording)
-            click.echo(f"recording {where} to {robot.url} in {robot.out}; Ctrl-C ends it")
+            click.echo(f"recording {where} to {robot.url} in {robot.out}; press Ctrl-C to stop")
             await stopped.wait()
     except OSError as error:
-        place = f"what comes to {robot.listen} into {robot.out}"
-        reason = (error.strerror or f"{error}").partition(" (while")[0]  # what Python adds to it
+        place = f"{robot.listen} to {robot.out}"
+        reason = (error.strerror or f"{error}").partition(" (while")[0]  # Python adds the address
         raise Problem(
             UserMessage("cannot record {place}: {reason}", place=place, reason=reason)
         ) from None
 
 
 async def _show(watches: Sequence[Watch], stopped: asyncio.Event) -> None:
-    """Show how the recordings are, until cancelled."""
+    """Show the status of the recordings until cancelled."""
     console = Console()
     display: Display = Dashboard(console) if console.is_terminal else Lines(click.echo)
     period_s = _DASHBOARD_S if console.is_terminal else _LINES_S
@@ -334,8 +340,12 @@ async def _show(watches: Sequence[Watch], stopped: asyncio.Event) -> None:
             await asyncio.sleep(period_s)
 
 
-def _tell(statuses: Sequence[Status]) -> None:
-    """Say what was recorded; anything lost is exit status 3."""
+def _print_summary(statuses: Sequence[Status]) -> None:
+    """Print what was recorded.
+
+    Raises:
+        SystemExit: Something was lost (exit status 3).
+    """
     lost = False
     for status in statuses:
         progress = status.progress
@@ -353,8 +363,8 @@ def _tell(statuses: Sequence[Status]) -> None:
         for problem in progress.problems:
             click.echo(f"scaraspec: {problem}", err=True)
         if not progress.finished:
-            rest = "the next recorder into it writes the rest"
-            click.echo(f"scaraspec: {status.out_dir} is not finished: {rest}", err=True)
+            rest = "start the recorder again with this folder to write the rest"
+            click.echo(f"scaraspec: {status.out_dir} is incomplete: {rest}", err=True)
         lost = lost or bool(progress.problems or status.gaps or not progress.finished)
     if lost:
         raise SystemExit(ExitStatus.INCONCLUSIVE)

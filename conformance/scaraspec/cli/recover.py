@@ -1,4 +1,4 @@
-"""`scaraspec recover`: recordings whose recorder was killed, made whole again."""
+"""`scaraspec recover`: repair recordings whose recorder was killed."""
 
 import errno
 from datetime import UTC, datetime
@@ -22,16 +22,16 @@ EXAMPLE = "Example: scaraspec recover captures/*.mcap"
     "files", metavar="FILE...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )
 def command(files: tuple[Path, ...]) -> None:
-    """Repair recordings (.mcap) in place, and draw the .rrd of each that has no whole one.
+    """Repair recordings (.mcap) in place, and write missing or incomplete .rrd files.
 
-    Says of each FILE what was kept and what is lost. A file that is whole is left as it is.
-    Exit status 0 if all were whole, 3 if anything was lost.
+    Prints for each FILE what was kept and what was lost. An intact file is not changed. Exit
+    status 0 if all files were intact, 3 if anything was lost.
     """
     whole = True
     for file in files:
         if not file.is_file():
             raise Problem(
-                UserMessage("{file} is no file: name the .mcap files to repair", file=file)
+                UserMessage("{file} is not a file: name the .mcap files to repair", file=file)
             )
         try:
             with hold(file.resolve().parent) as unwritten_bytes:
@@ -48,11 +48,11 @@ def command(files: tuple[Path, ...]) -> None:
             whole = False
             click.echo(f"scaraspec: {error}", err=True)
         except OSError as error:
-            advice = "; free as much as it takes" if error.errno == errno.ENOSPC else ""
+            advice = "; free some disk space" if error.errno == errno.ENOSPC else ""
             why = UserMessage("{value}{advice}", value=error.strerror or error, advice=advice)
             raise Problem(
                 UserMessage(
-                    "{file} cannot be repaired, and is as it was: {why}", file=file, why=why
+                    "{file} cannot be repaired and was not changed: {why}", file=file, why=why
                 )
             ) from None
     if not whole:
@@ -70,14 +70,14 @@ def _tell(report: Report) -> None:
 
 
 def _draw(report: Report) -> None:
-    """Draw the picture again, where the file or the picture was not whole."""
+    """Write the .rrd again if it or the recording was incomplete."""
     drawn = report.path.with_suffix(".rrd")
     if is_drawn(drawn) and not report.repaired:
         return
     if not has_viewer():
-        click.echo(f"  {drawn} is not drawn: {NO_VIEWER}")
+        click.echo(f"  {drawn} was not written: {NO_VIEWER}")
         return
     try:
-        click.echo(f"  {redraw(report.path)} drawn anew")
-    except OSError as error:  # the recording itself is whole by now
-        click.echo(f"  {drawn} is not drawn: {error.strerror or error}")
+        click.echo(f"  {redraw(report.path)} written again")
+    except OSError as error:  # the recording itself is repaired
+        click.echo(f"  {drawn} was not written: {error.strerror or error}")

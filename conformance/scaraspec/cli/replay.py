@@ -1,4 +1,4 @@
-"""`scaraspec replay`: what a recorded client sent, sent to a controller again."""
+"""`scaraspec replay`: send recorded requests to a controller again."""
 
 from collections import Counter
 from pathlib import Path
@@ -23,12 +23,12 @@ from scaraspec_recorder.sources.capture import open_capture
 
 EXAMPLE = "Example: scaraspec replay capture.mcap tcp://127.0.0.1:8877 --allow state"
 
-_MOST_SHOWN = 20
+_MAX_SHOWN = 20
 _LOGIN = BY_NAME["login"]
 
 
 class _Tally:
-    """What was sent, what was not, and what came of it."""
+    """Counts of sent and skipped messages, and of replies that differ."""
 
     def __init__(self) -> None:
         self._sent = self._different = 0
@@ -42,20 +42,24 @@ class _Tally:
         self._sent += 1
         if step.differs:
             self._different += 1
-            if len(self._shown) < _MOST_SHOWN:
-                now = step.answered or "no answer"
-                self._shown.append(f"{step.name}: {now}, recorded was {step.recorded}")
+            if len(self._shown) < _MAX_SHOWN:
+                now = step.answered or "no reply"
+                self._shown.append(f"{step.name}: {now}, recorded: {step.recorded}")
 
-    def tell(self, connection: str) -> None:
-        """Print it, and end with the status that follows from it."""
+    def report(self, connection: str) -> None:
+        """Print the counts and exit with the status that follows from them.
+
+        Raises:
+            SystemExit: A reply differs, or nothing was sent.
+        """
         total = self._sent + self._skipped.total()
         click.echo(
             f"sent {self._sent} of {total} messages of the client of connection {connection}"
         )
         for (name, reason), count in self._skipped.most_common():
             click.echo(f"  skipped {count} {name} ({reason})")
-        alike = self._sent - self._different
-        click.echo(f"{alike} answers as in the capture, {self._different} different")
+        equal = self._sent - self._different
+        click.echo(f"{equal} replies as in the capture, {self._different} different")
         for line in self._shown:
             click.echo(f"  {line}")
         if self._different > len(self._shown):
@@ -73,23 +77,25 @@ class _Tally:
     "--allow",
     default="",
     metavar="HAZARDS",
-    help="What may be sent beside read-only requests: state,motion,destructive.",
+    help="Permit more than read-only requests: state,motion,destructive.",
 )
 @click.option(
     "--speed",
     type=Real(0.001, 1e6),
     metavar="FACTOR",
-    help="Keep the capture's times, so much faster; without it, send at once.",
+    help="Keep the times of the capture, FACTOR times as fast; without it, send at once.",
 )
-@click.option("--connection", default="1", show_default=True, help="Which one of the capture.")
-@password_option(DEFAULT_PASSWORD, "What to log in with over TCP")
+@click.option(
+    "--connection", default="1", show_default=True, help="Number of the connection in the capture."
+)
+@password_option(DEFAULT_PASSWORD, "Password for the login over TCP")
 @click.option(
     "--timeout",
     "timeout_s",
     type=Real(0.001, 1e6),
     default=5.0,
     metavar="S",
-    help="How long to wait for a reply (5 s).",
+    help="Time to wait for a reply [5].",
 )
 @capture_port
 def command(  # noqa: PLR0913, PLR0917 - a command line's options are its arguments
@@ -102,13 +108,13 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
     timeout_s: float,
     port: int | None,
 ) -> None:
-    """Send what the client in CAPTURE sent to the controller at URL, in the same order.
+    """Send the requests of the client in CAPTURE to the controller at URL, in the same order.
 
-    Only read-only requests are sent, unless --allow names more; undefined opcodes and malformed
-    frames never are. Logs in first, with a password of its own. Says what was skipped and which
-    answers are of another kind than in the capture; values are not compared.
+    Only read-only requests are sent, unless --allow permits more. Undefined opcodes and malformed
+    frames are never sent. The command logs in first, with --password. It prints what was skipped
+    and which replies are of another kind than in the capture. Values are not compared.
 
-    Exit status: 0 all answers alike, 1 some are not, 3 link lost, 4 nothing was sent.
+    Exit status: 0 all replies equal, 1 some differ, 3 link lost, 4 nothing was sent.
     """
     allowed = _hazards(allow)
     try:
@@ -135,7 +141,7 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
         ) from None
     except LinkError as error:
         raise Problem(str(error), ExitStatus.INCONCLUSIVE) from None
-    tally.tell(connection)
+    tally.report(connection)
 
 
 def _hazards(text: str) -> set[Hazard]:
@@ -144,7 +150,7 @@ def _hazards(text: str) -> set[Hazard]:
     except ValueError as error:
         names = ", ".join(hazard.value for hazard in Hazard)
         raise Problem(
-            UserMessage("--allow: {error}; there are {names}", error=error, names=names)
+            UserMessage("--allow: {error}; use {names}", error=error, names=names)
         ) from None
     return {Hazard.READ_ONLY} | more
 

@@ -1,8 +1,8 @@
-"""Leaving: whoever reads what a command tells may leave, his terminal with him, or want it ended.
+"""Standard streams and signals of a command.
 
-What the command does, and what its exit status says, are the same whether anybody hears of it, and
-can read it; only where what it tells should be kept, and cannot be, it does not end as if all were
-well. Whichever way it is asked to end, it ends in order.
+A command continues if the reader of its output closes the pipe or the terminal, and its exit status
+is the same. If output cannot be written for another reason, such as a full disk, the exit status is
+not 0. SIGTERM and SIGHUP end a command as Ctrl-C does.
 """
 
 import errno
@@ -22,15 +22,15 @@ from scaraspec.operating_system import ending_signals
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-_LEFT: Final = frozenset({errno.EPIPE, errno.EIO})
-"""Of a pipe whose reader has left, and of a terminal that is closed."""
+_READER_GONE: Final = frozenset({errno.EPIPE, errno.EIO})
+"""Errors of a pipe whose reader is gone, and of a closed terminal."""
 
 
 @contextmanager
 def ending_alike() -> Iterator[None]:
-    """Let each of these signals end a command as Ctrl-C does, so that it ends what it has begun.
+    """Let the ending signals act as Ctrl-C, so that a command cleans up.
 
-    A command that ends in another way sets up its own.
+    A command that handles signals itself installs its own handlers later.
     """
     taken = [number for number in ending_signals() if signal.getsignal(number) is signal.SIG_DFL]
     for number in taken:
@@ -43,66 +43,67 @@ def ending_alike() -> Iterator[None]:
 
 
 def _as_ctrl_c(number: int, frame: FrameType | None) -> None:
-    """Do what is done about Ctrl-C just now: an event loop ends its tasks in order."""
+    """Call the current handler of Ctrl-C. An event loop then cancels its tasks."""
     handler = signal.getsignal(signal.SIGINT)
     (handler if callable(handler) else signal.default_int_handler)(number, frame)
 
 
 def insists(number: int) -> bool:
-    """Whether it is a user's who wants a command to end at once; a lost terminal tells it twice."""
+    """Return whether a second signal ends the command at once. A lost terminal sends it twice."""
     return number in (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
 def outliving_readers() -> Iterator[None]:
-    """Let a command go on that can tell nothing any more.
+    """Let a command continue if its output cannot be written.
 
     Raises:
-        SystemExit: It has ended; with 3 where all is well but for what a full disk did not take.
+        SystemExit: The command has ended. The status is 3 instead of 0 if output was lost, for
+            example on a full disk.
     """
     files = [_replace(name) for name in ("stdout", "stderr")]
     try:
         yield
     except SystemExit as ended:
         sys.stdout.flush()
-        why = next((file.why for file in files if file and file.why), "")
-        if why and not ended.code:
-            click.echo(f"scaraspec: what it tells cannot be written: {why}", err=True)
+        error = next((file.error for file in files if file and file.error), "")
+        if error and not ended.code:
+            click.echo(f"scaraspec: the output cannot be written: {error}", err=True)
             raise SystemExit(ExitStatus.INCONCLUSIVE) from None
         raise
 
 
 def _replace(name: str) -> "_Lenient | None":
-    """Put a lenient file below a standard stream; none where that is not the process's own."""
+    """Replace the file of a standard stream. Return None if the stream was replaced already."""
     stream = getattr(sys, name)
     if stream is None or stream is not getattr(sys, f"__{name}__"):
         return None
     file = _Lenient(stream.fileno(), "w", closefd=False)
-    told = io.TextIOWrapper(
+    text = io.TextIOWrapper(
         cast("BinaryIO", file) if stream.write_through else io.BufferedWriter(file),
         stream.encoding,
-        "backslashreplace",  # not every terminal, nor every file on Windows, has every character
+        "backslashreplace",  # terminals and files on Windows lack some characters
         line_buffering=stream.line_buffering,
         write_through=stream.write_through,
     )
-    setattr(sys, name, told)
+    setattr(sys, name, text)
     return file
 
 
 class _Lenient(io.FileIO):
-    """Drops what cannot be written.
+    """A file that drops what cannot be written.
 
     Attributes:
-        why: Why that was, unless nobody reads it any more.
+        error: Why something was dropped; empty if the reader is gone.
     """
 
-    why = ""
+    error = ""
 
     def write(self, data: "ReadableBuffer", /) -> int:
-        """Write it, or drop it."""
+        """Write the data, or drop it."""
         try:
             return super().write(data)
-        except OSError as error:
-            if error.errno not in _LEFT:
-                self.why = error.strerror or f"{error}"
+        except OSError as problem:
+            if problem.errno not in _READER_GONE:
+                self.error = problem.strerror or f"{problem}"
             return memoryview(data).nbytes

@@ -1,4 +1,4 @@
-"""`scaraspec view`: a capture in the Rerun viewer."""
+"""`scaraspec view`: open a capture in the Rerun viewer."""
 
 import os
 import signal
@@ -39,13 +39,17 @@ _AGAIN_S: Final = 0.2
 @click.command(epilog=EXAMPLE)
 @click.argument("file", type=click.Path(path_type=Path))
 @capture_port
-@click.option("--at", metavar="TIME", help="Go there: 2026-11-21T08:15:30.5, UTC, or Unix seconds.")
+@click.option(
+    "--at",
+    metavar="TIME",
+    help="Move the cursor to this time: 2026-11-21T08:15:30.5 (UTC) or Unix seconds.",
+)
 def command(file: Path, port: int | None, at: str | None) -> None:
     """Open FILE in the Rerun viewer: a recording (.mcap, .rrd), or a pcap or pcapng.
 
-    What is not drawn yet is drawn first: a recording into the .rrd file beside it, all else for
-    this once. A recording whose recorder was killed is repaired before, one that is being made is
-    shown as far as it has come. Ends when the viewer is closed.
+    A missing .rrd is written first: for a recording beside it, for other captures into a temporary
+    file. A recording whose recorder was killed is repaired first. A recording in progress is shown
+    as far as it has been written. The command ends when the viewer is closed.
     """
     at_ns = _instant_ns(at) if at else None
     if not has_viewer():
@@ -58,17 +62,17 @@ def command(file: Path, port: int | None, at: str | None) -> None:
         except OSError as error:
             raise Problem(
                 UserMessage(
-                    "{file} cannot be drawn: {value}", file=file, value=error.strerror or error
+                    "{file} cannot be shown: {value}", file=file, value=error.strerror or error
                 )
             ) from None
         _show(drawn, at_ns)
 
 
 def _instant_ns(text: str) -> int:
-    """Nanoseconds since the Unix epoch, as a report or a log names them.
+    """Return nanoseconds since the Unix epoch for a time of a report or a log.
 
     Raises:
-        Problem: The text is no instant.
+        Problem: The text is not a time.
     """
     try:
         return int(Decimal(text) * _NS)
@@ -77,15 +81,15 @@ def _instant_ns(text: str) -> int:
     try:
         instant = datetime.fromisoformat(text)
     except ValueError:
-        told = UserMessage(
-            "--at {text!r} is no instant: write 2026-11-21T08:15:30.5, or Unix seconds", text=text
+        message = UserMessage(
+            "--at {text!r} is not a time: write 2026-11-21T08:15:30.5, or Unix seconds", text=text
         )
-        raise Problem(told) from None
+        raise Problem(message) from None
     return round(instant.replace(tzinfo=instant.tzinfo or UTC).timestamp() * _NS)
 
 
 def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
-    """Return a drawing of a capture, made in `scratch` where there is no better place."""
+    """Return the .rrd of a capture; it is written to `scratch` if no better place exists."""
     with suppress(OSError), file.open("rb") as opened:
         if opened.read(len(_RRD_MAGIC)) == _RRD_MAGIC:
             return file
@@ -100,7 +104,7 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
                 whole = is_drawn(drawn) and not report.repaired
                 return drawn if whole else redraw(file)
         except OSError as error:
-            click.echo(f"{file} is shown as it is: {error.strerror or error}", err=True)
+            click.echo(f"{file} is shown without repair: {error.strerror or error}", err=True)
     draw_capture(capture, scratch, needs_login=capture.needs_login)
     for note in capture.summary.notes:
         click.echo(visible(f"{file}: {note}"), err=True)
@@ -108,12 +112,12 @@ def _drawn(file: Path, port: int | None, scratch: Path) -> Path:
 
 
 def _show(drawn: Path, at_ns: int | None) -> None:
-    """Open the viewer, go to a moment if there is one, and wait until it is closed."""
-    click.echo(f"{drawn} in the viewer; close it to end")
+    """Open the viewer, move to a time if one is given, and wait until the viewer is closed."""
+    click.echo(f"{drawn} is open in the viewer; close the viewer to end")
     port = _free_port()
     arguments = ("--bind", "127.0.0.1", "--port", f"{port}", str(drawn))
     viewer = subprocess.Popen(  # noqa: S603 - our own interpreter and arguments
-        [sys.executable, "-P", "-m", "rerun", *arguments],  # not a rerun.py that lies here
+        [sys.executable, "-P", "-m", "rerun", *arguments],  # not a rerun.py in the current folder
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
@@ -122,15 +126,15 @@ def _show(drawn: Path, at_ns: int | None) -> None:
             _seek(viewer, f"rerun+http://127.0.0.1:{port}/proxy", at_ns)
         if viewer.wait():
             raise Problem(
-                "the Rerun viewer does not open: is there a screen?", ExitStatus.INCONCLUSIVE
+                "the Rerun viewer did not start: is there a screen?", ExitStatus.INCONCLUSIVE
             )
     except KeyboardInterrupt:
-        os.killpg(viewer.pid, signal.SIGTERM)  # what was started starts the viewer itself
+        os.killpg(viewer.pid, signal.SIGTERM)  # the started process starts the viewer
         viewer.wait()
 
 
 def _free_port() -> int:
-    """A port of its own: the viewer does not join one that is open already."""
+    """Return a free port, so that no other viewer is used."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
@@ -138,16 +142,16 @@ def _free_port() -> int:
 
 
 def _seek(viewer: subprocess.Popen[bytes], url: str, at_ns: int) -> None:
-    """Move the viewer's cursor, as soon as it has read the recording."""
+    """Move the cursor of the viewer once it has loaded the recording."""
     from rerun.experimental import ViewerClient  # noqa: PLC0415 - it needs the viewer
 
     deadline_s = time.monotonic() + _OPENING_S
     while viewer.poll() is None and time.monotonic() < deadline_s:
-        with suppress(Exception):  # the bindings raise whatever gRPC says
+        with suppress(Exception):  # the bindings raise any error of gRPC
             client = ViewerClient.connect(url)
             if client.get_state().recordings:
                 moment = np.datetime64(at_ns, "ns")
                 client.set_time("time", timestamp=moment, play_state="paused")
                 return
         time.sleep(_AGAIN_S)
-    click.echo("the viewer is not to be reached: go to the moment by hand", err=True)
+    click.echo("the viewer cannot be reached: move to the time by hand", err=True)

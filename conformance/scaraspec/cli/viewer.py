@@ -1,4 +1,4 @@
-"""The Rerun viewer, opened for a recording that is under way."""
+"""The Rerun viewer for a recording in progress."""
 
 import importlib.util
 import socket
@@ -18,15 +18,15 @@ _OPTIONS: Final = ("--hide-welcome-screen",)
 
 
 def has_viewer() -> bool:
-    """Whether the extra that draws is installed."""
+    """Return whether the extra ``view`` is installed."""
     return importlib.util.find_spec("rerun") is not None
 
 
 def open_viewer() -> str:
-    """Open a viewer that stays open; return the URL at which it takes a recording.
+    """Open a viewer and return the URL to which a recording can be sent.
 
     Raises:
-        Problem: It is not installed, or does not start.
+        Problem: The viewer is not installed or does not start.
     """
     if not has_viewer():
         raise Problem(NO_VIEWER)
@@ -34,10 +34,10 @@ def open_viewer() -> str:
         port = free.getsockname()[1]
     arguments = ("--bind", _HOST, "--port", str(port), *_OPTIONS)
     viewer = subprocess.Popen(  # noqa: S603 - our own interpreter and arguments
-        [sys.executable, "-P", "-m", "rerun", *arguments],  # not a rerun.py that lies here
-        stdout=subprocess.DEVNULL,  # whoever reads what the recorder says gets to its end
+        [sys.executable, "-P", "-m", "rerun", *arguments],  # not a rerun.py in the current folder
+        stdout=subprocess.DEVNULL,  # only the recorder writes to stdout
         stderr=subprocess.DEVNULL,
-        start_new_session=True,  # Ctrl-C ends the recording, and the viewer shows it still
+        start_new_session=True,  # Ctrl-C ends the recording, not the viewer
     )
     until_s = time.monotonic() + _START_S
     while time.monotonic() < until_s and viewer.poll() in (None, 0):
@@ -47,4 +47,4 @@ def open_viewer() -> str:
             time.sleep(_TRY_S)
         else:
             return f"rerun+http://{_HOST}:{port}/proxy"
-    raise Problem("the Rerun viewer does not open: is there a screen?")
+    raise Problem("the Rerun viewer did not start: is there a screen?")

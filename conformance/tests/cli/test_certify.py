@@ -62,7 +62,7 @@ def test_a_conforming_controller(processes: Any, tmp_path: Path) -> None:
         "certify", "controller", url, "--only", "4.6,4.20", *ALL, "--out", str(out)
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "cases will be tried" in done.stdout.splitlines()[0]
+    assert "cases will run" in done.stdout.splitlines()[0]
     results = Results.read(out / "results.json")
     assert results.verdict.value == "conformant"
     assert {path.name for path in out.iterdir()} == {
@@ -103,7 +103,7 @@ def test_read_only_by_default(processes: Any, tmp_path: Path) -> None:
         *("--only", "4.1,4.3,4.5,4.9,4.11,4.15,4.28,4.32,5.2,5.3,6.5", "--patience", "1"),
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "not run: it may do what was not allowed: --allow" in done.stdout
+    assert "skipped: it may do what was not allowed: --allow" in done.stdout
     sent = {command.name for command in Results.read(out / "results.json").session.exchanges}
     harmless = {c.name for c in COMMANDS if c.hazard is Hazard.READ_ONLY} | {"login"}
     assert sent <= harmless
@@ -137,7 +137,7 @@ def test_the_plan_of_what_takes_long(processes: Any, more: tuple[str, ...]) -> N
     """It is left out, and is said to be, unless all is wanted or it is asked for by name."""
     done = processes.run("certify", "controller", "--dry-run", *more, *ALL)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert ("not run: it takes long" in done.stdout) is (not more)
+    assert ("skipped: it takes long" in done.stdout) is (not more)
 
 
 def test_a_wrong_password_is_not_held_against_the_subject(processes: Any) -> None:

@@ -72,7 +72,7 @@ def test_a_run_that_waits(bench: Bench) -> None:
     """With --wait-for-lock it begins when the first run has ended, and has the usual verdict."""
     second = bench.second("--wait-for-lock", f"{TIMEOUT_S}s")
     assert second.stdout
-    assert "cases will be tried" in second.stdout.readline()  # from now on it waits
+    assert "cases will run" in second.stdout.readline()  # from now on it waits
     bench.relay.open.set()
     said, _ = bench.first.communicate(timeout=TIMEOUT_S)
     assert bench.first.returncode == 0, said

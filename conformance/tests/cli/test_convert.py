@@ -65,7 +65,7 @@ def test_what_is_torn_is_converted_as_far_as_it_goes(
     ("source", "target", "says"),
     [
         (f"{SHIFT}.pcapng", "there.mcap", "exists"),
-        (f"{SHIFT}.pcapng", "out.pcap", "says no format"),
+        (f"{SHIFT}.pcapng", "out.pcap", "has no known suffix"),
         (f"{SHIFT}.pcapng", "none/out.mcap", "cannot be written"),
         ("none.pcapng", "out.mcap", "No such file"),
     ],

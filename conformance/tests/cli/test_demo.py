@@ -86,7 +86,7 @@ def test_nothing_is_overwritten(demo: tuple[Path, str], processes: Any) -> None:
     """A second demo into the same folder is refused in one sentence."""
     done = processes.run("demo", "--out", str(demo[0]))
     assert done.returncode == 2
-    assert "holds capture.mcap of an earlier run" in done.stderr
+    assert "contains capture.mcap of an earlier run" in done.stderr
 
 
 def test_a_torn_capture_is_still_judged(

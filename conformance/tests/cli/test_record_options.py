@@ -177,7 +177,7 @@ def test_a_signal_that_means_nothing_ends_nothing(
     recorder = processes.start("record", controller, *LOCAL, "--out", str(tmp_path))
     url = url_in(recorder.stdout.readline())
     recorder.send_signal(signal.SIGUSR1)
-    assert any(line.startswith("SIGUSR1 does nothing: ") for line in recorder.stdout)
+    assert any(line.startswith("SIGUSR1 has no effect: ") for line in recorder.stdout)
     ask(url)
     end(recorder)
     assert recorder.returncode == 0
@@ -240,7 +240,7 @@ def test_a_second_signal_ends_the_waiting(
     assert any(line.startswith("ending: ") for line in recorder.stdout)
     told = end(recorder, signal.SIGINT)
     assert recorder.returncode == 3
-    assert "is not finished" in told
+    assert "is incomplete" in told
     assert "Traceback" not in told
     recorder = processes.start(*arguments)
     recorder.stdout.readline()
@@ -304,7 +304,7 @@ def test_a_terminal_gets_a_dashboard(
     ) as recorder:
         os.close(far)
         try:
-            screen = read_until(near, "Ctrl-C ends it")
+            screen = read_until(near, "press Ctrl-C to stop")
             ask(url_in(screen[screen.index("recording") :].splitlines()[0]))
             read_until(near, " 1 ")
             recorder.terminate()
@@ -362,14 +362,14 @@ def read_until(descriptor: int, text: str) -> str:
     ("arguments", "says"),
     [
         ((), "no controller"),
-        (("tcp://127.0.0.1", "--config", "x.toml"), "do not go together"),
-        (("--config", "x.toml", "--out", "x"), "--out and --config do not go together"),
+        (("tcp://127.0.0.1", "--config", "x.toml"), "cannot be combined"),
+        (("--config", "x.toml", "--out", "x"), "--out cannot be combined with --config"),
         (("--config", "/nowhere.toml"), "/nowhere.toml cannot be read"),
         (("tcp://127.0.0.1", "--rotate", "soon"), "--rotate: 'soon'"),
         (("tcp://127.0.0.1", "--metrics", "192.0.2.7:9100"), "for this machine alone"),
-        (("serial:///dev/ttyX", "--mode", "tproxy"), "no serial lines"),
+        (("serial:///dev/ttyX", "--mode", "tproxy"), "needs TCP on both sides"),
         (("tcp://127.0.0.1", "--trigger", "bang"), "--trigger: 'bang' is no trigger"),
-        (("tcp://127.0.0.1", "--listen", "tcp://127.0.0.1"), "no place to listen"),
+        (("tcp://127.0.0.1", "--listen", "tcp://127.0.0.1"), "is not an address to listen on"),
         (("tcp://127.0.0.1", "--inject", "/nowhere.toml"), "--inject: /nowhere.toml"),
         (("tcp://127.0.0.1", "--listen", "0.0.0.0:0", "--inject", "FAULTS"), "add --i-mean-it"),
     ],
@@ -398,5 +398,5 @@ def test_a_taken_address_ends_all(processes: Any, tmp_path: Path) -> None:
         )
         done = processes.run("record", "--config", str(config))
     assert done.returncode == 2
-    assert f"cannot record what comes to 127.0.0.1:{port}" in done.stderr
+    assert f"cannot record 127.0.0.1:{port}" in done.stderr
     assert "Traceback" not in done.stderr

@@ -24,7 +24,7 @@ def test_a_torn_recording(processes: Any, recording: Path) -> None:
     assert first.startswith(f"{recording}: repaired, ")
     assert "events, the last of 20" in first
     assert "was not closed" in notes[0]
-    assert notes[-1] == f"  {recording.with_suffix('.rrd')} drawn anew"
+    assert notes[-1] == f"  {recording.with_suffix('.rrd')} written again"
     again = processes.run("recover", str(recording))
     assert again.returncode == 0
     assert again.stdout.splitlines() == [first.replace("repaired", "whole")]
@@ -38,7 +38,7 @@ def test_a_torn_picture(processes: Any, recording: Path, cut: int) -> None:
     drawn.write_bytes(drawn.read_bytes()[:cut])
     done = processes.run("recover", str(recording))
     assert done.returncode == 0
-    assert "drawn anew" in done.stdout
+    assert "written again" in done.stdout
     assert b"RRF2FOOT" in drawn.read_bytes()[-12:]
     assert sorted(path.name for path in recording.parent.iterdir()) == ["capture.mcap", drawn.name]
 
@@ -71,7 +71,7 @@ def test_what_is_not_there(processes: Any, tmp_path: Path) -> None:
     """A name that is no file is a usage error."""
     done = processes.run("recover", str(tmp_path / "none.mcap"))
     assert done.returncode == 2
-    assert "is no file" in done.stderr
+    assert "is not a file" in done.stderr
 
 
 def test_audit_checks_the_accounts(processes: Any, recording: Path, fixtures_dir: Path) -> None:

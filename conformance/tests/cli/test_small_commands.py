@@ -58,13 +58,13 @@ def test_unknown_clause(
 @pytest.mark.parametrize(
     ("line", "says"),
     [
-        ("call --timeout nan tcp://127.0.0.1:1 get_status", "no number"),
-        ("controller --time-scale nan", "no number"),
+        ("call --timeout nan tcp://127.0.0.1:1 get_status", "is not a number"),
+        ("controller --time-scale nan", "is not a number"),
         ("replay CAPTURE nowhere", "no link"),
         ("audit CAPTURE --html CAPTURE", "is the capture"),
         ("audit CAPTURE --json FOLDER", "FOLDER cannot be written"),
-        ("demo --out CAPTURE", "no folder"),
-        ("record tcp://127.0.0.1:1 --listen 127.0.0.1:0 --out CAPTURE", "no folder"),
+        ("demo --out CAPTURE", "is not a folder"),
+        ("record tcp://127.0.0.1:1 --listen 127.0.0.1:0 --out CAPTURE", "is not a folder"),
     ],
 )
 def test_wrong_use(  # noqa: PLR0913 - each is a fixture or a parameter

@@ -76,9 +76,12 @@ def test_a_disk_that_is_full(words: str, status: int) -> None:
 @pytest.mark.parametrize(
     ("why", "told"),
     [
-        (KeyboardInterrupt(), "scaraspec: ended before its end\n"),
+        (KeyboardInterrupt(), "scaraspec: interrupted\n"),
         (OSError(30, "Read-only file system"), "scaraspec: [Errno 30] Read-only file system\n"),
-        (KeyError("x"), "KeyError: 'x'\nscaraspec: that is a defect of scaraspec, and no result\n"),
+        (
+            KeyError("x"),
+            "KeyError: 'x'\nscaraspec: this is a defect of scaraspec; please report it\n",
+        ),
     ],
 )
 def test_a_command_that_comes_to_no_end_has_no_verdict(
@@ -152,7 +155,7 @@ def test_what_a_command_has_started_ends_with_it(
     demo.send_signal(number)
     told, _ = demo.communicate(timeout=LIMIT_S)
     assert demo.returncode == 3
-    assert told.endswith("scaraspec: ended before its end\n")
+    assert told.endswith("scaraspec: interrupted\n")
     with pytest.raises(ClientError, match="Connection refused"):
         Client(url, password="password").connect()
 

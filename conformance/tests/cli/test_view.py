@@ -97,7 +97,7 @@ def test_a_viewer_that_does_not_open(
     source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
     done = processes.run("view", str(source))
     assert done.returncode == 3
-    assert done.stderr == "scaraspec: the Rerun viewer does not open: is there a screen?\n"
+    assert done.stderr == "scaraspec: the Rerun viewer did not start: is there a screen?\n"
 
 
 def test_what_is_no_capture(processes: Any, tmp_path: Path) -> None:
@@ -147,7 +147,7 @@ def test_a_viewer_that_cannot_be_led(processes: Any, fixtures_dir: Path, shown: 
     source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
     done = processes.run("view", str(source), "--at", "2026-01-01T00:00:01.5")
     assert done.returncode == 0, done.stderr
-    assert "go to the moment by hand" in done.stderr
+    assert "move to the time by hand" in done.stderr
     assert given(shown)
 
 
@@ -155,4 +155,4 @@ def test_no_moment(processes: Any) -> None:
     """One sentence."""
     done = processes.run("view", "capture.mcap", "--at", "noon")
     assert done.returncode == 2
-    assert "'noon' is no instant" in done.stderr
+    assert "'noon' is not a time" in done.stderr

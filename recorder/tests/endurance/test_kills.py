@@ -144,7 +144,7 @@ class Campaign:
         assert done.returncode == (3 if repaired or "unwritten" in said else 0), said
         assert not (lossless and done.returncode), said
         self.repaired += repaired
-        self.redrawn += said.count(" drawn anew")
+        self.redrawn += said.count(" written again")
         self._checked |= set(files)
         last_ns = self._begun_ns
         for file in files:

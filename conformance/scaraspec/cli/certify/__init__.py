@@ -1,4 +1,4 @@
-"""`scaraspec certify`: the suite against a real subject, with a report that can be signed."""
+"""`scaraspec certify`: run the suite against a controller or a client, and write a report."""
 
 import click
 
@@ -9,9 +9,9 @@ EXAMPLE = controller.EXAMPLE
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]}, epilog=EXAMPLE)
 def command() -> None:
-    """Certify an implementation against the document.
+    """Certify a controller or a client against the protocol document.
 
-    scaraspec is no safety function: keep a hardware emergency stop within reach.
+    scaraspec is not a safety function: keep a hardware emergency stop within reach.
     """
 
 

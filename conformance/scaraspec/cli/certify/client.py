@@ -1,7 +1,4 @@
-"""`scaraspec certify client`: the suite plays the controller.
-
-Arguments only: what is tried stands in `suite`, what is said about it in `report`.
-"""
+"""`scaraspec certify client`: the suite acts as the controller."""
 
 import shlex
 from contextlib import closing
@@ -45,14 +42,16 @@ EXAMPLE: Final = "Example: scaraspec certify client --driver 'scaraspec client-d
 
 
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
-@click.option("--driver", metavar="COMMAND", help="Runs the client, by JSON Lines on stdio.")
-@click.option("--listen", metavar="HOST:PORT", help="Without a driver: where it is to connect.")
-@click.option("--attended", is_flag=True, help="Say what to do next; ask what the client shows.")
+@click.option("--driver", metavar="COMMAND", help="Driver that operates the client by JSON Lines.")
+@click.option("--listen", metavar="HOST:PORT", help="Address for a client without a driver.")
+@click.option(
+    "--attended", is_flag=True, help="Instruct an operator, and ask what the client shows."
+)
 @click.option(
     "--answer-timeout",
     type=Real(0.1, 3600),
     metavar="S",
-    help="How long it may think about an order [10; attended 600].",
+    help="Time limit for each operation [10; attended 600].",
 )
 @suite_options
 def command(  # noqa: PLR0913 - one for each option
@@ -70,11 +69,11 @@ def command(  # noqa: PLR0913 - one for each option
     out: Path | None,
     dry_run: bool,
 ) -> None:
-    """Certify a client build: play its controller with every trick, and hear what it says.
+    """Certify a client build: the suite acts as the controller.
 
-    Check a driver first with scaraspec driver-check. A client without one is worked by you
-    (--listen, --attended); the same --out goes on with what was left. Exit status 0 conformant,
-    1 nonconformant, 2 usage, 3 inconclusive, 4 nothing tested.
+    Check a driver first with scaraspec driver-check. Without a driver an operator works with the
+    client (--listen, --attended); the same --out continues an earlier session. Exit status 0
+    conformant, 1 nonconformant, 2 usage, 3 inconclusive, 4 nothing tested.
     """
     if attended != bool(listen) or bool(driver) + attended > 1:
         raise Problem("name a client: either --driver COMMAND, or --listen HOST:PORT --attended")
@@ -88,7 +87,7 @@ def command(  # noqa: PLR0913 - one for each option
             attended=attended,
         )
         cases = collect(options, Role.CLIENT)
-        click.echo(f"{len(cases)} cases will be tried")
+        click.echo(f"{len(cases)} cases will run")
         if dry_run:
             return
         given = again(driver=driver and shlex.quote(driver), listen=listen, ics=ics, seed=seed)
@@ -111,7 +110,7 @@ def command(  # noqa: PLR0913 - one for each option
             run.bracket.stood_still_s = pulse.stood_still_s
             end_in_order(run.interruption)
             results = run.results()
-            with run.interruption:  # who ends it now ends it behind the report
+            with run.interruption:  # a signal now takes effect after the report
                 files.write(results)
     conclude(results, out)
 
@@ -119,16 +118,16 @@ def command(  # noqa: PLR0913 - one for each option
 def _access(
     driver: str | None, listen: str | None, answer_s: float | None
 ) -> DriverAccess | Attended:
-    """The way to the client.
+    """Return the access to the client.
 
     Raises:
-        Problem: There is none.
+        Problem: Neither a driver nor an address is given.
         DriverError: The driver cannot be started.
     """
     if driver:
         return DriverAccess(driver, answer_s or _DRIVER_S)
     if not listen:
-        raise Problem("no client: name its driver, as --driver 'scaraspec client-driver'")
+        raise Problem("no client: name its driver, such as --driver 'scaraspec client-driver'")
     where = split_host_port(listen, lowest_port=0)
     try:
         access = Attended(*where, click.echo, answer_s=answer_s or _OPERATOR_S)
@@ -139,5 +138,7 @@ def _access(
             )
         ) from None
     click.echo(f"listening at {access.host}:{access.port}. {HELP}")
-    click.echo("Let the client not connect again by itself; what it polls does no harm.")
+    click.echo(
+        "Switch off automatic reconnection in the client. Polling does not disturb the test."
+    )
     return access

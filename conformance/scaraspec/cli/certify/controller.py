@@ -1,7 +1,4 @@
-"""`scaraspec certify controller`: the suite plays the client.
-
-Arguments only: what is tried stands in `suite`, what is said about it in `report`.
-"""
+"""`scaraspec certify controller`: the suite acts as the client."""
 
 from pathlib import Path
 
@@ -55,12 +52,12 @@ EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state
 
 @click.command(cls=GroupedCommand, groups=_GROUPS, epilog=EXAMPLE)
 @click.argument("url", required=False)
-@password_option(DEFAULT_PASSWORD, "What to log in with over TCP")
+@password_option(DEFAULT_PASSWORD, "Password for the login over TCP")
 @click.option(
     "--allow",
     default="",
     metavar="HAZARDS",
-    help="Beyond reading: state, motion, destructive; separated by commas.",
+    help="Permit more than queries: state, motion, destructive; separated by commas.",
 )
 @suite_options
 @click.option(
@@ -69,26 +66,28 @@ EXAMPLE = "Example: scaraspec certify controller tcp://192.168.1.2 --allow state
     default=10.0,
     show_default=True,
     metavar="S",
-    help="How long one case may wait for what only time brings, as the clock's next minute.",
+    help="Longest wait of one case, for example for the next minute of the clock.",
 )
 @click.option(
-    "--undefined-opcodes", is_flag=True, help="Send them; never to a robot that can move."
+    "--undefined-opcodes",
+    is_flag=True,
+    help="Send undefined opcodes; never to a robot that can move.",
 )
 @click.option(
     "--wait-for-lock",
     type=Duration(),
     default=0.0,
     metavar="DURATION",
-    help="Wait so long for another run against this controller [0s].",
+    help="Time to wait for another run against this controller [0s].",
 )
 @click.option(
     "--state-dir",
     type=click.Path(path_type=Path),
     envvar="SCARASPEC_STATE",
     metavar="DIR",
-    help="Journals of what runs change on controllers; else SCARASPEC_STATE, else the user's own.",
+    help="Folder of the journals [SCARASPEC_STATE, or the user's state directory].",
 )
-@click.option("-y", "--yes", is_flag=True, help="Move the robot without asking first.")
+@click.option("-y", "--yes", is_flag=True, help="Move the robot without a confirmation.")
 def command(  # noqa: PLR0913 - one for each option
     url: str | None,
     *,
@@ -108,17 +107,19 @@ def command(  # noqa: PLR0913 - one for each option
     out: Path | None,
     dry_run: bool,
 ) -> None:
-    """Certify the controller at URL; read-only unless --allow names more.
+    """Certify the controller at URL; read-only unless --allow permits more.
 
-    Its settings and files are put back at the end, after Ctrl-C, and by the next run after a
-    crash. Exit status 0 conformant, 1 nonconformant, 2 usage, 3 inconclusive or something is left
-    on the controller, 4 nothing tested.
+    Settings and files are restored at the end, after Ctrl-C, and by the next run after a crash.
+    Exit status 0 conformant, 1 nonconformant, 2 usage, 3 inconclusive or something is left on the
+    controller, 4 nothing tested.
     """
     with told():
         statement = statement_of(ics, transfer_timeout)
         where = url or statement.url
         if not where and not dry_run:
-            raise Problem("no controller: name its URL, as tcp://192.168.1.2, or in the ICS file")
+            raise Problem(
+                "no controller: give its URL, such as tcp://192.168.1.2, or set url in the ICS file"
+            )
         access = UrlAccess(where, patience) if where else None
         options = Options(
             only=requirements_of(only),
@@ -160,6 +161,6 @@ def command(  # noqa: PLR0913 - one for each option
             run.bracket.stood_still_s = pulse.stood_still_s
             end_in_order(run.interruption)
             results = run.results()
-            with run.interruption:  # who ends it now ends it behind the report
+            with run.interruption:  # a signal now takes effect after the report
                 files.write(results)
     conclude(results, out)

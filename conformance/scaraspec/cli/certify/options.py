@@ -1,4 +1,4 @@
-"""What certifying a controller and certifying a client take from their user, and tell him."""
+"""Options, errors and output that both certifications share."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,46 +26,50 @@ from scaraspec.user_message import UserMessage
 
 _PATH: Final = click.Path(path_type=Path)
 _OPTIONS: Final = (
-    click.option("--ics", type=_PATH, metavar="FILE", help="Its statement of conformance, TOML."),
+    click.option(
+        "--ics", type=_PATH, metavar="FILE", help="Implementation conformance statement, TOML."
+    ),
     click.option(
         "--transfer-timeout",
         type=Real(0.1, 3600),
         metavar="S",
-        help="It abandons a transfer after this silence [30].",
+        help="Silence after which the subject abandons a transfer [30].",
     ),
-    click.option("--only", metavar="LIST", help="Clauses or requirements, as 4.15,3/31."),
-    click.option("--seed", type=int, default=0, show_default=True, help="Of what is drawn."),
+    click.option("--only", metavar="LIST", help="Clauses or requirements, such as 4.15,3/31."),
+    click.option(
+        "--seed", type=int, default=0, show_default=True, help="Seed of the drawn values."
+    ),
     click.option(
         "--examples",
         type=click.IntRange(1, 100_000),
         default=20,
         show_default=True,
-        help="How many values a drawn case tries.",
+        help="Number of values that a drawn case tries.",
     ),
     click.option(
         "--exhaustive",
         is_flag=True,
-        help="Leave out no case: none that is slow, and none of a requirement that has failed.",
+        help="Run all cases, also slow ones and those of requirements that have failed.",
     ),
     click.option(
-        "--out", type=_PATH, metavar="DIR", help="Write results, reports and capture here."
+        "--out", type=_PATH, metavar="DIR", help="Folder for results, reports and capture."
     ),
-    click.option("--dry-run", is_flag=True, help="Show the plan, and send nothing."),
+    click.option("--dry-run", is_flag=True, help="Print the plan and send nothing."),
 )
 
 
 def suite_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that every certification takes."""
+    """Add the options of both certifications to a command."""
     for option in reversed(_OPTIONS):
         command = option(command)
     return command
 
 
 def statement_of(ics: Path | None, transfer_timeout: float | None) -> Ics:
-    """What the subject claims, by its file and on the command line.
+    """Return the ICS from the file and the command line.
 
     Raises:
-        IcsError: The file cannot be read, or says something that is not known.
+        IcsError: The file cannot be read or has an unknown key.
     """
     statement = Ics.read(ics) if ics else Ics()
     if transfer_timeout is not None:
@@ -74,21 +78,21 @@ def statement_of(ics: Path | None, transfer_timeout: float | None) -> Ics:
 
 
 def requirements_of(only: str | None) -> frozenset[str] | None:
-    """The requirements that ``--only`` names; None for all.
+    """Return the ids of the requirements that ``--only`` selects; None for all.
 
     Raises:
-        UnknownRequirementError: There is no such requirement.
+        UnknownRequirementError: The requirement does not exist.
     """
     return frozenset(r.id for r in select(only)) if only else None
 
 
 def again(**given: object) -> str:
-    """The options that make a run the same again."""
+    """Return the options that reproduce a run."""
     return "".join(f" --{option} {value}" for option, value in given.items() if value)
 
 
 def conclude(results: Results, out: Path | None) -> None:
-    """Tell what came of a run, and end with its exit status.
+    """Print the results of a run and exit with its status.
 
     Raises:
         SystemExit: Always.
@@ -101,7 +105,7 @@ def conclude(results: Results, out: Path | None) -> None:
 
 @contextmanager
 def told() -> Iterator[None]:
-    """Tell what a user got wrong in one sentence."""
+    """Turn errors that a user can cause into one sentence."""
     try:
         yield
     except (IcsError, LinkError, ReadingError, DriverError, ResultsError) as error:

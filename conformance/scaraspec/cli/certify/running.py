@@ -1,4 +1,4 @@
-"""What `scaraspec certify` shows while it runs, and the files that it leaves behind."""
+"""Plan, progress, signals and output files of `scaraspec certify`."""
 
 import math
 import signal
@@ -40,33 +40,33 @@ RESULTS: Final = ("results.json", "report.html", "junit.xml", "ctrf.json")
 CAPTURE: Final = "capture.mcap"
 
 _RISKS: Final = {
-    Hazard.READ_ONLY: "ask only",
-    Hazard.STATE: "change the clock, settings, sessions and stored files, and put them back",
+    Hazard.READ_ONLY: "send queries only",
+    Hazard.STATE: "change the clock, settings, sessions and stored files, and restore them",
     Hazard.MOTION: "MOVE the arm, its brakes or its outputs, and stop what the robot is doing",
     Hazard.DESTRUCTIVE: "DELETE files, change password and network, or shut the robot down",
 }
 
 
 def show_plan(cases: Sequence[Case], options: Options, statement: Ics, console: Console) -> None:
-    """Say what will be tried, what may move or be lost, and what is left out, and why."""
+    """Print how many cases run, by hazard, and why the others are skipped."""
     runs = [case for case in cases if not why_not(case, options, statement)]
-    left_out = Counter(why for case in cases if (why := why_not(case, options, statement)))
-    console.print(f"{len(runs)} of {len(cases)} cases will be tried:", soft_wrap=True)
+    skipped = Counter(why for case in cases if (why := why_not(case, options, statement)))
+    console.print(f"{len(runs)} of {len(cases)} cases will run:", soft_wrap=True)
     counts = Counter(case.hazard for case in runs)
     for hazard in Hazard:
         if counts[hazard]:
             console.print(
                 f"  {counts[hazard]:4}  {_RISKS[hazard]}", soft_wrap=True, highlight=False
             )
-    for why, count in left_out.most_common():
-        console.print(Text(f"  {count:4}  not run: {visible(why)}"), soft_wrap=True)
+    for why, count in skipped.most_common():
+        console.print(Text(f"  {count:4}  skipped: {visible(why)}"), soft_wrap=True)
 
 
 def confirm_motion(cases: Sequence[Case], options: Options, statement: Ics) -> None:
     """On a terminal, ask before a run that moves the robot.
 
     Raises:
-        Problem: The user does not want it.
+        Problem: The user declines.
     """
     runs = [case for case in cases if not why_not(case, options, statement)]
     if not any(Hazard.MOTION in case.hazards for case in runs) or not sys.stdin.isatty():
@@ -83,12 +83,12 @@ def confirm_motion(cases: Sequence[Case], options: Options, statement: Ics) -> N
 
 
 class Display:
-    """A bar on a terminal, plain lines elsewhere.
+    """A progress bar on a terminal, plain lines elsewhere.
 
     Args:
-        console: Where to.
-        count: How many cases there are.
-        ticks: Each case has its line, as a list is ticked off, and there is no bar.
+        console: The output.
+        count: Number of cases.
+        ticks: Print a line for each case instead of a bar.
     """
 
     def __init__(self, console: Console, count: int, *, ticks: bool = False) -> None:
@@ -104,10 +104,10 @@ class Display:
             transient=True,
         )
         self._task = self._bar.add_task("certifying", total=count)
-        self._why_none_is_left = ""
+        self._dependency_message = ""
 
     def __enter__(self) -> Self:
-        """Show it."""
+        """Show the bar."""
         self._bar.start()
         return self
 
@@ -117,40 +117,40 @@ class Display:
         value: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Take it away."""
+        """Remove the bar."""
         self._bar.stop()
 
     def announce(self, case: Case) -> None:
-        """A case begins; whoever ticks it off is told what it is about."""
+        """Print what a case tries before it begins, if each case has a line."""
         if self._ticks:
-            said = f"\ncase {self._number + 1} of {self._count}, {case.id}: {case.sentence}"
-            self._console.print(Text(said), soft_wrap=True)
+            text = f"\ncase {self._number + 1} of {self._count}, {case.id}: {case.sentence}"
+            self._console.print(Text(text), soft_wrap=True)
 
     def say(self, sentence: str) -> None:
-        """Show a sentence at once."""
+        """Print a sentence at once."""
         self._console.print(Text(visible(sentence)), soft_wrap=True)
 
     def tell(self, outcome: Outcome, _count: int) -> None:
-        """A case is over; why no further one can be tried is told once, not with each of them."""
+        """Report a finished case. The reason why all later cases are skipped is printed once."""
         self._number += 1
         self._bar.update(self._task, advance=1, description=outcome.case.id)
-        told = outcome.verdict not in (Verdict.PASS, Verdict.NONE)
+        shown = outcome.verdict not in (Verdict.PASS, Verdict.NONE)
         if outcome.cause is Cause.DEPENDENCY:
-            told = outcome.message != self._why_none_is_left
-            self._why_none_is_left = outcome.message
-        if self._ticks or told:
-            said = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"
-            self._console.print(Text(visible(said)), soft_wrap=True)
+            shown = outcome.message != self._dependency_message
+            self._dependency_message = outcome.message
+        if self._ticks or shown:
+            text = f"{outcome.verdict.value} {outcome.case.id}: {outcome.message}"
+            self._console.print(Text(visible(text)), soft_wrap=True)
 
 
 _AT_ONCE_S: Final = 0.5
-"""Two signals within this time are one: `timeout` signals a process, and then its whole group."""
+"""Two signals within this time count as one: `timeout` signals a process and then its group."""
 
 
 def end_in_order(interruption: Interruption) -> None:
-    """Let SIGTERM, as of a CI, and a lost terminal end a run as Ctrl-C does: all is put back.
+    """Let SIGTERM and a lost terminal end a run as Ctrl-C does: everything is restored.
 
-    Another signal ends it at once where it insists.
+    A second signal ends the run at once.
     """
     last_s = -math.inf
 
@@ -167,21 +167,21 @@ def end_in_order(interruption: Interruption) -> None:
 
 
 class Files:
-    """The folder of a run: what is recorded while it lasts, and the reports at its end.
+    """The output folder of a run: the recording, and the reports at the end.
 
     Args:
-        out: The folder; None for none.
-        sittings: What an earlier run left there is gone on with, not refused; what is recorded
-            from then on goes into a folder of its own, ``sitting-2`` and so on.
+        out: The folder; None to write nothing.
+        sittings: Continue an earlier run in this folder instead of refusing it. The new recording
+            goes into a subfolder ``sitting-2`` and so on.
         needs_login: False for a serial link (L83).
 
     Attributes:
-        earlier: What the earlier run found out.
+        earlier: The results of the earlier run.
 
     Raises:
         Problem: The folder holds the results of an earlier run.
-        ResultsError: They are to be gone on with, and cannot be read.
-        OSError: It cannot be made.
+        ResultsError: The results to continue cannot be read.
+        OSError: The folder cannot be created.
     """
 
     def __init__(
@@ -197,7 +197,7 @@ class Files:
         if there and not sittings:
             raise Problem(
                 UserMessage(
-                    "{out} holds {there} of an earlier run: name another folder",
+                    "{out} contains {there} of an earlier run: name another folder",
                     out=out,
                     there=there[0],
                 )
@@ -212,16 +212,16 @@ class Files:
 
     @property
     def capture(self) -> str:
-        """The recording, from where the results are; empty where one could be mistaken."""
+        """The recording, relative to the results; empty if there are several."""
         return CAPTURE if self._out and not self.earlier else ""
 
     def take(self, event: WireEvent) -> None:
-        """Record what passed."""
+        """Record an event."""
         if self._recording:
             self._recording.write(event)
 
     def write(self, results: Results) -> None:
-        """Write every report."""
+        """Write all reports."""
         if self._out is None:
             return
         results.write(self._out / "results.json")
@@ -230,7 +230,7 @@ class Files:
         ctrf.write(results, self._out / "ctrf.json")
 
     def __enter__(self) -> Self:
-        """Begin."""
+        """Return self."""
         return self
 
     def __exit__(
@@ -239,10 +239,10 @@ class Files:
         value: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End the recording.
+        """Close the recording.
 
         Raises:
-            Problem: It could not be written.
+            Problem: The recording could not be written.
         """
         if self._recording:
             try:
@@ -250,6 +250,6 @@ class Files:
             except SinkFailed as error:
                 raise Problem(
                     UserMessage(
-                        "{out}: the recording is not whole: {error}", out=self._out, error=error
+                        "{out}: the recording is incomplete: {error}", out=self._out, error=error
                     )
                 ) from None

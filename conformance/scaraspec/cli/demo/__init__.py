@@ -1,4 +1,4 @@
-"""`scaraspec demo`: its arguments and files, and the session that is recorded."""
+"""`scaraspec demo`: arguments, and the session that is recorded."""
 
 from scaraspec.cli.demo.arguments import command
 

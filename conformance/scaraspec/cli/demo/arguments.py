@@ -1,4 +1,4 @@
-"""`scaraspec demo`: the virtual controller, the recording proxy and a client, judged at the end."""
+"""`scaraspec demo`: record and judge a session of a client and the virtual controller."""
 
 import asyncio
 import subprocess
@@ -43,21 +43,21 @@ _POLL_S: Final = 0.05
     type=click.Path(path_type=Path),
     default=Path("scaraspec-demo"),
     show_default=True,
-    help="Folder of the four files.",
+    help="Folder for the four files.",
 )
-@click.option("--live", is_flag=True, help="Watch it in the Rerun viewer.")
+@click.option("--live", is_flag=True, help="Show the session in the Rerun viewer.")
 def command(out: Path, *, live: bool) -> None:
-    """Record and judge a whole session between a client and the virtual controller.
+    """Record and judge a complete session of a client and the virtual controller.
 
-    The client logs in, sets up, uploads a program, runs it, stops a second run, resets, moves and
-    downloads, through the recording proxy. Takes about ten seconds. Writes capture.mcap,
-    capture.rrd, results.json and report.html.
+    Through the recording proxy the client logs in, changes settings, uploads a program, runs it,
+    stops a second run, resets, moves and downloads. The demo takes about ten seconds and writes
+    capture.mcap, capture.rrd, results.json and report.html.
     """
     make_folder(out)
     if there := [name for name in _FILES if (out / name).exists()]:
         raise Problem(
             UserMessage(
-                "{out} holds {there} of an earlier run: name another folder with --out",
+                "{out} contains {there} of an earlier run: name another folder with --out",
                 out=out,
                 there=there[0],
             )
@@ -70,11 +70,11 @@ def command(out: Path, *, live: bool) -> None:
         html.write(results, out / "report.html")
     except (ClientError, CaptureError, ValueError) as error:
         raise Problem(
-            UserMessage("the demo did not succeed: {error}", error=error), ExitStatus.INCONCLUSIVE
+            UserMessage("the demo failed: {error}", error=error), ExitStatus.INCONCLUSIVE
         ) from None
     except OSError as error:
         raise Problem(
-            UserMessage("the demo did not succeed: {error}", error=error), ExitStatus.INCONCLUSIVE
+            UserMessage("the demo failed: {error}", error=error), ExitStatus.INCONCLUSIVE
         ) from None
     for note in notes:
         click.echo(note, err=True)
@@ -84,7 +84,7 @@ def command(out: Path, *, live: bool) -> None:
 
 
 async def _play(out: Path, viewer: str | None) -> None:
-    """Start everything, let the client work in a thread, and end everything in order."""
+    """Start controller and proxy, run the client in a thread, and stop everything."""
     sinks = (
         partial(capture_sink, draw=has_viewer()),
         *((partial(live_sink, url=viewer),) if viewer else ()),
@@ -97,9 +97,9 @@ async def _play(out: Path, viewer: str | None) -> None:
         click.echo(f"client → recording proxy {url} → virtual controller tcp://{host}:{port}")
         await asyncio.to_thread(_work, url, out)
     if not recording.progress.finished or recording.progress.problems:
-        problems = "; ".join(recording.progress.problems) or "not everything was written in time"
+        problems = "; ".join(recording.progress.problems) or "the recording was not written in time"
         raise Problem(
-            UserMessage("the recording is not whole: {problems}", problems=problems),
+            UserMessage("the recording is incomplete: {problems}", problems=problems),
             ExitStatus.INCONCLUSIVE,
         )
 
@@ -112,7 +112,7 @@ def _work(url: str, out: Path) -> None:
 
 @asynccontextmanager
 async def _controller() -> AsyncIterator[tuple[str, int]]:
-    """The virtual controller in a process of its own, and where it listens."""
+    """Run the virtual controller in a process; yield its address."""
     with tempfile.TemporaryDirectory() as folder:
         ready = Path(folder) / "ready"
         arguments = ("controller", "--listen", "127.0.0.1:0", "--ready-file", str(ready))
@@ -124,7 +124,7 @@ async def _controller() -> AsyncIterator[tuple[str, int]]:
                 while not ready.exists():
                     if process.returncode is not None:
                         raise Problem(
-                            "the virtual controller does not start", ExitStatus.INCONCLUSIVE
+                            "the virtual controller did not start", ExitStatus.INCONCLUSIVE
                         )
                     await asyncio.sleep(_POLL_S)
             yield split_host_port(ready.read_text().strip())
@@ -135,10 +135,10 @@ async def _controller() -> AsyncIterator[tuple[str, int]]:
 
 
 def _next_steps(out: Path) -> None:
-    """Say what to do with what was written."""
-    click.echo(f"\n{out / 'report.html'}  the report, for a browser")
+    """Print what can be done with the files."""
+    click.echo(f"\n{out / 'report.html'}  the report; open it in a browser")
     if (out / "capture.rrd").exists():
-        click.echo(f"scaraspec view {out / 'capture.mcap'}  the session in the viewer")
+        click.echo(f"scaraspec view {out / 'capture.mcap'}  shows the session in the viewer")
     else:
-        click.echo(f"capture.rrd was not drawn: {NO_VIEWER}")
-    click.echo(f"scaraspec audit {out / 'capture.mcap'}  judge it again")
+        click.echo(f"capture.rrd was not written: {NO_VIEWER}")
+    click.echo(f"scaraspec audit {out / 'capture.mcap'}  judges the recording again")

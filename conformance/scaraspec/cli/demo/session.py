@@ -1,7 +1,4 @@
-"""The session that `scaraspec demo` records: what an integrator does on a first day.
-
-It knows the client and two sample programs: where the bytes pass is not its business.
-"""
+"""The session that `scaraspec demo` records: what an integrator does on a first day."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,7 +10,7 @@ from scaraspec.cli.data import sample_program
 from scaraspec.client import Client, Interrupted, Pending, Refused, ReplyTimeout
 
 PROGRAM: Final = "pick-and-place.rob"
-_ENDLESS: Final = "endless.rob"  # so that it runs still when it is stopped, however slow we are
+_ENDLESS: Final = "endless.rob"  # it still runs when it is stopped, even on a slow machine
 _POLL_S: Final = 0.04
 _STOP_AFTER_POLLS: Final = 20
 _OUTPUT_PORT: Final = 8
@@ -25,14 +22,14 @@ def run(robot: Client, folder: Path, now: datetime, say: Say) -> None:
     """Use a robot: set up, upload, run, stop, reset, move, download.
 
     Args:
-        robot: Connected and logged in.
+        robot: A client that is connected and logged in.
         folder: An existing folder for the download.
-        now: What to set the robot's clock to.
-        say: Told each step, in a few words.
+        now: The time to set on the robot.
+        say: Called with a short description of each step.
 
     Raises:
-        ClientError: Anything that the robot or the link does not do.
-        ValueError: The file came back damaged.
+        ClientError: The robot refused a request, or the link failed.
+        ValueError: The downloaded file differs from the uploaded one.
     """
     program, endless = sample_program(PROGRAM), sample_program(_ENDLESS)
     say("set up")
@@ -76,11 +73,11 @@ def run(robot: Client, folder: Path, now: datetime, say: Say) -> None:
     robot.set_digital_output(_OUTPUT_PORT, 0)
     copy = robot.download(program.name, folder / program.name)
     if copy.read_bytes() != program.read_bytes():
-        raise ValueError(f"{program.name} came back damaged")
+        raise ValueError(f"{program.name} differs after the download")
 
 
 def _watch(robot: Client, pending: Pending, polls: int = 10_000) -> None:
-    """Ask for everything that moves until the final result is in, or so many times."""
+    """Query all changing values until the final result arrives, or so many times."""
     for _ in range(polls):
         robot.get_status()
         robot.get_joint_angles()
