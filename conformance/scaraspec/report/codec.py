@@ -28,7 +28,12 @@ class MisfitError(ValueError):
 def to_plain(value: Any) -> Any:
     """The value as objects, arrays, strings and numbers; enums become their values."""
     if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: to_plain(getattr(value, f.name)) for f in fields(value)}
+        members = {f.name: getattr(value, f.name) for f in fields(value)}
+        plain = {name: to_plain(member) for name, member in members.items()}
+        for name, member in members.items():
+            if isinstance(member, UserMessage):
+                plain |= {f"{name}_template": member.template, f"{name}_values": member.values}
+        return plain
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, Mapping):

@@ -27,6 +27,7 @@ from scaraspec.report.model import (
     Subject,
     Tool,
 )
+from scaraspec.user_message import UserMessage
 
 texts = st.text(max_size=20)
 numbers = st.integers(-(2**63), 2**63 - 1)
@@ -281,5 +282,16 @@ def test_the_schema_names_every_member_of_the_model(schema: dict[str, Any]) -> N
     for name, part in whole.items():
         if "properties" in part:
             members = [f.name for f in fields(getattr(model, name))]
-            assert [p for p in part["properties"] if p != "schema"] == members
+            derived = {"schema", "message_template", "message_values"}
+            assert [p for p in part["properties"] if p not in derived] == members
     assert schema["title"] == schema["properties"]["schema"]["const"] == SCHEMA
+
+
+def test_a_message_with_values_keeps_its_template(full: Results) -> None:
+    """Programs compare results by template and values; the text may be translated."""
+    message = UserMessage("{command} took {time_s:.1f} s", command="jog", time_s=2.04)
+    case = replace(full.cases[0], message=message)
+    plain = json.loads(replace(full, cases=(case,)).to_json())["cases"][0]
+    assert plain["message"] == "jog took 2.0 s"
+    assert plain["message_template"] == message.template
+    assert plain["message_values"] == {"command": "jog", "time_s": "2.04"}
