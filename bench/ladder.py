@@ -1,8 +1,8 @@
 """Ladder: why a round trip through the recorder takes as long as it does.
 
-Lives here: forwarders of which each does one thing more than the one before, from the one in C up
-to the recorder, and what each costs: as ratios, in processor time of the process that forwards, and
-in system calls. How a turn is measured stands in `stage`.
+Each forwarder does one thing more than the previous one, from the one in C to the recorder. This
+module measures the cost of each: as a ratio, in processor time, and in system calls. `stage`
+measures one run.
 """
 
 import os

@@ -1,6 +1,6 @@
 """Peers: the forwarders that are measured.
 
-Lives here: how each is started, found ready and ended. What is measured stands in `forwarding`.
+This module starts them, waits until they are ready, and stops them. `forwarding` measures.
 Everything listens on 127.0.0.1.
 """
 
@@ -25,7 +25,7 @@ _LOGIN: Final = b"\xaa\x01\x08password\xcc"
 _HERE: Final = Path(__file__).parent
 _BIN: Final = Path(sys.executable).parent
 _READY_S: Final = 30.0
-_END_S: Final = 1800.0  # what the recorder gives its scribe to write what is left
+_END_S: Final = 1800.0  # the time that the recorder gives its writing process for the rest
 _POLL_S: Final = 0.05
 
 
@@ -130,7 +130,7 @@ def mitmproxy(folder: Path) -> Peer:
 
 
 def free_port() -> int:
-    """Return a port that nobody listens on."""
+    """Return a free port."""
     with socket.create_server((HOST, 0)) as found:
         return int(found.getsockname()[1])
 
@@ -170,7 +170,7 @@ def set_apart(parent: int, link_module: str, processors: set[int]) -> int:
         The one that forwards.
 
     Raises:
-        RuntimeError: None of them has loaded the module that tells it.
+        RuntimeError: No process has loaded the module by which it is recognised.
     """
     linking: set[str] = set()
 

@@ -1,7 +1,7 @@
-"""Sampling: where the time of this process goes, by place.
+"""Sampling profiler: the time of this process by label.
 
-Lives here: the sampler, and the table that it prints. Which places are told apart is the caller's
-affair. Unlike a tracer it makes nothing slower that is called often.
+This module has the sampler and the table that it prints. The caller defines the labels. Unlike a
+tracer, it does not slow down functions that are called often.
 """
 
 import signal
@@ -82,7 +82,7 @@ def sampled(places: Mapping[str, str], clock: str = "processor") -> Iterator[Sam
     """Sample the main thread for as long as the context lasts, see `Samples`.
 
     Args:
-        places: What is told apart.
+        places: The labels by prefix of a dotted name.
         clock: Whose seconds: those of the `processor` that this process uses, or of the `wall`.
     """
     timer, number, now = _CLOCKS[clock]

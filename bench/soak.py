@@ -1,10 +1,9 @@
-"""Soak: a recorder that writes for long, at speed.
+"""Soak test: a long recording, as fast as possible.
 
-The frames of `traffic` pass through the real spool, scribe, deriver, judge and sinks into files
-that rotate each hour, in one process and with a clock of its own: an hour of the robot's takes as
-long as the writing does. Prints what a user who leaves it alone for weeks wants to know: whether
-memory stays flat, how large files are, and how much of a processor the writing takes; and, where
-it is asked for a profile, what of the writing takes it.
+The frames of `traffic` pass through the real spool, sink runner, decoder, judge and sinks into
+files that rotate each hour, in one process and with a simulated clock. It prints whether memory
+stays flat, the size of the files, and the processor time of writing; with ``--profile`` also the
+share of each part.
 """
 
 import argparse
@@ -44,7 +43,7 @@ PLACES: Final = {
     "__main__": sampling.LEFT_OUT,
     "bench": sampling.LEFT_OUT,
 }
-"""What a profile tells apart; making the traffic is no part of writing it."""
+"""The labels of a profile; generating the traffic is not part of writing it."""
 
 _START_NS: Final = 1_795_215_600 * traffic.SECOND_NS
 _MIB: Final = 1 << 20

@@ -1,7 +1,7 @@
-"""Stage: how one turn of a forwarder is measured.
+"""Stage: measures one run of a forwarder.
 
-Lives here: the load, what it saw, and what a recording holds of it. Who is measured, how often and
-what is made of it stands in `forwarding` and `ladder`.
+This module has the load, its results, and the check of the recording. `forwarding` and `ladder`
+choose the forwarders and evaluate the results.
 """
 
 import json

@@ -1,7 +1,7 @@
 """How fast the suite certifies: in memory, where only it costs time, and over real links.
 
-In memory the limit is what the virtual controller answers to the same number of requests that
-nobody judges, in the same turn. A profile says where the time of both goes.
+In memory, the limit is the time in which the virtual controller answers the same number of requests
+without a judge, in the same run. A profile shows where the time of both goes.
 """
 
 import argparse

@@ -2,7 +2,7 @@
 
     python docs/pictures.py reports/out/demo
 
-Wants Chromium, and a software renderer for the viewer (mesa-vulkan-drivers, libgl1-mesa-dri).
+Needs Chromium, and a software renderer for the viewer (mesa-vulkan-drivers, libgl1-mesa-dri).
 """
 
 import argparse

@@ -144,7 +144,7 @@ class Processes:
         return address_in(process)
 
     def end(self) -> None:
-        """Kill what is left and all that it has started: a stopped child would hold its output."""
+        """Kill the processes and their children: a stopped child would keep its output open."""
         for process in self._running:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)

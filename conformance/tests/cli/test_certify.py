@@ -110,7 +110,7 @@ def test_read_only_by_default(processes: Any, tmp_path: Path) -> None:
 
 
 def test_a_plan_sends_nothing(processes: Any) -> None:
-    """--dry-run wants no subject."""
+    """--dry-run needs no subject."""
     done = processes.run("certify", "controller", *ALL, "--dry-run")
     assert done.returncode == 0
     assert "MOVE the arm" in done.stdout
@@ -128,7 +128,7 @@ def test_a_plan_sends_nothing(processes: Any) -> None:
     ],
 )
 def test_usage(refused: Callable[..., str], arguments: tuple[str, ...], says: str) -> None:
-    """What a user gets wrong is told."""
+    """User errors are reported."""
     assert says in refused("certify", "controller", *arguments)
 
 
@@ -228,7 +228,7 @@ def test_a_serial_line(processes: Any, null_modem: tuple[str, str]) -> None:
 
 
 def test_an_absent_subject(processes: Any) -> None:
-    """A port where nobody listens: inconclusive, nothing judged; told once, and at the end."""
+    """A closed port gives inconclusive; it is reported once, and at the end."""
     with closing(socket.create_server(("127.0.0.1", 0))) as listener:
         port = listener.getsockname()[1]
     done = processes.run("certify", "controller", f"tcp://127.0.0.1:{port}", "--only", "4.8")

@@ -1,4 +1,4 @@
-"""`scaraspec certify client` as a user runs it: behind a driver, good or bad, and attended."""
+"""`scaraspec certify client` as a user runs it: with a good or bad driver, and attended."""
 
 import json
 import os
@@ -20,7 +20,7 @@ OWN = f"{shlex.quote(sys.executable)} -m scaraspec client-driver"
 
 
 def test_the_reference_client(processes: Any, tmp_path: Path) -> None:
-    """Conformant, with every file that was promised; what it was told is in the capture."""
+    """The client is conformant, all files are written, and the capture has the traffic."""
     out = tmp_path / "out"
     done = processes.run("certify", "client", "--driver", OWN, "--only", "4.8", "--out", str(out))
     assert done.returncode == 0, done.stdout + done.stderr
@@ -49,7 +49,7 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 def test_bad_drivers(processes: Any, tmp_path: Path, name: str) -> None:
-    """Each is told in a sentence, in bounded time, and is never a pass."""
+    """Each is reported in a sentence, in bounded time, and is never a pass."""
     body, says = BAD[name]
     file = tmp_path / "driver.py"
     file.write_text(body, encoding="utf-8")
@@ -99,7 +99,7 @@ asyncio.run(serve(lambda url, password: Polls(url, password=password)))
 
 
 class Operator:
-    """Whoever reads the terminal, works the client, and types what it shows.
+    """An operator who reads the terminal, operates the client, and types what it shows.
 
     Args:
         terminal: The terminal's other end.
@@ -158,7 +158,7 @@ class Operator:
 
 @pytest.fixture
 def attend(tmp_path: Path) -> Callable[..., tuple[int, list[str]]]:
-    """Sits an operator before `certify client --attended`; its status, and what he read."""
+    """Run `certify client --attended` with an operator; return status and output."""
 
     def sit(*arguments: str, leave_at: str = "") -> tuple[int, list[str]]:
         ours, theirs = pty.openpty()
@@ -181,7 +181,7 @@ def attend(tmp_path: Path) -> Callable[..., tuple[int, list[str]]]:
 def test_attended(attend: Callable[..., tuple[int, list[str]]], tmp_path: Path) -> None:
     """The operator leaves after the first steps, comes back, and the rest is ticked off.
 
-    His client asks for what he is to ask for by itself, all the time.
+    The client polls by itself what the operator must request.
     """
     status, read = attend("--only", "4.7,4.8", leave_at="pass 4.7/1")
     assert status == 3, read

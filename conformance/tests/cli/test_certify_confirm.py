@@ -49,7 +49,7 @@ class Terminal:
         return self.run.wait(LIMIT_S)
 
     def close(self) -> None:
-        """Leave nothing behind."""
+        """Leave nothing on the robot."""
         self.run.kill()
         self.run.wait()
         os.close(self._near)

@@ -73,7 +73,7 @@ def test_what_is_torn_is_converted_as_far_as_it_goes(
 def test_usage(  # noqa: PLR0913, PLR0917 - three fixtures and three parameters
     refused: Callable[..., str], field: Path, tmp_path: Path, source: str, target: str, says: str
 ) -> None:
-    """What a user gets wrong is told; nothing is overwritten, nothing left behind."""
+    """User errors are reported; no file is overwritten or left over."""
     (tmp_path / "there.mcap").write_text("mine")
     assert says in refused("convert", str(field / source), str(tmp_path / target))
     assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]

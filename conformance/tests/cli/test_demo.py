@@ -92,7 +92,7 @@ def test_nothing_is_overwritten(demo: tuple[Path, str], processes: Any) -> None:
 def test_a_torn_capture_is_still_judged(
     demo: tuple[Path, str], processes: Any, tmp_path: Path
 ) -> None:
-    """Part of a file gives what it has, says what is missing, and fails nobody."""
+    """An incomplete file is judged as far as it goes; what is missing is reported."""
     torn = tmp_path / "torn.mcap"
     whole = (demo[0] / "capture.mcap").read_bytes()
     torn.write_bytes(whole[: len(whole) * 3 // 4])

@@ -1,4 +1,4 @@
-"""`scaraspec driver-check`: a sound driver passes, each kind of bad one is told in a sentence."""
+"""`scaraspec driver-check`: a good driver passes, each bad one is reported in a sentence."""
 
 import shlex
 import sys
@@ -11,7 +11,7 @@ OWN = f"{shlex.quote(sys.executable)} -m scaraspec client-driver"
 
 
 def test_the_reference_client(processes: Any) -> None:
-    """Every step is told."""
+    """Each step is printed."""
     done = processes.run("driver-check", OWN)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("ok  ") == 5

@@ -1,4 +1,4 @@
-"""The command line as it is installed, in whatever folder somebody works."""
+"""The installed command line, in any working folder."""
 
 import subprocess
 import sys

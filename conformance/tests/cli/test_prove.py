@@ -117,7 +117,7 @@ def test_the_published_matrix_is_that_of_these_faults(role: Role) -> None:
 
 
 def test_ctrl_c_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also while the faultless one is tried, whose run tells that it was interrupted."""
+    """Also during the run without a mutant, which reports the interruption."""
 
     def interrupted(_: Run) -> None:
         raise KeyboardInterrupt

@@ -81,7 +81,7 @@ def test_nothing_whole(processes: Any, tmp_path: Path, *, there: bool) -> None:
         )
         listening = address_in(recorder.stdout.readline())
         with (
-            contextlib.suppress(ConnectionResetError),  # also before it is told of the connection
+            contextlib.suppress(ConnectionResetError),  # also before the connection is reported
             socket.create_connection(listening, 10) as client,
         ):
             if there:
@@ -109,5 +109,5 @@ def test_nothing_whole(processes: Any, tmp_path: Path, *, there: bool) -> None:
 def test_usage(
     refused: Callable[..., str], tmp_path: Path, arguments: tuple[str, ...], says: str
 ) -> None:
-    """What a user gets wrong is told."""
+    """User errors are reported."""
     assert says in refused("record", *arguments, "--out", str(tmp_path))

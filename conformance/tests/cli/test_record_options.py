@@ -91,7 +91,7 @@ def test_a_file_for_each_connection(processes: Any, controller: str, tmp_path: P
 
 
 def test_a_robot_that_cannot_be_reached_is_told(processes: Any, tmp_path: Path) -> None:
-    """To whoever looks at the recorder, not in the file alone."""
+    """They are shown on the terminal, not only in the file."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # and does not listen
         robot = "tcp://{}:{}".format(*taken.getsockname())
@@ -229,7 +229,7 @@ def test_what_a_killed_recorder_left_is_repaired(
 def test_a_second_signal_ends_the_waiting(
     processes: Any, controller: str, tmp_path: Path, hang: tuple[str, ...]
 ) -> None:
-    """What hangs does not hold the user; what is left is told, and written next time."""
+    """A hanging sink does not block the user; the rest is reported, and written next time."""
     arguments = ("record", controller, *LOCAL, "--out", str(tmp_path))
     recorder = processes.start(*arguments)
     ask(url_in(recorder.stdout.readline()))
@@ -251,7 +251,7 @@ def test_a_second_signal_ends_the_waiting(
 
 
 def test_a_lost_terminal_is_told_twice(processes: Any, controller: str, tmp_path: Path) -> None:
-    """By the system and by the shell: what is left is waited for all the same."""
+    """Signals of the system and of the shell: the rest is still written."""
     recorder = processes.start("record", controller, *LOCAL, "--out", str(tmp_path))
     ask(url_in(recorder.stdout.readline()))
     scribe = child_of(recorder.pid, "scribe")
@@ -294,7 +294,7 @@ def name_of(pid: int) -> str:
 def test_a_terminal_gets_a_dashboard(
     controller: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Connections, bytes and the file, drawn anew as they change."""
+    """Connections, bytes and the file are updated."""
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "160")
     near, far = os.openpty()
@@ -377,7 +377,7 @@ def read_until(descriptor: int, text: str) -> str:
 def test_usage(
     refused: Callable[..., str], tmp_path: Path, arguments: tuple[str, ...], says: str
 ) -> None:
-    """What a user gets wrong is told, and nothing is made."""
+    """User errors are reported, and nothing is created."""
     faults = tmp_path / "faults.toml"
     faults.write_text('[[rule]]\nfault = "drop"\n')
     given = [str(faults) if each == "FAULTS" else each for each in arguments]
@@ -387,7 +387,7 @@ def test_usage(
 
 
 def test_a_taken_address_ends_all(processes: Any, tmp_path: Path) -> None:
-    """Of several recorders, one that cannot begin is told, and the others do not stay."""
+    """If one of several recorders cannot start, this is reported and the others end."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         config = tmp_path / "lines.toml"

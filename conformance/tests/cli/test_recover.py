@@ -1,4 +1,4 @@
-"""`scaraspec recover`: what a killed recorder left is made whole, and what was lost is told."""
+"""`scaraspec recover`: repair the files of a killed recorder, and report what was lost."""
 
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,7 @@ def test_a_torn_picture(processes: Any, recording: Path, cut: int) -> None:
 
 
 def test_one_that_is_beyond_repair_hinders_no_other(processes: Any, recording: Path) -> None:
-    """It is told in one sentence, the others are repaired, and the exit status is 3."""
+    """It is reported in one sentence, the others are repaired, and the exit status is 3."""
     empty = recording.with_name("empty.mcap")
     empty.touch()
     done = processes.run("recover", str(empty), str(recording))

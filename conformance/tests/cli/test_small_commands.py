@@ -76,7 +76,7 @@ def test_wrong_use(  # noqa: PLR0913 - each is a fixture or a parameter
     line: str,
     says: str,
 ) -> None:
-    """Wrong use is told in one sentence, with exit status 2, and harms no file."""
+    """Wrong use is reported in one sentence, with exit status 2, and changes no file."""
     capture = tmp_path / "c.pcapng"
     capture.write_bytes((fixtures_dir / "captures/field/complaint-1.pcapng").read_bytes())
     before = capture.read_bytes()
@@ -122,7 +122,7 @@ def test_program_check(fixtures_dir: Path) -> None:
     assert run("program", "check", str(programs / "pick-and-place.rob")).exit_code == 0
     for damaged in (programs / "damaged").glob("*.rob"):
         checked = run("program", "check", str(damaged))
-        only_warned = damaged.stem == "surplus"  # bytes behind the footer (6.6b/2)
+        only_warned = damaged.stem == "surplus"  # bytes after the footer (6.6b/2)
         assert checked.exit_code == (0 if only_warned else 1), damaged
         assert ("warning P-" if only_warned else "error P-") in checked.output
 

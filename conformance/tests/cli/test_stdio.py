@@ -1,4 +1,4 @@
-"""Whoever reads what a command tells leaves, or wants it ended: nothing else is lost."""
+"""The reader of the output leaves, or the command is ended: nothing else is lost."""
 
 import os
 import pty
@@ -37,7 +37,7 @@ def test_a_short_answer_is_no_failure() -> None:
 
 
 def _unread(*words: str) -> int:
-    """The exit status of a command of which nobody reads a word."""
+    """The exit status of a command whose output is not read."""
     with subprocess.Popen([*SCARASPEC, *words], stdout=subprocess.PIPE) as run:
         assert run.stdout
         run.stdout.close()
@@ -47,7 +47,7 @@ def _unread(*words: str) -> int:
 def test_a_terminal_without_every_character(
     processes: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As a file on Windows is: what it has not is told by its number, and the status stays."""
+    """As for files on Windows: missing characters are escaped, and the status is the same."""
     host, port = processes.controller("--fault", "status-of-one-digit")
     monkeypatch.setenv("PYTHONIOENCODING", "ascii")
     done = processes.run("certify", "controller", f"tcp://{host}:{port}", "--only", "4.8")
@@ -58,7 +58,7 @@ def test_a_terminal_without_every_character(
 
 @pytest.mark.parametrize(("words", "status"), [("requirements", 3), ("frame zz", 2)])
 def test_a_disk_that_is_full(words: str, status: int) -> None:
-    """What is to be kept and cannot be is no success, and any other status stays."""
+    """Output that cannot be written is no success; any other status is the same."""
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [*SCARASPEC, *words.split()],
@@ -106,7 +106,7 @@ def test_a_command_that_comes_to_no_end_has_no_verdict(
 
 
 def test_a_terminal_that_is_lost(processes: Any, tmp_path: Path) -> None:
-    """As that of a remote shell is: what the suite has stored is taken away, and all is told."""
+    """As with a remote shell: the files of the suite are deleted, and everything is reported."""
     host, port = processes.controller()
     url, out = f"tcp://{host}:{port}", tmp_path / "out"
     near, far = pty.openpty()
@@ -148,7 +148,7 @@ def test_a_recording_whose_terminal_is_lost(processes: Any, tmp_path: Path) -> N
 def test_what_a_command_has_started_ends_with_it(
     processes: Any, tmp_path: Path, number: signal.Signals
 ) -> None:
-    """Whichever way it is asked to end: the demo's controller would listen for ever."""
+    """Each signal ends it: the controller of the demo would otherwise listen forever."""
     demo = processes.start("demo", "--out", str(tmp_path / "out"))
     told = demo.stdout.readline()
     url = told.split()[-1]

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a script stands
 
 @pytest.fixture
 def shown(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Stands in for the viewer: keeps what it was called with, and a copy of what it was given."""
+    """A replacement of the viewer that records its arguments and copies its input."""
     folder = tmp_path_factory.mktemp("viewer")
     viewer = folder / "viewer"
     viewer.write_text(f'#!/bin/sh\necho "$@" > {folder}/called\nfor last; do :; done\n'
@@ -52,7 +52,7 @@ def test_packets_are_drawn_for_this_once(
 def test_a_torn_recording_is_repaired_and_drawn_beside(
     processes: Any, fixtures_dir: Path, shown: Path, tmp_path: Path
 ) -> None:
-    """What is missing is told; the second time, the drawing is there."""
+    """The missing extra is reported; the second time the .rrd exists."""
     source = fixtures_dir / "captures" / "field" / "complaint-1.pcapng"
     recording = tmp_path / "a.mcap"
     processes.run("convert", str(source), str(recording))

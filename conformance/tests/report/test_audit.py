@@ -102,7 +102,7 @@ def test_the_dialect_is_told_for_each_side(audited: Callable[[str], Results]) ->
 
 
 def test_claims_stand_beside_what_was_seen() -> None:
-    """A claim of which nothing was seen is told, too."""
+    """A claim without evidence is reported, too."""
     judge = Judge()
     results = from_audit(judge, SessionStats(), subject=SUBJECT, claims={"loop_iter": "counts"})
     assert results.readings["controller"] == {

@@ -1,6 +1,6 @@
 """The page as a browser shows it, headless: search, filter, keys, languages, print, hostile text.
 
-Wants Chromium; run by `make test-browser`. The browser is spoken to over two pipes, in the words of
+Needs Chromium; run by `make test-browser`. The tests control the browser over two pipes, with
 its debugging protocol.
 """
 
@@ -52,7 +52,7 @@ class Browser:
         self._process = subprocess.Popen(
             [found, *_FLAGS, f"--user-data-dir={profile}", "about:blank"],
             close_fds=False,
-            preexec_fn=arrange,  # noqa: PLW1509 - it wants its pipes as 3 and 4, and nothing is threaded
+            preexec_fn=arrange,  # noqa: PLW1509 - it needs its pipes as 3 and 4, and no thread runs
             stderr=subprocess.DEVNULL,
         )
         os.close(there_reads)

@@ -13,7 +13,7 @@ HOUR_NS = 3_600 * 10**9
 
 
 def timing_of(durations_ns: list[int]) -> Timing:
-    """What a histogram tells of these."""
+    """What a histogram shows of these."""
     histogram = Histogram()
     for duration_ns in durations_ns:
         histogram.add(duration_ns)

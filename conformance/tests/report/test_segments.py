@@ -36,7 +36,7 @@ def test_what_is_no_hex_is_no_frame() -> None:
 
 
 def test_what_differs_from_a_right_frame_is_marked() -> None:
-    """Held against the passing frame of the same kind, and against no other."""
+    """Compared with the passing frame of the same kind only."""
     flag = FrameField("flag", 0, 1, "1")
     wrong = evidence(b"1|x", flag, FrameField("code", 2, 1, "x"))
     right = evidence(b"1|y", flag, FrameField("code", 2, 1, "y"))

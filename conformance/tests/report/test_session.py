@@ -105,7 +105,7 @@ def test_a_run_is_told_with_its_outcome(
 
 
 def test_an_emergency_stop_interrupts_a_run() -> None:
-    """The stopped run is told as interrupted, whatever its own result says."""
+    """The stopped run is shown as interrupted, whatever its own result is."""
     (run,) = session_of(
         (1 * MS, A2C, request(0x31, b"a.rob")),
         (2 * MS, C2A, reply(0x31, b"1")),

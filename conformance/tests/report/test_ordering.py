@@ -1,4 +1,4 @@
-"""Cases are told in the order in which they matter, and no run looks better than it is."""
+"""Cases are listed by importance, and no run looks better than it is."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def test_what_the_document_states_comes_before_what_follows_from_it(full: Result
 
 
 def test_what_was_seen_comes_before_what_failed_for_it(full: Results) -> None:
-    """Among equals; and what says the same is told once."""
+    """Among equals; equal messages are listed once."""
     ids = ("5.3/4.a", "5.3/4.b", "5.3/4.seen-1")
     cases = tuple(Case(i, ("5.3/4",), Verdict.FAIL, message=i[:7]) for i in ids)
     told = most_telling_first(replace(full, cases=cases))
