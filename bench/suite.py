@@ -29,7 +29,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.report.model import Results, Role
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.store import Store
 
@@ -194,12 +194,12 @@ def _requests(results: Results) -> int:
 
 def _unjudged_s(requests: int) -> float:
     """What so many requests cost the virtual controller alone, in seconds of processor time."""
-    brain = Brain(Plant(datetime(2026, 1, 1), 0.0), Store(), DEFAULT)  # noqa: DTZ001 - as the document
-    brain.open(1, 0.0, "serial")
+    core = ControllerCore(Plant(datetime(2026, 1, 1), 0.0), Store(), DEFAULT)  # noqa: DTZ001 - as the document
+    core.open(1, 0.0, "serial")
     request = Frame(A2C, BY_NAME["get_version"].opcode, b"").encode()
     begun_s = time.process_time()
     for number in range(requests):
-        brain.receive(1, request, number / 1000)
+        core.receive(1, request, number / 1000)
     return time.process_time() - begun_s
 
 

@@ -25,8 +25,8 @@ from scaraspec.transports.link import LinkError
 from scaraspec.transports.url import Serial, join_host_port, parse, split_host_port
 from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.behaviour.settings import PASSWORD_MAX_BYTES
-from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.console import Console
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.journal import line
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.serial_port import SerialPort, SerialPortError
@@ -120,13 +120,13 @@ def command(  # noqa: PLR0913 - one for each option
     except (LinkError, ReadingError, StoreError) as error:
         raise Problem(str(error)) from None
     now = datetime.now(UTC).replace(tzinfo=None)  # the robot's zone (A-4.5-1)
-    brain = _brain(fault)(Plant(now, now_s=0.0), store, dialect, _log if verbose else _pass)
-    asyncio.run(_serve(brain, options))
+    core = _core(fault)(Plant(now, now_s=0.0), store, dialect, _log if verbose else _pass)
+    asyncio.run(_serve(core, options))
 
 
-def _brain(fault: str | None) -> type[Brain]:
+def _core(fault: str | None) -> type[ControllerCore]:
     if fault is None:
-        return Brain
+        return ControllerCore
     known = mutants()
     if fault not in known:
         raise no_such_fault(fault, known, "controller")
@@ -170,8 +170,8 @@ def _pass(connection: int, seen: StreamItem) -> None:
     """Log nothing."""
 
 
-async def _serve(brain: Brain, options: _Options) -> None:
-    server = Server(brain, options.time_scale)
+async def _serve(core: ControllerCore, options: _Options) -> None:
+    server = Server(core, options.time_scale)
     loop = asyncio.get_running_loop()
     for number in ending_signals():
         loop.add_signal_handler(number, server.stop)

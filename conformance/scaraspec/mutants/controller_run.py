@@ -22,8 +22,8 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.memory import MemoryNetwork
-from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.control import ControlError, obey
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.session import Action, Close
 from scaraspec.virtual_controller.store import Store
@@ -47,38 +47,38 @@ _LINES: Final[Mapping[str, str]] = {
 class Robot:
     """A virtual controller that can be switched off and on; see `links.memory.Machine`."""
 
-    def __init__(self, make: type[Brain], dialect: Dialect) -> None:
+    def __init__(self, make: type[ControllerCore], dialect: Dialect) -> None:
         self.network = MemoryNetwork(self, epoch_ns=_EPOCH_NS)
         self._make, self._dialect = make, dialect
         self._store = Store()
         self._plant = Plant(_BEGIN, 0.0)
-        self._brain = make(self._plant, self._store, dialect)
+        self._core = make(self._plant, self._store, dialect)
         self._open: set[int] = set()
 
     @property
     def next_event_s(self) -> float | None:
         """When something happens by itself."""
-        return self._brain.next_event_s
+        return self._core.next_event_s
 
     def open(
         self, connection: int, now_s: float, link: Literal["tcp", "serial"]
     ) -> Sequence[Action]:
         """A client has connected."""
         self._open.add(connection)
-        return self._brain.open(connection, now_s, link)
+        return self._core.open(connection, now_s, link)
 
     def receive(self, connection: int, data: bytes, now_s: float) -> Sequence[Action]:
         """Bytes have arrived."""
-        return self._brain.receive(connection, data, now_s)
+        return self._core.receive(connection, data, now_s)
 
     def close(self, connection: int, now_s: float) -> Sequence[Action]:
         """A client sends no more."""
         self._open.discard(connection)
-        return self._brain.close(connection, now_s)
+        return self._core.close(connection, now_s)
 
     def advance(self, now_s: float) -> Sequence[Action]:
         """Time has passed."""
-        return self._brain.advance(now_s)
+        return self._core.advance(now_s)
 
     def restart(self) -> None:
         """Switch it off and on: programs and settings stay, all else begins anew."""
@@ -87,7 +87,7 @@ class Robot:
         self._open.clear()
         clock = self._plant.clock.time(now_s)
         self._plant = Plant(clock, now_s)
-        self._brain = self._make(self._plant, self._store, self._dialect)
+        self._core = self._make(self._plant, self._store, self._dialect)
 
     def set_password(self, password: bytes) -> None:
         """Set the password without a login."""
@@ -104,7 +104,7 @@ class Robot:
             obey(line, self._plant, now_s)
         except ControlError as error:
             raise HookError(f"{error}") from None
-        self.network.perform(self._brain.advance(now_s))
+        self.network.perform(self._core.advance(now_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +129,7 @@ def prove_controller(
         dialect: The readings that it follows, each of which it claims then.
     """
     spoken = dialect or Dialect.parse(fault.reading if fault else ())
-    robot = Robot(fault.wrong if fault else Brain, spoken)
+    robot = Robot(fault.wrong if fault else ControllerCore, spoken)
     ics = Ics(
         name=fault.name if fault else "virtual controller",
         dialect=spoken,

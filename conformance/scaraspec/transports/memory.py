@@ -2,7 +2,7 @@
 
 Whoever waits makes time pass: it goes from event to event of the machine, so that 30 s cost
 nothing and every run is the same. What the machine is, is not known here: anything with the
-methods of `Machine`, such as the virtual controller's brain.
+methods of `Machine`, such as the virtual controller's core.
 """
 
 import math

@@ -56,7 +56,7 @@ class Console:
     def _obey(self, line: str) -> None:
         self._server.elapse()  # what was due before the line happens before it
         try:
-            done = obey(line, self._server.brain.plant, self._server.now_s)
+            done = obey(line, self._server.core.plant, self._server.now_s)
         except ControlError as error:
             self._answer(f"error: {error}")
         else:

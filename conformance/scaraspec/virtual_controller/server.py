@@ -1,4 +1,4 @@
-"""The server: TCP connections and the clock around a brain, in one asyncio loop.
+"""The server: TCP connections and the clock around a core, in one asyncio loop.
 
 What a client may cost lives here: how many there are, how much they may leave unread, and how much
 of what they send is served at a time. What is answered does not.
@@ -10,12 +10,12 @@ import logging
 import socket
 from typing import Final, Protocol
 
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, Carrier
 
 MAX_CLIENTS: Final = 64
 SLICE_BYTES: Final = 64
-"""Bytes given to the brain at once: at most 16 requests, so that answers cannot pile up."""
+"""Bytes given to the core at once: at most 16 requests, so that answers cannot pile up."""
 SLICES_PER_TURN: Final = 64
 """How many slices of one client are served before the others have their turn."""
 UNREAD_BYTES: Final = 64 * 1024
@@ -47,15 +47,15 @@ class End(Protocol):
 
 
 class Server:
-    """Serves a brain; to be made and used inside a running loop.
+    """Serves a core; to be made and used inside a running loop.
 
     Args:
-        brain: The controller; its instant 0 is now.
+        core: The controller; its instant 0 is now.
         time_scale: How many of its seconds pass in one of ours.
     """
 
-    def __init__(self, brain: Brain, time_scale: float = 1.0) -> None:
-        self.brain = brain
+    def __init__(self, core: ControllerCore, time_scale: float = 1.0) -> None:
+        self.core = core
         self.stopped = asyncio.Event()
         """Set once the robot was shut down, or `stop` was called."""
         self._loop = asyncio.get_running_loop()
@@ -69,7 +69,7 @@ class Server:
 
     @property
     def now_s(self) -> float:
-        """The brain's present instant."""
+        """The core's present instant."""
         return (self._loop.time() - self._began_s) * self._time_scale
 
     async def listen(self, host: str, port: int) -> tuple[str, int]:
@@ -117,7 +117,7 @@ class Server:
         Where the server is full, the oldest client that has not logged in makes way.
         """
         if len(self._ends) >= MAX_CLIENTS:
-            idle = next((n for n, s in self.brain.sessions.items() if not s.logged_in), None)
+            idle = next((n for n, s in self.core.sessions.items() if not s.logged_in), None)
             if idle is None:
                 return None
             self._ends[idle].abort()
@@ -125,27 +125,27 @@ class Server:
         self._connections += 1
         self._ends[self._connections] = end
         log.info("#%d opened over %s", self._connections, carrier)
-        self._perform(self.brain.open(self._connections, self.now_s, carrier))
+        self._perform(self.core.open(self._connections, self.now_s, carrier))
         return self._connections
 
     def receive(self, connection: int, data: bytes) -> None:
         """Bytes have come from a client."""
-        self._perform(self.brain.receive(connection, data, self.now_s))
+        self._perform(self.core.receive(connection, data, self.now_s))
 
     def lose(self, connection: int) -> None:
         """A connection has ended."""
         if self._ends.pop(connection, None) is not None:
             log.info("#%d closed", connection)
-            self._perform(self.brain.close(connection, self.now_s))
+            self._perform(self.core.close(connection, self.now_s))
             if not self._ends:
                 self._empty.set()
 
     def elapse(self) -> None:
-        """Let the brain do what is due, or see what was done to its plant."""
-        self._perform(self.brain.advance(self.now_s))
+        """Let the core do what is due, or see what was done to its plant."""
+        self._perform(self.core.advance(self.now_s))
 
     def _perform(self, actions: list[Action]) -> None:
-        if not self.brain.powered:
+        if not self.core.powered:
             self.stop()
         for action in actions:
             end = self._ends.get(action.connection)
@@ -157,7 +157,7 @@ class Server:
                 end.send(action.data)
         if self._timer is not None:
             self._timer.cancel()
-        event_s = self.brain.next_event_s
+        event_s = self.core.next_event_s
         if event_s is not None:
             delay_s = (event_s - self.now_s) / self._time_scale
             self._timer = self._loop.call_later(max(delay_s, _SOONEST_S), self.elapse)

@@ -31,7 +31,7 @@ class Close(NamedTuple):
 
 
 Action = Send | Close
-"""What the shell is to do for the brain."""
+"""What the shell is to do for the core."""
 
 
 class OpenTransfer(NamedTuple):

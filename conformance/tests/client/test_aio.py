@@ -26,7 +26,7 @@ from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.protocol.transfer import FILE_DATA, chunks_of
 from scaraspec.transports.url import UrlError
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.server import Server
 from scaraspec.virtual_controller.store import Store
@@ -281,7 +281,7 @@ def test_it_talks_to_the_virtual_controller(tmp_path: Path) -> None:
 
     async def main() -> None:
         plant = Plant(datetime(2014, 12, 22), now_s=0.0)  # noqa: DTZ001 - the document names no zone
-        server = Server(Brain(plant, Store()), time_scale=20)
+        server = Server(ControllerCore(plant, Store()), time_scale=20)
         host, port = await server.listen("127.0.0.1", 0)
         async with AsyncClient(f"tcp://{host}:{port}", password=PASSWORD) as client:
             await client.upload_bytes(b"content", "a.rob")

@@ -8,7 +8,7 @@ from scaraspec.client import Client, Interrupted, State
 from scaraspec.protocol.program_files import Node, NodeType, Program, WaitSeconds, build
 from scaraspec.protocol.readings import READINGS, Dialect
 from scaraspec.transports.memory import MemoryNetwork
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.store import Store
 
@@ -37,7 +37,7 @@ def test_a_session_goes_the_same_way_in_every_dialect(key: str, option: str) -> 
     """The client understands every tolerated reading, and sees which one it is."""
     dialect = Dialect.of(**{key: option})
     plant = Plant(datetime(2014, 12, 22), now_s=0.0)  # noqa: DTZ001 - the document names no zone
-    network = MemoryNetwork(Brain(plant, Store(), dialect))
+    network = MemoryNetwork(ControllerCore(plant, Store(), dialect))
     extension = ".txt" if option == ".txt" else ".rob"
     names = tuple(f"program-{number:02}-of-30-bytes..{extension}" for number in range(20))
     spoken = dialect if (key, option) in SPOKEN else Dialect.of()

@@ -36,7 +36,7 @@ from scaraspec.suite.engine.strategies import payload_values
 from scaraspec.traffic.wire import Kind, WireEvent
 from scaraspec.transports.link import Ending
 from scaraspec.transports.memory import MemoryLink, MemoryNetwork
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.session import Action
 from scaraspec.virtual_controller.store import Store
@@ -57,35 +57,35 @@ CONTENTS = (PROGRAMS[b"long.rob"], b"x" * 400, b"no program", bytes(range(256)) 
 
 
 class Tap:
-    """Stands between a network and a brain, and tells all that passes as a recorder would."""
+    """Stands between a network and a core, and tells all that passes as a recorder would."""
 
-    def __init__(self, brain: Brain) -> None:
+    def __init__(self, core: ControllerCore) -> None:
         self.events: list[WireEvent] = []
-        self._brain = brain
+        self._core = core
         self._offsets: dict[tuple[int, Direction], int] = {}
         self._live: set[int] = set()
 
     @property
     def next_event_s(self) -> float | None:
-        return self._brain.next_event_s
+        return self._core.next_event_s
 
     def open(
         self, connection: int, now_s: float, link: Literal["tcp", "serial"]
     ) -> Sequence[Action]:
         self._live.add(connection)
         self._add(connection, A2C, Kind.OPENED, now_s)
-        return self._told(self._brain.open(connection, now_s, link), now_s)
+        return self._told(self._core.open(connection, now_s, link), now_s)
 
     def receive(self, connection: int, data: bytes, now_s: float) -> Sequence[Action]:
         self._add(connection, A2C, Kind.BYTES, now_s, data)
-        return self._told(self._brain.receive(connection, data, now_s), now_s)
+        return self._told(self._core.receive(connection, data, now_s), now_s)
 
     def close(self, connection: int, now_s: float) -> Sequence[Action]:
         self._end(connection, A2C, now_s)
-        return self._told(self._brain.close(connection, now_s), now_s)
+        return self._told(self._core.close(connection, now_s), now_s)
 
     def advance(self, now_s: float) -> Sequence[Action]:
-        return self._told(self._brain.advance(now_s), now_s)
+        return self._told(self._core.advance(now_s), now_s)
 
     def _told(self, actions: Sequence[Action], now_s: float) -> Sequence[Action]:
         for action in actions:
@@ -167,7 +167,7 @@ class Session:
         self.store = Store()
         for name, content in PROGRAMS.items():
             self.store.write(name, content)
-        self.tap = Tap(Brain(self.plant, self.store, dialect))
+        self.tap = Tap(ControllerCore(self.plant, self.store, dialect))
         self.network = MemoryNetwork(self.tap)
         self.password = b"password"
         self.clients: list[Client] = []

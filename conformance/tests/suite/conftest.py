@@ -12,7 +12,7 @@ from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.report.model import Case, Results
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 _RUN_AND_WRONG = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
 
@@ -49,7 +49,7 @@ class Tried(dict[str, Case]):
 
 
 def _tried(
-    brain: type[Brain],
+    core: type[ControllerCore],
     *only: str,
     spoken: Dialect | None = None,
     allowed: Collection[Hazard] = ALL,
@@ -60,7 +60,7 @@ def _tried(
     """Try the cases of these requirements.
 
     Args:
-        brain: The controller.
+        core: The controller.
         only: The requirements.
         spoken: The readings that it follows; where not said, those that it claims.
         allowed: The hazards that may be risked.
@@ -68,7 +68,7 @@ def _tried(
         handled: The hooks that there are.
         claims: What is in its statement of conformance besides.
     """
-    robot = Robot(brain, spoken or claims.get("dialect", DEFAULT))
+    robot = Robot(core, spoken or claims.get("dialect", DEFAULT))
     hooks = {name: hook for name, hook in hooks_of(robot).items() if name in handled}
     options = Options(frozenset(only), frozenset(allowed), undefined=True, examples=examples)
     return Tried(certified(robot, Ics(hooks=hooks, **claims), options))

@@ -20,14 +20,14 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
 STORED = b"stored.rob"
 HAZARDS = {command.name: command.hazard for command in BY_OPCODE.values()}
 
 
-class Hears(Brain):
+class Hears(ControllerCore):
     """Has a program, as robots have, and keeps what it is asked."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -55,26 +55,26 @@ class Hears(Brain):
 )
 def test_nothing_else_is_sent(allowed: frozenset[Hazard]) -> None:
     """But for logins, and for the suite's own files, which it takes away again."""
-    brains: list[Hears] = []
+    cores: list[Hears] = []
 
-    def make(*args: Any, **kwargs: Any) -> Brain:
-        brains.append(Hears(*args, **kwargs))
-        return brains[-1]
+    def make(*args: Any, **kwargs: Any) -> ControllerCore:
+        cores.append(Hears(*args, **kwargs))
+        return cores[-1]
 
     robot = Robot(make, DEFAULT)  # type: ignore[arg-type] # it only calls it
     options = Options(allowed=frozenset(allowed), examples=1)
     cases = certified(robot, Ics(hooks=hooks_of(robot)), options).cases
     bad = (Verdict.ERROR, Verdict.FAIL, Verdict.INCONCLUSIVE)
     assert [f"{case.id}: {case.message}" for case in cases if case.verdict in bad] == []
-    heard = set().union(*(brain.inbox for brain in brains))
+    heard = set().union(*(core.inbox for core in cores))
     own = {"login"} | ({"delete_program"} if Hazard.STATE in allowed else set())
     assert {name for name in heard if HAZARDS[name] not in allowed} <= own
-    assert brains[-1].store.names() == [STORED]
+    assert cores[-1].store.names() == [STORED]
 
 
 def test_what_a_killed_run_has_left_is_not_forgotten(tmp_path: Path) -> None:
     """A run that may not put it back says so, and leaves the journal to one that may."""
-    robot = Robot(Brain, DEFAULT)
+    robot = Robot(ControllerCore, DEFAULT)
     file = tmp_path / "journal"
     killed = Journal(file)
     killed.begin("2026-01-01", {"gripper centre": [1.0, 2.0, 3.0], "outputs": "1000000000000000"})

@@ -9,7 +9,7 @@ from scaraspec.protocol.readings import DEFAULT
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options, why_not
 from scaraspec.suite.engine.run import collect
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 
 @pytest.mark.parametrize("undefined", [False, True])
@@ -27,7 +27,7 @@ def test_no_requirement_is_lost(most: int, *, undefined: bool) -> None:
 def test_what_is_slow_is_not_run() -> None:
     """It is told as not run, and why; what judges the same is run."""
     options = Options(frozenset({"4.5/6"}), ALL, brief=True)
-    results = certified(Robot(Brain, DEFAULT), Ics(), options)
+    results = certified(Robot(ControllerCore, DEFAULT), Ics(), options)
     cases = {case.id: case for case in results.cases}
     assert cases["4.5/6.new-year"].verdict is Verdict.NONE
     assert "--exhaustive" in cases["4.5/6.new-year"].message

@@ -16,7 +16,7 @@ from scaraspec.report.model import Results
 from scaraspec.suite.controller.harness.emergency_stop import StopMonitor
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
@@ -28,7 +28,7 @@ CLAUSES = tuple(f"4.{number}" for number in (15, 16, 17, 18, 24, 25, 26, 28, 32)
 ONLY = frozenset(r for r in REQUIREMENTS if r.partition("/")[0] in CLAUSES) | {"3/21"}
 
 
-class Refuses(Brain):
+class Refuses(ControllerCore):
     """Every stop is refused."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -37,7 +37,7 @@ class Refuses(Brain):
         return Acceptance(accepted=False)
 
 
-class HasNoEffect(Brain):
+class HasNoEffect(ControllerCore):
     """Every stop is said to be done, and what executes goes on."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -48,7 +48,7 @@ class HasNoEffect(Brain):
         return Acceptance(accepted=True)
 
 
-class _Delays(Brain):
+class _Delays(ControllerCore):
     """What a stop does comes three seconds late."""
 
     _due: "tuple[float, Callable[[], None]] | None" = None
@@ -89,12 +89,12 @@ class AnswersLate(_Delays):
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Answer later."""
         if frame.opcode == 0x32 and self.robot.task is not None and self._due is None:
-            self._due = (now_s + 3, lambda: Brain.handle(self, session, frame, now_s + 3))
+            self._due = (now_s + 3, lambda: ControllerCore.handle(self, session, frame, now_s + 3))
             return
         super().handle(session, frame, now_s)
 
 
-class SaysNothing(Brain):
+class SaysNothing(ControllerCore):
     """No stop is answered."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -104,7 +104,7 @@ class SaysNothing(Brain):
 
 
 MUTANTS = {
-    **{brain.__name__: brain for brain in (Refuses, HasNoEffect, StopsLate, AnswersLate)},
+    **{core.__name__: core for core in (Refuses, HasNoEffect, StopsLate, AnswersLate)},
     "SaysNothing": SaysNothing,
     **{
         name: mutants()[name].wrong
@@ -125,7 +125,7 @@ class Tried(NamedTuple):
     after: list[tuple[int, str]]
 
 
-def _certified(brain: type[Brain], monkeypatch: pytest.MonkeyPatch) -> Tried:
+def _certified(core: type[ControllerCore], monkeypatch: pytest.MonkeyPatch) -> Tried:
     """Certify it with everything allowed; what was sent before and after a stop has failed."""
     heard: list[tuple[int, str]] = []
     failed_at: list[int] = []
@@ -137,7 +137,7 @@ def _certified(brain: type[Brain], monkeypatch: pytest.MonkeyPatch) -> Tried:
 
     monkeypatch.setattr(StopMonitor, "fail", noting)
 
-    class Watched(brain):  # type: ignore[misc, valid-type] # a class that the test names
+    class Watched(core):  # type: ignore[misc, valid-type] # a class that the test names
         def handle(self, session: Session, frame: Frame, now_s: float) -> None:
             heard.append((frame.opcode, self.robot.status))
             super().handle(session, frame, now_s)
@@ -171,7 +171,7 @@ def test_the_first_motion_proves_the_stop(name: str, monkeypatch: pytest.MonkeyP
 
 def test_the_proof_is_the_first_motion_of_every_run(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever is tried first: a step, then the stop, then all else."""
-    tried = _certified(Brain, monkeypatch)
+    tried = _certified(ControllerCore, monkeypatch)
     opcodes = [opcode for opcode, _ in tried.before if opcode in {*STARTERS, 0x33, 0x32}]
     assert opcodes[:2] == [0x39, 0x32]
     assert not tried.after

@@ -7,7 +7,7 @@ import pytest
 
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.readings import DEFAULT
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 Try = Callable[..., Any]
 
@@ -25,13 +25,13 @@ def test_another_reading_than_the_default_is_reported(
     tried: Try, key: str, option: str, tried_by: str
 ) -> None:
     """As the only one that was seen."""
-    found = tried(Brain, tried_by, spoken=DEFAULT.replace(**{key: option})).readings[key]
+    found = tried(ControllerCore, tried_by, spoken=DEFAULT.replace(**{key: option})).readings[key]
     assert (found.options, found.default, found.mixed) == ((option,), False, False)
 
 
 def test_what_is_sent_outweighs_what_is_taken(tried: Try) -> None:
     """Who takes both byte orders and sends the other has made a wrong claim (A-5-2)."""
     claims = {"dialect": DEFAULT, "claimed": frozenset({"endian"})}
-    cases = tried(Brain, "5.1/9", spoken=DEFAULT.replace(endian="big"), **claims)
+    cases = tried(ControllerCore, "5.1/9", spoken=DEFAULT.replace(endian="big"), **claims)
     assert cases["claim.endian"].verdict is Verdict.FAIL
-    assert "claim.endian" not in tried(Brain, "5.1/9", **claims)
+    assert "claim.endian" not in tried(ControllerCore, "5.1/9", **claims)

@@ -35,7 +35,7 @@ from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.link import Arrival, Link
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 PROGRAMS = Path(__file__).parents[3] / "fixtures" / "programs"
 Only = tuple[str, ...]
@@ -221,7 +221,7 @@ class Device:
     def __post_init__(self) -> None:
         fault = mutants()[self.fault] if self.fault else None
         dialect = Dialect.parse(fault.reading) if fault else DEFAULT
-        robot = Robot(fault.wrong if fault else Brain, dialect)
+        robot = Robot(fault.wrong if fault else ControllerCore, dialect)
         for name, content in self.files.items():
             robot._store.write(name, content)
         robot._store.save(
@@ -309,7 +309,7 @@ def devices(draw: st.DrawFn, fault: str = "") -> Device:
     contents = st.sampled_from([*CONTENTS]) | st.binary(max_size=40)
     files = draw(st.dictionaries(names.filter(_is_name), contents, min_size=1, max_size=6))
     device = Device(files, b"", fault)
-    programs = [name for name in files if device.robot._brain.is_program(name)]
+    programs = [name for name in files if device.robot._core.is_program(name)]
     return Device(files, draw(st.sampled_from((b"", *programs))), fault)
 
 

@@ -13,7 +13,7 @@ import pytest
 from scaraspec.protocol.readings import Dialect
 from scaraspec.virtual_controller import serial_port
 from scaraspec.virtual_controller import server as server_module
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.serial_port import SerialPort, SerialPortError
 from scaraspec.virtual_controller.server import Server
@@ -44,7 +44,7 @@ async def _read(line: int, size: int) -> bytes:
 def _run(test: Callable[[Server], Awaitable[None]], **readings: str) -> None:
     async def main() -> None:
         plant = Plant(datetime(2020, 1, 1), now_s=0.0)  # noqa: DTZ001 - the document names no zone
-        server = Server(Brain(plant, Store(), Dialect.of(**readings)))
+        server = Server(ControllerCore(plant, Store(), Dialect.of(**readings)))
         try:
             async with asyncio.timeout(10):
                 await test(server)
@@ -68,11 +68,11 @@ def test_a_serial_client_is_served_without_login_unless_masked() -> None:
         os.write(master, _STATUS)
         assert await _read(master, 6) == _IDLE
         _, writer = await asyncio.open_connection(*await server.listen("127.0.0.1", 0))
-        await _until(lambda: len(server.brain.sessions) == 2)
+        await _until(lambda: len(server.core.sessions) == 2)
         os.write(master, _STATUS)
         await _until(lambda: b"".join(heard) == _STATUS * 2)
         writer.close()
-        await _until(lambda: len(server.brain.sessions) == 1)
+        await _until(lambda: len(server.core.sessions) == 1)
         os.write(master, b"\xaa\x08\x00\xcc")
         assert await _read(master, 9) == b"\xcc\x08\x051.0.0\xaa"
         os.close(master)
@@ -88,9 +88,9 @@ def test_a_line_that_is_not_read_holds_requests_back_and_loses_no_answer() -> No
         port = SerialPort(server, os.ttyname(slave), 115200)
         os.close(slave)
         name = bytes(byte for byte in range(1, 256) if chr(byte) not in "/\\|")[:200]
-        server.brain.store.write(name, b"x")
+        server.core.store.write(name, b"x")
         for number in range(900):
-            server.brain.store.write(b"\xff" * 20 + b"%03d" % number, b"x")
+            server.core.store.write(b"\xff" * 20 + b"%03d" % number, b"x")
         os.set_blocking(master, False)
         os.write(master, b"\xaa\x0b\x00\xcc" * 50 + _STATUS)
         await _until(lambda: len(port._unsent) > 64 * 1024)
@@ -119,7 +119,7 @@ def test_a_line_waits_until_there_is_room_for_it(monkeypatch: pytest.MonkeyPatch
         master, slave = os.openpty()
         SerialPort(server, os.ttyname(slave), 115200)
         os.close(slave)
-        assert len(server.brain.sessions) == 1
+        assert len(server.core.sessions) == 1
         writer.close()
         os.write(master, _STATUS)
         assert await _read(master, 6) == _IDLE
@@ -135,10 +135,10 @@ def test_a_line_that_fails_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
         master, slave = os.openpty()
         port = SerialPort(server, os.ttyname(slave), 115200)
         port._read()
-        assert len(server.brain.sessions) == 1
+        assert len(server.core.sessions) == 1
         os.close(master)
         port.send(b"x")
-        assert not server.brain.sessions
+        assert not server.core.sessions
         os.close(slave)
         master, slave = os.openpty()
         port = SerialPort(server, os.ttyname(slave), 115200)
@@ -149,7 +149,7 @@ def test_a_line_that_fails_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
         with monkeypatch.context() as patch:
             patch.setattr(os, "read", fail)
             port._read()
-        assert list(server.brain.sessions) == [3]  # the device is there, so it is opened again
+        assert list(server.core.sessions) == [3]  # the device is there, so it is opened again
         os.close(slave)
         os.close(master)
 
@@ -164,7 +164,7 @@ def test_a_session_that_is_closed_begins_anew() -> None:
         SerialPort(server, os.ttyname(slave), 115200)
         os.close(slave)
         os.write(master, b"\xaa\x02\x00\xcc")
-        await _until(lambda: 2 in server.brain.sessions)
+        await _until(lambda: 2 in server.core.sessions)
         os.write(master, _STATUS)
         assert await _read(master, 6) == _IDLE
         os.close(master)
@@ -199,12 +199,12 @@ def test_a_line_that_was_gone_is_opened_again(
         device.unlink()
         os.close(slave)
         os.close(master)
-        await _until(lambda: not server.brain.sessions)
-        assert server.brain.robot.status == "00"
+        await _until(lambda: not server.core.sessions)
+        assert server.core.robot.status == "00"
         await _until(lambda: len(failures) >= 3)
         master, slave = os.openpty()
         device.symlink_to(os.ttyname(slave))
-        await _until(lambda: bool(server.brain.sessions))
+        await _until(lambda: bool(server.core.sessions))
         os.write(master, _STATUS)
         assert await _read(master, 6) == _IDLE
         os.close(slave)

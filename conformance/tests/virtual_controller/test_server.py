@@ -11,8 +11,8 @@ import pytest
 
 from scaraspec.protocol.readings import Dialect
 from scaraspec.virtual_controller import server as server_module
-from scaraspec.virtual_controller.brain import Brain
 from scaraspec.virtual_controller.console import Console
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.server import MAX_CLIENTS, Server
 from scaraspec.virtual_controller.store import Store
@@ -33,7 +33,7 @@ class Stand:
     def __init__(self, dialect: Dialect, time_scale: float) -> None:
         self.plant = Plant(datetime(2020, 1, 1), now_s=0.0)  # noqa: DTZ001 - the document names no zone
         self.store = Store()
-        self.server = Server(Brain(self.plant, self.store, dialect), time_scale)
+        self.server = Server(ControllerCore(self.plant, self.store, dialect), time_scale)
         self.address = ("", 0)
         self._writers: list[asyncio.StreamWriter] = []
 
@@ -133,7 +133,7 @@ def test_a_client_that_resets_is_forgotten() -> None:
         for _ in range(100):
             _, writer = await stand.client()
             writer.transport.abort()
-        await stand.until(lambda: not stand.server.brain.sessions)
+        await stand.until(lambda: not stand.server.core.sessions)
 
     _run(test)
 

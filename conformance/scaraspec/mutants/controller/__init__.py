@@ -6,11 +6,11 @@ from functools import cache
 from typing import Final
 
 from scaraspec.mutants import registry
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
-ControllerMutant = registry.Mutant[type[Brain]]
+ControllerMutant = registry.Mutant[type[ControllerCore]]
 
-_MUTANTS: Final = registry.MutantRegistry[type[Brain]](lambda brain: brain)
+_MUTANTS: Final = registry.MutantRegistry[type[ControllerCore]](lambda core: core)
 mutant = _MUTANTS.mutant
 
 

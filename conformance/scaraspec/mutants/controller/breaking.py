@@ -7,12 +7,12 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.protocol.frames import Frame, Skipped, StreamItem
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.inlet import Inlet
 from scaraspec.virtual_controller.session import Action, Carrier, Close, Session
 
 
-class OtherInlet(Brain):
+class OtherInlet(ControllerCore):
     """Sessions have another kind of inlet."""
 
     inlet: type[Inlet] = Inlet
@@ -22,7 +22,7 @@ class OtherInlet(Brain):
         self.sessions[connection].inlet = self.inlet(self.dialect)
 
 
-class Mortal(Brain):
+class Mortal(ControllerCore):
     """Can die: all clients are cut off, and nobody is taken any more."""
 
     def __init__(self, *args: Any) -> None:
@@ -54,7 +54,7 @@ class Skips(Mortal, ABC):
         super()._take_in(session, found, now_s)
 
 
-class SendsLater(Brain):
+class SendsLater(ControllerCore):
     """Sends frames when their time has come."""
 
     def __init__(self, *args: Any) -> None:
@@ -77,10 +77,10 @@ class SendsLater(Brain):
         due = [entry for entry in self._due if entry[0] <= now_s]
         self._due = [entry for entry in self._due if entry[0] > now_s]
         for _, session, frame in due:
-            Brain.emit(self, session, frame)
+            ControllerCore.emit(self, session, frame)
 
 
-class AltersBytes(Brain, ABC):
+class AltersBytes(ControllerCore, ABC):
     """Sends other bytes for a frame."""
 
     @abstractmethod

@@ -9,7 +9,7 @@ from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import Dialect
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.inlet import Inlet
 from scaraspec.virtual_controller.session import Action, Carrier, Close, Request, Session
 
@@ -17,7 +17,7 @@ from scaraspec.virtual_controller.session import Action, Carrier, Close, Request
 
 
 @mutant("2/1")
-class ClosesBehindReplies(Brain):
+class ClosesBehindReplies(ControllerCore):
     """A connection is closed behind its first reply to anything but a login, as by a web server."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -28,7 +28,7 @@ class ClosesBehindReplies(Brain):
 
 
 @mutant("2/2", subtle=True)
-class EveryThirdConnection(Brain):
+class EveryThirdConnection(ControllerCore):
     """Every third connection is taken by the system, but nobody serves it."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
@@ -37,7 +37,7 @@ class EveryThirdConnection(Brain):
 
 
 @mutant("2/13", subtle=True)
-class FiftyConnections(Brain):
+class FiftyConnections(ControllerCore):
     """After fifty connections no further one is served."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
@@ -46,7 +46,7 @@ class FiftyConnections(Brain):
 
 
 @mutant("2/13", subtle=True)
-class EveryNinetiethConnection(Brain):
+class EveryNinetiethConnection(ControllerCore):
     """Every ninetieth connection is refused."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
@@ -56,7 +56,7 @@ class EveryNinetiethConnection(Brain):
         return super().open(connection, now_s, link)
 
 
-class _Leaky(Brain, ABC):
+class _Leaky(ControllerCore, ABC):
     """Sixteen sessions can be open; some are never freed."""
 
     def __init__(self, *args: Any) -> None:
@@ -113,7 +113,7 @@ class LeaksTheSilent(_Leaky):
 
 
 @mutant("2/12", subtle=True)
-class OneBufferForAll(Brain):
+class OneBufferForAll(ControllerCore):
     """All connections share one receive buffer: what is half in one goes on in the other."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
@@ -126,7 +126,7 @@ class OneBufferForAll(Brain):
 
 
 @mutant("2/12", subtle=True)
-class NewcomerTakesTheReplies(Brain):
+class NewcomerTakesTheReplies(ControllerCore):
     """Replies go to the client that connected last, whoever has asked."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -135,7 +135,7 @@ class NewcomerTakesTheReplies(Brain):
 
 
 @mutant("2/12", subtle=True)
-class NewcomerClearsBuffers(Brain):
+class NewcomerClearsBuffers(ControllerCore):
     """When a client connects, what the others have half sent is thrown away."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
@@ -146,7 +146,7 @@ class NewcomerClearsBuffers(Brain):
 
 
 @mutant("2/12")
-class EveryoneHearsAll(Brain):
+class EveryoneHearsAll(ControllerCore):
     """Each reply is sent to all clients that are logged in."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -283,7 +283,7 @@ class SixteenFramesPerSegment(OtherInlet):
 
 
 @mutant("2/6", subtle=True)
-class SmallBuffer(Brain):
+class SmallBuffer(ControllerCore):
     """Of a segment of more than 256 bytes the rest is lost."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
@@ -292,7 +292,7 @@ class SmallBuffer(Brain):
 
 
 @mutant("2/6", subtle=True)
-class LoginEndsTheSegment(Brain):
+class LoginEndsTheSegment(ControllerCore):
     """What comes in one segment with the login is lost."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
@@ -306,7 +306,7 @@ class LoginEndsTheSegment(Brain):
 
 
 @mutant("2/11")
-class NeedsNoLogin(Brain):
+class NeedsNoLogin(ControllerCore):
     """Whoever connects may do everything."""
 
     def _admit(self, connection: int, carrier: Carrier) -> None:
@@ -315,7 +315,7 @@ class NeedsNoLogin(Brain):
 
 
 @mutant("2/11", subtle=True)
-class OneLoginForAll(Brain):
+class OneLoginForAll(ControllerCore):
     """While one client is logged in, all are."""
 
     def _may_ask(self, session: Session, command: Command) -> bool:
@@ -324,7 +324,7 @@ class OneLoginForAll(Brain):
 
 
 @mutant("2/11", subtle=True)
-class LoginOutlivesTheConnection(Brain):
+class LoginOutlivesTheConnection(ControllerCore):
     """Once somebody has logged in, nobody has to any more."""
 
     def __init__(self, *args: Any) -> None:
@@ -342,7 +342,7 @@ class LoginOutlivesTheConnection(Brain):
 
 
 @mutant("2/11", subtle=True)
-class UploadsLeaveTheirLogin(Brain):
+class UploadsLeaveTheirLogin(ControllerCore):
     """Who connects behind a client that left in the midst of an upload is logged in as that one."""
 
     _left = False
@@ -362,7 +362,7 @@ class UploadsLeaveTheirLogin(Brain):
 
 
 @mutant("2/11")
-class RefusedButIn(Brain):
+class RefusedButIn(ControllerCore):
     """A wrong password is answered "0", but the session counts as logged in."""
 
     def login(self, request: Request) -> bool:
@@ -373,7 +373,7 @@ class RefusedButIn(Brain):
 
 
 @mutant("2/11", subtle=True)
-class SecondRefusalIsIn(Brain):
+class SecondRefusalIsIn(ControllerCore):
     """Whoever is refused twice on a connection counts as logged in."""
 
     def __init__(self, *args: Any) -> None:
@@ -390,7 +390,7 @@ class SecondRefusalIsIn(Brain):
         return right
 
 
-class _ForStrangers(Brain):
+class _ForStrangers(ControllerCore):
     """Some commands are obeyed without a login."""
 
     names: frozenset[str] = frozenset()
@@ -511,7 +511,7 @@ class ShutsDownForStrangers(_ForStrangers):
 
 
 @mutant("2/11")
-class SettingsForStrangers(Brain):
+class SettingsForStrangers(ControllerCore):
     """What only changes state is obeyed without a login; only motion and loss are guarded."""
 
     def _may_ask(self, session: Session, command: Command) -> bool:

@@ -10,13 +10,13 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.protocol.payloads import JogDirection
 from scaraspec.virtual_controller import motion
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 # The opcode of a reply
 
 
-class _OtherOpcode(Brain):
+class _OtherOpcode(ControllerCore):
     """Replies to one command bear another opcode."""
 
     opcode = 0
@@ -65,7 +65,7 @@ class DeletionUnderDefault(_OtherOpcode):
 
 
 @mutant("3/11", "3/31", subtle=True)
-class OpcodeOfTheLastRequest(Brain):
+class OpcodeOfTheLastRequest(ControllerCore):
     """After two hundred requests, replies bear the opcode of the request before."""
 
     def __init__(self, *args: Any) -> None:
@@ -220,7 +220,7 @@ class DeafAfterUnknown(_Undefined):
 
 
 @mutant("3/24", "2/6", "3/31", subtle=True)
-class LosesThirdOfBurst(Brain):
+class LosesThirdOfBurst(ControllerCore):
     """Of requests that come together the third is never answered."""
 
     def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
@@ -228,7 +228,7 @@ class LosesThirdOfBurst(Brain):
 
 
 @mutant("3/24", "2/6", subtle=True)
-class AnswersSameOnce(Brain):
+class AnswersSameOnce(ControllerCore):
     """Of equal requests that come together only one is answered."""
 
     def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
@@ -239,7 +239,7 @@ def _is(item: StreamItem, *opcodes: int) -> bool:
     return isinstance(item, Frame) and item.opcode in opcodes
 
 
-class _Sorts(Brain, ABC):
+class _Sorts(ControllerCore, ABC):
     """Serves what comes together in another order."""
 
     @abstractmethod
@@ -251,7 +251,7 @@ class _Sorts(Brain, ABC):
 
 
 @mutant("3/30")
-class LastSettingFirst(Brain):
+class LastSettingFirst(ControllerCore):
     """Settings that come together take effect from the last to the first."""
 
     def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
@@ -278,7 +278,7 @@ class QueriesLast(_Sorts):
 
 
 @mutant("3/30", subtle=True)
-class ClockOfTheFirst(Brain):
+class ClockOfTheFirst(ControllerCore):
     """Of times that come together only the first is set, though all are answered with yes."""
 
     def __init__(self, *args: Any) -> None:
@@ -305,7 +305,7 @@ class ChunksBeforeNames(_Sorts):
 # No answer
 
 
-class _FallsSilent(Brain, ABC):
+class _FallsSilent(ControllerCore, ABC):
     """Some requests are never answered."""
 
     @abstractmethod
@@ -384,7 +384,7 @@ class LosesRequestBehindRefusals(_FallsSilent):
 
 
 @mutant("3/31", "5.2/2", subtle=True)
-class TwentyFileHandles(Brain):
+class TwentyFileHandles(ControllerCore):
     """Each upload keeps a file open; after twenty no further one is taken."""
 
     def __init__(self, *args: Any) -> None:

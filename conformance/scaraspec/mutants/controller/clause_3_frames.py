@@ -7,7 +7,7 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.breaking import AltersBytes, OtherInlet, SendsLater
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, StreamItem
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.inlet import Inlet
 from scaraspec.virtual_controller.session import Action, Carrier, Request, Session
 
@@ -143,7 +143,7 @@ class PadsNothing(AltersBytes):
 
 
 @mutant("3/6", "3/9", subtle=True)
-class TakesLengthsForSigned(Brain):
+class TakesLengthsForSigned(ControllerCore):
     """Of a frame with more than 127 bytes of data the data are taken for frames."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
@@ -154,7 +154,7 @@ class TakesLengthsForSigned(Brain):
 
 
 @mutant("3/6", subtle=True)
-class LosesStepAt255(Brain):
+class LosesStepAt255(ControllerCore):
     """Behind a frame with 255 bytes of data the next one is answered wrongly."""
 
     def __init__(self, *args: Any) -> None:
@@ -196,7 +196,7 @@ class EndsAtFirstEndByte(OtherInlet):
 
 
 @mutant("3/9", subtle=True)
-class BeginsAnewAtStartByte(Brain):
+class BeginsAnewAtStartByte(ControllerCore):
     """In data of more than 50 bytes, 0xAA begins a frame anew."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
@@ -205,7 +205,7 @@ class BeginsAnewAtStartByte(Brain):
 
 
 @mutant("3/9", subtle=True)
-class NamesEndAtEndByte(Brain):
+class NamesEndAtEndByte(ControllerCore):
     """A frame with a name is searched for more frames behind a 0xCC in the name."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
@@ -217,7 +217,7 @@ class NamesEndAtEndByte(Brain):
 
 
 @mutant("3/9", subtle=True)
-class EscapesMarks(Brain):
+class EscapesMarks(ControllerCore):
     """In what is received, 0xCC 0xAA is taken for one escaped 0xAA."""
 
     def upload_chunk(self, request: Request) -> Any:
@@ -235,7 +235,7 @@ class EscapesMarks(Brain):
 
 
 @mutant("3/10")
-class AnalogUnderUnknownOpcode(Brain):
+class AnalogUnderUnknownOpcode(ControllerCore):
     """A frame with the undefined opcode 0x45 comes with every analog value."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -261,7 +261,7 @@ class BeatsLikeHeart(SendsLater):
 
 
 @mutant("3/26", "3/16")
-class AnnouncesItself(Brain):
+class AnnouncesItself(ControllerCore):
     """A client that has logged in is told the result of the reset at power-on."""
 
     def login(self, request: Request) -> bool:
@@ -271,7 +271,7 @@ class AnnouncesItself(Brain):
 
 
 @mutant("3/32", "3/26")
-class GreetsInWords(Brain):
+class GreetsInWords(ControllerCore):
     """A client that connects is greeted with a line of text."""
 
     def _admit(self, connection: int, carrier: Carrier) -> None:

@@ -8,14 +8,14 @@ from scaraspec.mutants.controller.breaking import AltersBytes, SendsLater
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Outcome
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 # The tag
 
 
 @mutant("3/12", "3/14")
-class ForgetsTheTag(Brain):
+class ForgetsTheTag(ControllerCore):
     """Final results come without the tag."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -24,7 +24,7 @@ class ForgetsTheTag(Brain):
 
 
 @mutant("3/12", "3/14")
-class ForgetsTheTagOfMoves(Brain):
+class ForgetsTheTagOfMoves(ControllerCore):
     """The final result of a move comes without the tag."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -33,7 +33,7 @@ class ForgetsTheTagOfMoves(Brain):
 
 
 @mutant("3/12", "3/14")
-class ForgetsTheTagOfRelease(Brain):
+class ForgetsTheTagOfRelease(ControllerCore):
     """The final result of releasing the joints comes without the tag."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -60,7 +60,7 @@ class AnotherTag(AltersBytes):
 
 
 @mutant("3/14")
-class TagsTheOutputs(Brain):
+class TagsTheOutputs(ControllerCore):
     """The digital outputs come behind the tag of final results."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -72,7 +72,7 @@ class TagsTheOutputs(Brain):
 
 
 @mutant("3/16")
-class LocksBeforeItAnswers(Brain):
+class LocksBeforeItAnswers(ControllerCore):
     """The result of locking the joints is sent ahead of the first reply."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -83,7 +83,7 @@ class LocksBeforeItAnswers(Brain):
 
 
 @mutant("3/16")
-class StopsBeforeItAnswers(Brain):
+class StopsBeforeItAnswers(ControllerCore):
     """The result of an emergency stop is sent ahead of its first reply."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -151,7 +151,7 @@ class BusyRefusalsHaveResults(_ResultOfRefusals):
 
 
 @mutant("3/18", "4.16/3")
-class SimulationsHaveNoResult(Brain):
+class SimulationsHaveNoResult(ControllerCore):
     """A simulation ends without a final result."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -220,7 +220,7 @@ class TenthRunEndsTwice(_Repeats):
 
 
 @mutant("3/18", "4.15/5", "4.24/6", subtle=True)
-class ResultForTheNewest(Brain):
+class ResultForTheNewest(ControllerCore):
     """Final results go to the client that connected last."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:

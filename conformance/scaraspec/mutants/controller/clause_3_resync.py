@@ -7,7 +7,7 @@ from scaraspec.mutants.controller.breaking import Mortal, OtherInlet, Skips
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.readings import Dialect
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.inlet import Inlet
 from scaraspec.virtual_controller.session import Action, Carrier, Session
 
@@ -245,7 +245,7 @@ class DiesOfItsOwnForm(Mortal):
 
 
 @mutant("3/23", "3/32")
-class AnswersInTheOtherForm(Brain):
+class AnswersInTheOtherForm(ControllerCore):
     """A frame in the controller's own form is answered in the client's."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
@@ -257,7 +257,7 @@ class AnswersInTheOtherForm(Brain):
 
 
 @mutant("3/23")
-class TakesRepliesForRequests(Brain):
+class TakesRepliesForRequests(ControllerCore):
     """A frame in the controller's own form is answered with the network settings."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
@@ -271,7 +271,7 @@ class TakesRepliesForRequests(Brain):
 
 
 @mutant("3/29", subtle=True)
-class HalfFramesBlockAll(Brain):
+class HalfFramesBlockAll(ControllerCore):
     """While one client is in the middle of a frame, the others are not heard."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
@@ -335,7 +335,7 @@ class DiesOfSilence(Skips):
 
 
 @mutant("3/29", subtle=True)
-class ThreeHalfFrames(Brain):
+class ThreeHalfFrames(ControllerCore):
     """While three clients are in the middle of a frame, no new one is served."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:

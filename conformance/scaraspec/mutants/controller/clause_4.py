@@ -9,7 +9,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 _TWO_STAGE = frozenset(opcode for opcode, command in BY_OPCODE.items() if command.two_stage)
@@ -23,7 +23,7 @@ def _is_first_reply(frame: Frame) -> bool:
 
 
 @mutant("4/1")
-class SaysElevenFirst(Brain):
+class SaysElevenFirst(ControllerCore):
     """The first reply of acceptance has the form of the final result."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -34,7 +34,7 @@ class SaysElevenFirst(Brain):
 
 
 @mutant("4/1")
-class SaysOk(Brain):
+class SaysOk(ControllerCore):
     """A lock is accepted with a word."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -45,7 +45,7 @@ class SaysOk(Brain):
 
 
 @mutant("4/1")
-class RefusesWithoutReason(Brain):
+class RefusesWithoutReason(ControllerCore):
     """A refusal is a bare 0, without its code."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -56,7 +56,7 @@ class RefusesWithoutReason(Brain):
 
 
 @mutant("4/1")
-class RefusesWithoutBar(Brain):
+class RefusesWithoutBar(ControllerCore):
     """A refusal has no bar between the flag and the code."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -67,7 +67,7 @@ class RefusesWithoutBar(Brain):
 
 
 @mutant("4/1")
-class RefusesInFormOfResult(Brain):
+class RefusesInFormOfResult(ControllerCore):
     """A refusal has the form of a failed final result."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -78,7 +78,7 @@ class RefusesInFormOfResult(Brain):
 
 
 @mutant("4/4", "8/2")
-class RefusesWithUnlistedCode(Brain):
+class RefusesWithUnlistedCode(ControllerCore):
     """A missing program is refused with 32, which is 20 in hexadecimal taken for a number."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -89,7 +89,7 @@ class RefusesWithUnlistedCode(Brain):
 
 
 @mutant("4/4", subtle=True)
-class BlamesTheWrongMotor(Brain):
+class BlamesTheWrongMotor(ControllerCore):
     """A fault of the inner arm's motor refuses commands with the outer arm's code."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -100,7 +100,7 @@ class BlamesTheWrongMotor(Brain):
 
 
 @mutant("4/4")
-class OverlooksPositionFault(Brain):
+class OverlooksPositionFault(ControllerCore):
     """A robot with the fault 05 still accepts a jog."""
 
     def jog(self, request: Request) -> Acceptance:
@@ -109,7 +109,7 @@ class OverlooksPositionFault(Brain):
 
 
 @mutant("4/4")
-class OverlooksAngleFault(Brain):
+class OverlooksAngleFault(ControllerCore):
     """A robot with the fault 06 still accepts a move."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -120,7 +120,7 @@ class OverlooksAngleFault(Brain):
 
 
 @mutant("4/14")
-class AnswersRunAtItsEnd(Brain):
+class AnswersRunAtItsEnd(ControllerCore):
     """The first reply to a run comes together with its final result."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -133,7 +133,7 @@ class AnswersRunAtItsEnd(Brain):
 
 
 @mutant("4/14")
-class AnswersSimulationAtItsEnd(Brain):
+class AnswersSimulationAtItsEnd(ControllerCore):
     """The first reply to a simulation comes together with its final result."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -146,7 +146,7 @@ class AnswersSimulationAtItsEnd(Brain):
 
 
 @mutant("4/14")
-class AnswersMoveAtItsEnd(Brain):
+class AnswersMoveAtItsEnd(ControllerCore):
     """The first reply to a move comes together with its final result."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -159,7 +159,7 @@ class AnswersMoveAtItsEnd(Brain):
 
 
 @mutant("4/14")
-class AnswersResetAtItsEnd(Brain):
+class AnswersResetAtItsEnd(ControllerCore):
     """The first reply to a reset comes together with its final result."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -175,7 +175,7 @@ class AnswersResetAtItsEnd(Brain):
 
 
 @mutant("4/2")
-class EndsWithOne(Brain):
+class EndsWithOne(ControllerCore):
     """A final result that tells of success has one digit."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -186,7 +186,7 @@ class EndsWithOne(Brain):
 
 
 @mutant("4/2")
-class EndsWithCode(Brain):
+class EndsWithCode(ControllerCore):
     """A final result that tells of success bears a code too."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -197,7 +197,7 @@ class EndsWithCode(Brain):
 
 
 @mutant("4/2")
-class LocksWithOne(Brain):
+class LocksWithOne(ControllerCore):
     """Of all commands the lock alone ends with one digit."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -208,7 +208,7 @@ class LocksWithOne(Brain):
 
 
 @mutant("4/2", subtle=True)
-class LosesResultsInTransfers(Brain):
+class LosesResultsInTransfers(ControllerCore):
     """What ends while its client sends a file or fetches one is never told."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -218,7 +218,7 @@ class LosesResultsInTransfers(Brain):
 
 
 @mutant("4/3")
-class FailsWithoutCode(Brain):
+class FailsWithoutCode(ControllerCore):
     """A failed final result has no code."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -229,7 +229,7 @@ class FailsWithoutCode(Brain):
 
 
 @mutant("4/3")
-class FailsOfFourBytes(Brain):
+class FailsOfFourBytes(ControllerCore):
     """A failed final result has the form of a refusal."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -240,7 +240,7 @@ class FailsOfFourBytes(Brain):
 
 
 @mutant("4/3", "4.15/6")
-class FaultEndsAsDone(Brain):
+class FaultEndsAsDone(ControllerCore):
     """A run during which a motor fails is said to be done."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -251,7 +251,7 @@ class FaultEndsAsDone(Brain):
 
 
 @mutant("4/5", "8/2")
-class FailsWithUnlistedCode(Brain):
+class FailsWithUnlistedCode(ControllerCore):
     """What a stop interrupts fails with a code that table 8-1 does not have."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -262,7 +262,7 @@ class FailsWithUnlistedCode(Brain):
 
 
 @mutant("4/5")
-class FailsWithMirroredCode(Brain):
+class FailsWithMirroredCode(ControllerCore):
     """A failed final result names the motors in the order of another bit mask."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -273,7 +273,7 @@ class FailsWithMirroredCode(Brain):
 
 
 @mutant("3/16", "4/1")
-class EndsBeforeItBegins(Brain):
+class EndsBeforeItBegins(ControllerCore):
     """A lock's final result comes ahead of its first reply."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -286,7 +286,7 @@ class EndsBeforeItBegins(Brain):
 
 
 @mutant("3/17")
-class EndsWhatItRefused(Brain):
+class EndsWhatItRefused(ControllerCore):
     """A refused run is followed by a failed final result."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -298,7 +298,7 @@ class EndsWhatItRefused(Brain):
 
 
 @mutant("3/17")
-class EndsStopThatWasNotNeeded(Brain):
+class EndsStopThatWasNotNeeded(ControllerCore):
     """A stop of an idle robot is answered 0, and then 11."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -310,7 +310,7 @@ class EndsStopThatWasNotNeeded(Brain):
 
 
 @mutant("3/18")
-class EndsTwice(Brain):
+class EndsTwice(ControllerCore):
     """The final result of a simulation is sent twice."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -321,7 +321,7 @@ class EndsTwice(Brain):
 
 
 @mutant("3/18", subtle=True)
-class RepeatsTheLastResult(Brain):
+class RepeatsTheLastResult(ControllerCore):
     """The reply to the first query behind a run's result is followed by that result again."""
 
     _kept: Frame | None = None
@@ -337,7 +337,7 @@ class RepeatsTheLastResult(Brain):
 
 
 @mutant("3/18", "4.15/5", subtle=True)
-class ForgetsTheFortiethResult(Brain):
+class ForgetsTheFortiethResult(ControllerCore):
     """The fortieth run has no final result."""
 
     _ended = 0
@@ -352,7 +352,7 @@ class ForgetsTheFortiethResult(Brain):
 
 
 @mutant("3/18", "4.15/5", subtle=True)
-class LosesResultBetweenReplies(Brain):
+class LosesResultBetweenReplies(ControllerCore):
     """A run that ends less than a tenth of a second behind a query has no final result."""
 
     _asked_s = -1.0
@@ -373,7 +373,7 @@ class LosesResultBetweenReplies(Brain):
 # ---------------------------------------------------------------------- a busy robot
 
 
-class _Forgetful(Brain):
+class _Forgetful(ControllerCore):
     """Forgets for one command that another one executes."""
 
     forgets = ""
@@ -428,7 +428,7 @@ class SimulatesDuringJog(_Forgetful):
 
 
 @mutant("4/6")
-class StartsLater(Brain):
+class StartsLater(ControllerCore):
     """A busy robot says nothing to a move, and begins it once it is free."""
 
     def _must_wait(self, session: Session, command: Command, frame: Frame) -> bool:
@@ -439,7 +439,7 @@ class StartsLater(Brain):
 
 
 @mutant("4/6", subtle=True)
-class MovesAfterRefusal(Brain):
+class MovesAfterRefusal(ControllerCore):
     """A move that a running program has kept from is made behind it, without a word."""
 
     _words = 0  # that are still said of it, and kept back
@@ -463,7 +463,7 @@ class MovesAfterRefusal(Brain):
 
 
 @mutant("4/6", subtle=True)
-class OtherClientsMayMove(Brain):
+class OtherClientsMayMove(ControllerCore):
     """Whether the robot is busy is asked for each connection, not for the robot."""
 
     def lock_joints(self, request: Request) -> Acceptance:
@@ -476,7 +476,7 @@ class OtherClientsMayMove(Brain):
 
 
 @mutant("4/15")
-class BusyIsAlwaysOne(Brain):
+class BusyIsAlwaysOne(ControllerCore):
     """Every busy refusal bears 01, whatever executes."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -487,7 +487,7 @@ class BusyIsAlwaysOne(Brain):
 
 
 @mutant("4/15")
-class BusyIsAlwaysMoving(Brain):
+class BusyIsAlwaysMoving(ControllerCore):
     """A busy refusal during a run bears 04."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -498,7 +498,7 @@ class BusyIsAlwaysMoving(Brain):
 
 
 @mutant("4/15", "4.15/4", subtle=True)
-class BusyAfterRefusal(Brain):
+class BusyAfterRefusal(ControllerCore):
     """A robot that has refused a missing program refuses the next run as busy."""
 
     _stuck = False
@@ -514,7 +514,7 @@ class BusyAfterRefusal(Brain):
 
 
 @mutant("4/15", "4.15/4", subtle=True)
-class BusyAfterLostClient(Brain):
+class BusyAfterLostClient(ControllerCore):
     """A program whose client was lost leaves the robot busy for runs."""
 
     _stuck = False
@@ -534,7 +534,7 @@ class BusyAfterLostClient(Brain):
 
 
 @mutant("4/15", "4.15/5", subtle=True)
-class TiresAfterFortyRuns(Brain):
+class TiresAfterFortyRuns(ControllerCore):
     """After forty runs every further one is refused as busy."""
 
     _runs = 0
@@ -551,7 +551,7 @@ class TiresAfterFortyRuns(Brain):
 
 
 @mutant("4/7", subtle=True)
-class StatusLags(Brain):
+class StatusLags(ControllerCore):
     """The first status behind a final result is still that of the command which has ended."""
 
     _last = "00"
@@ -571,7 +571,7 @@ class StatusLags(Brain):
 
 
 @mutant("4/7", subtle=True)
-class SimulationNeverEnds(Brain):
+class SimulationNeverEnds(ControllerCore):
     """Behind a simulation the status stays 02 until something else executes."""
 
     _simulated = False
@@ -587,7 +587,7 @@ class SimulationNeverEnds(Brain):
         return "02" if self._simulated and now == "00" else now
 
 
-class _IdleDuring(Brain):
+class _IdleDuring(ControllerCore):
     """The status does not tell of one command."""
 
     during = 0
@@ -636,7 +636,7 @@ class IdleDuringJog(_IdleDuring):
 
 
 @mutant("4/8", "4.8/4", subtle=True)
-class FlickersIdle(Brain):
+class FlickersIdle(ControllerCore):
     """Every tenth status during a run is 00."""
 
     _asked = 0
@@ -649,7 +649,7 @@ class FlickersIdle(Brain):
 
 
 @mutant("4/8", "4.8/4", subtle=True)
-class IdleBeforeTheResult(Brain):
+class IdleBeforeTheResult(ControllerCore):
     """The status is 00 for the last tenth of a second of a program, ahead of its result."""
 
     def get_status(self, request: Request) -> str:
@@ -661,7 +661,7 @@ class IdleBeforeTheResult(Brain):
 
 
 @mutant("3/31", subtle=True)
-class DeafForTheVersion(Brain):
+class DeafForTheVersion(ControllerCore):
     """While a program runs the version is not told."""
 
     def get_version(self, request: Request) -> Any:

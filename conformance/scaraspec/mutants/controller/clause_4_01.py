@@ -7,7 +7,7 @@ from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.behaviour import SILENCE, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 _LOGIN: Final = 0x01
@@ -15,7 +15,7 @@ _LOGINS: Final = 7
 
 
 @mutant("4.1/2", subtle=True)
-class RefusesSecondLogin(Brain):
+class RefusesSecondLogin(ControllerCore):
     """Who has logged in and does so again is answered 0."""
 
     def login(self, request: Request) -> bool:
@@ -24,7 +24,7 @@ class RefusesSecondLogin(Brain):
 
 
 @mutant("4.1/2", "4.1/6", subtle=True)
-class EverySeventhLoginFails(Brain):
+class EverySeventhLoginFails(ControllerCore):
     """Every seventh login since power-on is answered 0, right as it is."""
 
     _count = 0
@@ -36,7 +36,7 @@ class EverySeventhLoginFails(Brain):
 
 
 @mutant("4.1/6", "4.1/2", subtle=True)
-class LoginBehindVersionFails(Brain):
+class LoginBehindVersionFails(ControllerCore):
     """The first login after the version was asked for is refused: a buffer is used for both."""
 
     _spoilt = False
@@ -53,7 +53,7 @@ class LoginBehindVersionFails(Brain):
 
 
 @mutant("4.1/2", "4.1/7", subtle=True)
-class WrongPasswordBarsTheConnection(Brain):
+class WrongPasswordBarsTheConnection(ControllerCore):
     """A connection on which a wrong password was tried can log in no more."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -69,7 +69,7 @@ class WrongPasswordBarsTheConnection(Brain):
 
 
 @mutant("4.1/2", "4.1/7", subtle=True)
-class WrongPasswordCostsTheNextLogin(Brain):
+class WrongPasswordCostsTheNextLogin(ControllerCore):
     """After a wrong password the next right one on another connection is refused once."""
 
     _wrong_on = -1
@@ -88,7 +88,7 @@ class WrongPasswordCostsTheNextLogin(Brain):
 
 
 @mutant("4.1/3")
-class AnyPasswordOpens(Brain):
+class AnyPasswordOpens(ControllerCore):
     """Whatever password is sent, it is answered 1."""
 
     def login(self, request: Request) -> bool:
@@ -98,7 +98,7 @@ class AnyPasswordOpens(Brain):
 
 
 @mutant("4.1/3")
-class ThePasswordsLengthOpens(Brain):
+class ThePasswordsLengthOpens(ControllerCore):
     """Passwords are compared by their lengths."""
 
     def login(self, request: Request) -> bool:
@@ -109,7 +109,7 @@ class ThePasswordsLengthOpens(Brain):
 
 
 @mutant("4.1/3")
-class TheBeginningOfThePasswordOpens(Brain):
+class TheBeginningOfThePasswordOpens(ControllerCore):
     """Passwords are compared as far as the one that was sent goes."""
 
     def login(self, request: Request) -> bool:
@@ -120,7 +120,7 @@ class TheBeginningOfThePasswordOpens(Brain):
 
 
 @mutant("4.1/3")
-class MoreThanThePasswordOpens(Brain):
+class MoreThanThePasswordOpens(ControllerCore):
     """Passwords are compared as far as the one that is set goes."""
 
     def login(self, request: Request) -> bool:
@@ -131,7 +131,7 @@ class MoreThanThePasswordOpens(Brain):
 
 
 @mutant("4.1/3")
-class PasswordInAnyLetterCase(Brain):
+class PasswordInAnyLetterCase(ControllerCore):
     """Letter case makes no difference in passwords."""
 
     def login(self, request: Request) -> bool:
@@ -142,7 +142,7 @@ class PasswordInAnyLetterCase(Brain):
 
 
 @mutant("4.1/3")
-class NoPasswordOpens(Brain):
+class NoPasswordOpens(ControllerCore):
     """A login without any password is answered 1."""
 
     def _value(self, command: Command, frame: Frame) -> Any:
@@ -152,7 +152,7 @@ class NoPasswordOpens(Brain):
 
 
 @mutant("4.1/3")
-class WrongPasswordMeetsSilence(Brain):
+class WrongPasswordMeetsSilence(ControllerCore):
     """A wrong password is not answered."""
 
     def login(self, request: Request) -> bool | Silence:  # type: ignore[override] # silence is the fault
@@ -184,7 +184,7 @@ class LoginAnsweredOk(AltersReplies):
 
 
 @mutant("4.1/4")
-class LoginAnsweredTwice(Brain):
+class LoginAnsweredTwice(ControllerCore):
     """A login that is repeated is answered twice."""
 
     def emit(self, session: Session, frame: Frame) -> None:

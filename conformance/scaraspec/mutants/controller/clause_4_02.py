@@ -6,14 +6,14 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.commands import Command, PasswordChange
 from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _CUT_BYTES: Final = 8
 
 
 @mutant("4.2/4")
-class NewPasswordIsForgotten(Brain):
+class NewPasswordIsForgotten(ControllerCore):
     """A new password is answered 1 and not set."""
 
     def set_password(self, request: Request) -> bool:
@@ -22,7 +22,7 @@ class NewPasswordIsForgotten(Brain):
 
 
 @mutant("4.2/4")
-class OldPasswordStillOpens(Brain):
+class OldPasswordStillOpens(ControllerCore):
     """Passwords that were replaced go on to open logins."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -42,7 +42,7 @@ class OldPasswordStillOpens(Brain):
 
 
 @mutant("4.2/4", subtle=True)
-class NewPasswordIsCut(Brain):
+class NewPasswordIsCut(ControllerCore):
     """Of a new password eight bytes are kept, while logins are compared in full."""
 
     def set_password(self, request: Request) -> bool:
@@ -53,7 +53,7 @@ class NewPasswordIsCut(Brain):
 
 
 @mutant("4.2/4", subtle=True)
-class SecondChangeIsForgotten(Brain):
+class SecondChangeIsForgotten(ControllerCore):
     """Only the first new password since power-on is set; further ones are just answered 1."""
 
     _changed = False
@@ -67,7 +67,7 @@ class SecondChangeIsForgotten(Brain):
 
 
 @mutant("4.2/4")
-class OldAndNewAreMixedUp(Brain):
+class OldAndNewAreMixedUp(ControllerCore):
     """The old password is set again in place of the new one."""
 
     def set_password(self, request: Request) -> bool:
@@ -76,7 +76,7 @@ class OldAndNewAreMixedUp(Brain):
 
 
 @mutant("4.2/3")
-class OldPasswordIsNotChecked(Brain):
+class OldPasswordIsNotChecked(ControllerCore):
     """A new password is set whatever the old one is said to be."""
 
     def set_password(self, request: Request) -> bool:
@@ -85,7 +85,7 @@ class OldPasswordIsNotChecked(Brain):
 
 
 @mutant("4.2/3")
-class BeginningOfTheOldPasswordWillDo(Brain):
+class BeginningOfTheOldPasswordWillDo(ControllerCore):
     """The old password is compared only as far as it is sent."""
 
     def set_password(self, request: Request) -> bool:
@@ -95,7 +95,7 @@ class BeginningOfTheOldPasswordWillDo(Brain):
 
 
 @mutant("4.2/3", subtle=True)
-class VerifiedOnceAndForAll(Brain):
+class VerifiedOnceAndForAll(ControllerCore):
     """Who has changed the password once needs no old one any more, on that connection."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -115,7 +115,7 @@ class VerifiedOnceAndForAll(Brain):
 
 
 @mutant("4.2/3", subtle=True)
-class OldPasswordIsThatOfTheLogin(Brain):
+class OldPasswordIsThatOfTheLogin(ControllerCore):
     """The old password is compared with what its connection has logged in with."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -136,7 +136,7 @@ class OldPasswordIsThatOfTheLogin(Brain):
 
 
 @mutant("4.2/2")
-class ChangeAnsweredWithZero(Brain):
+class ChangeAnsweredWithZero(ControllerCore):
     """The password is changed, and the answer is 0."""
 
     def set_password(self, request: Request) -> bool:
@@ -157,7 +157,7 @@ class ChangeAnsweredInWords(AltersReplies):
 
 
 @mutant("4.2/5", "4.2/3")
-class RefusedPasswordIsSet(Brain):
+class RefusedPasswordIsSet(ControllerCore):
     """A new password with a wrong old one is answered 0 and set all the same."""
 
     def set_password(self, request: Request) -> bool:
@@ -168,7 +168,7 @@ class RefusedPasswordIsSet(Brain):
 
 
 @mutant("4.2/5")
-class MalformedChangeClearsThePassword(Brain):
+class MalformedChangeClearsThePassword(ControllerCore):
     """A pair that is none is answered 0 and leaves an empty password behind."""
 
     def _value(self, command: Command, frame: Frame) -> Any:
@@ -179,7 +179,7 @@ class MalformedChangeClearsThePassword(Brain):
 
 
 @mutant("4.2/6")
-class PairWithoutBarIsTaken(Brain):
+class PairWithoutBarIsTaken(ControllerCore):
     """A request without separator is answered 1, and changes nothing."""
 
     def _value(self, command: Command, frame: Frame) -> Any:

@@ -8,7 +8,7 @@ from scaraspec.protocol.commands import Command, Network
 from scaraspec.protocol.fields import Address, Diagnostics
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.behaviour import SILENCE, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 _ADDRESS_CHARACTERS = 14
@@ -16,7 +16,7 @@ _HIGHEST = 255
 
 
 @mutant("4.4/4")
-class NetworkIsForgotten(Brain):
+class NetworkIsForgotten(ControllerCore):
     """A new network is answered 1 and not set."""
 
     def set_network(self, request: Request) -> bool:
@@ -25,7 +25,7 @@ class NetworkIsForgotten(Brain):
 
 
 @mutant("4.4/4")
-class MaskAndGatewayAreMixedUp(Brain):
+class MaskAndGatewayAreMixedUp(ControllerCore):
     """Mask and gateway are stored in each other's place."""
 
     def set_network(self, request: Request) -> bool:
@@ -35,7 +35,7 @@ class MaskAndGatewayAreMixedUp(Brain):
 
 
 @mutant("4.4/4")
-class AddressRemains(Brain):
+class AddressRemains(ControllerCore):
     """Mask and gateway are set, the address remains."""
 
     def set_network(self, request: Request) -> bool:
@@ -44,7 +44,7 @@ class AddressRemains(Brain):
 
 
 @mutant("4.4/4")
-class GatewayIsTheFirstHost(Brain):
+class GatewayIsTheFirstHost(ControllerCore):
     """The gateway is taken to be the first address of the net, whatever is sent."""
 
     def set_network(self, request: Request) -> bool:
@@ -54,7 +54,7 @@ class GatewayIsTheFirstHost(Brain):
 
 
 @mutant("4.4/4", subtle=True)
-class LongestAddressIsCut(Brain):
+class LongestAddressIsCut(ControllerCore):
     """An address of fifteen characters loses its last one: there is no room for its NUL."""
 
     def set_network(self, request: Request) -> bool:
@@ -64,7 +64,7 @@ class LongestAddressIsCut(Brain):
 
 
 @mutant("4.4/4", subtle=True)
-class SecondNetworkIsForgotten(Brain):
+class SecondNetworkIsForgotten(ControllerCore):
     """Only the first new network since power-on is set."""
 
     _set = False
@@ -76,7 +76,7 @@ class SecondNetworkIsForgotten(Brain):
 
 
 @mutant("4.4/4", subtle=True)
-class FirstNetworkEndsTheConnection(Brain):
+class FirstNetworkEndsTheConnection(ControllerCore):
     """The first new network since power-on ends the connection, and is not set."""
 
     _set_one = False
@@ -167,7 +167,7 @@ class NetworkAnsweredInWords(AltersReplies):
 
 
 @mutant("4.4/2", "4.4/3")
-class NetworkIsNotAnswered(Brain):
+class NetworkIsNotAnswered(ControllerCore):
     """A new network is set without any answer, while the connection remains."""
 
     def set_network(self, request: Request) -> Silence:  # type: ignore[override] # silence is the fault
@@ -177,7 +177,7 @@ class NetworkIsNotAnswered(Brain):
 
 
 @mutant("4.4/2")
-class RefusedNetworkIsSetInPart(Brain):
+class RefusedNetworkIsSetInPart(ControllerCore):
     """The gateway of a network that is refused for its other fields is set all the same."""
 
     def _value(self, command: Command, frame: Frame) -> Any:
@@ -189,7 +189,7 @@ class RefusedNetworkIsSetInPart(Brain):
 
 
 @mutant("4.4/2", subtle=True)
-class AddressIsSetFirst(Brain):
+class AddressIsSetFirst(ControllerCore):
     """The address of a network is set before the rest is looked at, which may be refused."""
 
     def _value(self, command: Command, frame: Frame) -> Any:
@@ -200,7 +200,7 @@ class AddressIsSetFirst(Brain):
 
 
 @mutant("4.4/2")
-class NewNetworkAnsweredWithZero(Brain):
+class NewNetworkAnsweredWithZero(ControllerCore):
     """A new network is set and answered 0."""
 
     def set_network(self, request: Request) -> bool:

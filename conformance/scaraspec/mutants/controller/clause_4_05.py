@@ -8,7 +8,7 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies, Mends
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _MONTHS: Final = 12
@@ -18,7 +18,7 @@ _END_OF_32_BITS: Final = datetime(2038, 1, 19, 3, 14, 7)  # noqa: DTZ001 - the d
 _DIGITS: Final = 14
 
 
-class _SetsOtherwise(Brain, ABC):
+class _SetsOtherwise(ControllerCore, ABC):
     """The clock is set to another time than was sent."""
 
     @abstractmethod
@@ -32,7 +32,7 @@ class _SetsOtherwise(Brain, ABC):
 
 
 @mutant("4.5/4")
-class TimeIsForgotten(Brain):
+class TimeIsForgotten(ControllerCore):
     """A new time is answered 1 and not set."""
 
     def set_time(self, request: Request) -> bool:
@@ -68,7 +68,7 @@ class SecondsAreNotSet(_SetsOtherwise):
 
 
 @mutant("4.5/4", subtle=True)
-class TimeIsForgottenDuringARun(Brain):
+class TimeIsForgottenDuringARun(ControllerCore):
     """While a program runs a new time is answered 1 and not set."""
 
     def set_time(self, request: Request) -> bool:
@@ -77,7 +77,7 @@ class TimeIsForgottenDuringARun(Brain):
 
 
 @mutant("4.5/4")
-class OnlyTheTimeOfDayIsSet(Brain):
+class OnlyTheTimeOfDayIsSet(ControllerCore):
     """The date remains what it was."""
 
     def set_time(self, request: Request) -> bool:
@@ -88,7 +88,7 @@ class OnlyTheTimeOfDayIsSet(Brain):
 
 
 @mutant("4.5/4")
-class ClockStopsOnceSet(Brain):
+class ClockStopsOnceSet(ControllerCore):
     """The clock shows the time that was set, and no other one from then on."""
 
     _stopped: datetime | None = None
@@ -126,7 +126,7 @@ class TimeAnsweredInBinary(AltersReplies):
 
 
 @mutant("4.5/6")
-class LeapDaysAreRefused(Brain):
+class LeapDaysAreRefused(ControllerCore):
     """29 February is answered 0 in every year."""
 
     def set_time(self, request: Request) -> bool:
@@ -136,7 +136,7 @@ class LeapDaysAreRefused(Brain):
 
 
 @mutant("4.5/6", subtle=True)
-class CenturyIsNoLeapYear(Brain):
+class CenturyIsNoLeapYear(ControllerCore):
     """29 February 2000 is answered 0: the rule of the fourth century is missing."""
 
     def set_time(self, request: Request) -> bool:
@@ -147,7 +147,7 @@ class CenturyIsNoLeapYear(Brain):
 
 
 @mutant("4.5/6", subtle=True)
-class TimesBehind2038AreRefused(Brain):
+class TimesBehind2038AreRefused(ControllerCore):
     """What 32 bits of seconds cannot hold is answered 0."""
 
     def set_time(self, request: Request) -> bool:
@@ -164,7 +164,7 @@ class YearsHaveTwoDigits(_SetsOtherwise):
         return time.replace(year=time.year - 100) if time.year >= 2070 else time
 
 
-class _RollsOtherwise(Brain, ABC):
+class _RollsOtherwise(ControllerCore, ABC):
     """The clock runs from the time that was set, and goes over into another day than it should."""
 
     _set_to = _shown = datetime.min  # noqa: DTZ901 - the document names no zone
@@ -368,7 +368,7 @@ class SignsInTimesAreDigits(Mends):
 
 
 @mutant("4.5/5")
-class RefusedTimeResetsTheClock(Brain):
+class RefusedTimeResetsTheClock(ControllerCore):
     """A time that is refused sets the clock to the year 2000."""
 
     def _value(self, command: Command, frame: Frame) -> Any:
@@ -389,10 +389,11 @@ class RefusedTimeSetsTheDate(RefusedTimeResetsTheClock):
     """Of a time that is refused for its time of day the date is set all the same."""
 
     def _value(self, command: Command, frame: Frame) -> Any:
-        value = Brain._value(self, command, frame)  # noqa: SLF001 - its own
+        value = ControllerCore._value(self, command, frame)  # noqa: SLF001 - its own
         whole = len(frame.data) == _DIGITS and frame.data.isdigit()
         if command.name == "set_time" and value is None and whole:
-            date = Brain._value(self, command, frame._replace(data=frame.data[:8] + b"000000"))  # noqa: SLF001 - its own
+            day = frame._replace(data=frame.data[:8] + b"000000")
+            date = ControllerCore._value(self, command, day)  # noqa: SLF001 - its own
             if date is not None:
                 self.plant.clock.set(date, self._now_s)
         return value

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _GET_TIME: Final = 0x07
@@ -83,7 +83,7 @@ class HoursFromOne(AltersReplies):
 
 
 @mutant("4.6/4")
-class ClockStandsStill(Brain):
+class ClockStandsStill(ControllerCore):
     """The clock shows when it was set or switched on, and no other time."""
 
     def get_time(self, request: Request) -> datetime:
@@ -102,7 +102,7 @@ class ClockStandsStill(Brain):
         return super().set_time(request)
 
 
-class _RunsOtherwise(Brain, ABC):
+class _RunsOtherwise(ControllerCore, ABC):
     """The clock runs at another rate than time."""
 
     _origin: tuple[datetime, float] | None = None
@@ -194,7 +194,7 @@ class DaysAreSkipped(_RunsOtherwise):
 
 
 @mutant("4.6/4", subtle=True)
-class EveryTenthTimeIsTheOneBefore(Brain):
+class EveryTenthTimeIsTheOneBefore(ControllerCore):
     """Every tenth reply tells the time that was told first: a buffer is not refreshed."""
 
     _told: datetime | None = None

@@ -4,7 +4,7 @@ from typing import Final
 
 from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _GET_VERSION: Final = 0x08
@@ -23,7 +23,7 @@ class NoVersion(AltersReplies):
 
 
 @mutant("4.7/4")
-class VersionCountsRequests(Brain):
+class VersionCountsRequests(ControllerCore):
     """The last number of the version counts how often it was asked for."""
 
     _count = 0
@@ -35,7 +35,7 @@ class VersionCountsRequests(Brain):
 
 
 @mutant("4.7/4", subtle=True)
-class VersionChangesLate(Brain):
+class VersionChangesLate(ControllerCore):
     """From the 256th request on the version is another one."""
 
     _count = 0
@@ -47,7 +47,7 @@ class VersionChangesLate(Brain):
 
 
 @mutant("4.7/4", subtle=True)
-class VersionOfTheConnection(Brain):
+class VersionOfTheConnection(ControllerCore):
     """Every other connection is told another version."""
 
     def get_version(self, request: Request) -> str:

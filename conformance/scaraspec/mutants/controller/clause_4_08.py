@@ -6,7 +6,7 @@ from typing import Any, Final
 from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import IDLE, MOVING, RUNNING
 from scaraspec.virtual_controller.session import Request
 
@@ -29,7 +29,7 @@ class StatusOfOneDigit(AltersReplies):
 
 
 @mutant("4.8/3", subtle=True)
-class TransfersAreMotion(Brain):
+class TransfersAreMotion(ControllerCore):
     """Who sends or fetches a file is told that the robot moves."""
 
     def get_status(self, request: Request) -> str:
@@ -70,7 +70,7 @@ class StatusWithExplanation(AltersReplies):
         return data + b"|" + _WORDS.get(data, b"RUNNING")
 
 
-class _SaysOtherwise(Brain, ABC):
+class _SaysOtherwise(ControllerCore, ABC):
     """The status is wrong while the robot is in one state."""
 
     @abstractmethod

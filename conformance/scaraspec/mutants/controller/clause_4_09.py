@@ -7,7 +7,7 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
 from scaraspec.protocol.commands import RunningProgram
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _RUNNING: Final = 0x0A
@@ -33,7 +33,7 @@ class _AltersTelling(AltersReplies, ABC):
         return self.told(name, time)
 
 
-class _TellsOtherwise(Brain, ABC):
+class _TellsOtherwise(ControllerCore, ABC):
     """The name or the run time is another one."""
 
     @abstractmethod
@@ -86,7 +86,7 @@ class NoneIsTheLastProgram(AltersReplies):
 
 
 @mutant("4.9/6", "4.9/10", subtle=True)
-class EndedProgramIsTold(Brain):
+class EndedProgramIsTold(ControllerCore):
     """For some seconds behind its end a program is told to run."""
 
     _last: tuple[RunningProgram, float] | None = None

@@ -7,7 +7,7 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.virtual_controller.behaviour.programs import list_parts
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _LIST: Final = 0x0B
@@ -15,7 +15,7 @@ _PART_BYTES: Final = 253
 _MOST: Final = 20
 
 
-class _AltersNames(Brain, ABC):
+class _AltersNames(ControllerCore, ABC):
     """Other names are listed than are stored."""
 
     @abstractmethod
@@ -121,7 +121,7 @@ class ListBetweenLineEnds(AltersReplies):
 
 
 @mutant("4.10/6")
-class NamesAreTorn(Brain):
+class NamesAreTorn(ControllerCore):
     """A list that is too long is cut where its message is full, in the middle of a name."""
 
     def list_programs(self, request: Request) -> NameListPart:

@@ -7,7 +7,7 @@ from typing import Final
 from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies, Mends
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _DELETE: Final = 0x0C
@@ -25,7 +25,7 @@ class DeletionAnsweredWithTheName(AltersReplies):
 
 
 @mutant("4.11/2")
-class DeletionAnsweredWithZero(Brain):
+class DeletionAnsweredWithZero(ControllerCore):
     """A program is deleted, and the answer is 0."""
 
     def delete_program(self, request: Request) -> bool:
@@ -35,7 +35,7 @@ class DeletionAnsweredWithZero(Brain):
 
 
 @mutant("4.11/3")
-class DeletesNothing(Brain):
+class DeletesNothing(ControllerCore):
     """A deletion is answered 1, and the program stays."""
 
     def delete_program(self, request: Request) -> bool:
@@ -43,7 +43,7 @@ class DeletesNothing(Brain):
         return request.value in self.store
 
 
-class _Hides(Brain):
+class _Hides(ControllerCore):
     """A program that is deleted is listed no more, and is still kept."""
 
     def __init__(self, *args: object, **kwargs: object) -> None:
@@ -92,7 +92,7 @@ class DeletedProgramsRun(_Hides):
 
 
 @mutant("4.11/3")
-class DeletesItsNeighbour(Brain):
+class DeletesItsNeighbour(ControllerCore):
     """With a program the one that is listed before it is deleted, too."""
 
     def delete_program(self, request: Request) -> bool:
@@ -105,7 +105,7 @@ class DeletesItsNeighbour(Brain):
 
 
 @mutant("4.11/3", subtle=True)
-class DeletesNothingThatRuns(Brain):
+class DeletesNothingThatRuns(ControllerCore):
     """The deletion of a program that runs is answered 1, and it stays."""
 
     def delete_program(self, request: Request) -> bool:
@@ -114,7 +114,7 @@ class DeletesNothingThatRuns(Brain):
 
 
 @mutant("4.11/2", subtle=True)
-class DeletesWhatRunsUnsaid(Brain):
+class DeletesWhatRunsUnsaid(ControllerCore):
     """The deletion of a program that runs is answered 0, and it is deleted."""
 
     def delete_program(self, request: Request) -> bool:
@@ -126,7 +126,7 @@ class DeletesWhatRunsUnsaid(Brain):
 
 
 @mutant("4.11/3", subtle=True)
-class DeletesEachNameOnce(Brain):
+class DeletesEachNameOnce(ControllerCore):
     """A name that was deleted before is deleted no more, though the answer is 1."""
 
     def __init__(self, *args: object, **kwargs: object) -> None:
@@ -142,7 +142,7 @@ class DeletesEachNameOnce(Brain):
 
 
 @mutant("4.11/4")
-class MissingIsDeleted(Brain):
+class MissingIsDeleted(ControllerCore):
     """The deletion of a program that is not stored is answered 1: it is not there, as wanted."""
 
     def delete_program(self, request: Request) -> bool:

@@ -6,13 +6,13 @@ from typing import Final
 from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.behaviour import SILENCE, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 _OPCODES: Final = (0x0D, 0x13)
 
 
-class _Tells(Brain, ABC):
+class _Tells(ControllerCore, ABC):
     """The default program is told otherwise."""
 
     @abstractmethod
@@ -26,7 +26,7 @@ class _Tells(Brain, ABC):
 
 
 @mutant("4.12/2")
-class AnswersWithTheOtherOpcode(Brain):
+class AnswersWithTheOtherOpcode(ControllerCore):
     """Asked with 0x0D the default program is told with the 0x13 of the frames."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -37,7 +37,7 @@ class AnswersWithTheOtherOpcode(Brain):
 
 
 @mutant("4.12/2")
-class AnswersWithTheHeadingsOpcode(Brain):
+class AnswersWithTheHeadingsOpcode(ControllerCore):
     """Asked with 0x13 the default program is told with the 0x0D of the heading."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -48,7 +48,7 @@ class AnswersWithTheHeadingsOpcode(Brain):
 
 
 @mutant("4.12/5")
-class DefaultIsNeverTold(Brain):
+class DefaultIsNeverTold(ControllerCore):
     """Neither opcode is answered, whether there is a default program or not."""
 
     def get_default_program(self, request: Request) -> Silence:  # noqa: ARG002 - whoever asks

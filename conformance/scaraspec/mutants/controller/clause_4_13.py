@@ -8,7 +8,7 @@ from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.commands import BY_NAME, Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _SET_DEFAULT: Final = 0x0E
@@ -26,7 +26,7 @@ class DefaultAnsweredInWords(AltersReplies):
 
 
 @mutant("4.13/2")
-class NewDefaultAnsweredWithZero(Brain):
+class NewDefaultAnsweredWithZero(ControllerCore):
     """A new default program is set, and the answer is the 0 of the document's row."""
 
     def set_default_program(self, request: Request) -> bool:
@@ -36,7 +36,7 @@ class NewDefaultAnsweredWithZero(Brain):
 
 
 @mutant("4.13/3")
-class DefaultIsForgotten(Brain):
+class DefaultIsForgotten(ControllerCore):
     """A new default program is answered 1 and not set."""
 
     def set_default_program(self, request: Request) -> bool:
@@ -45,7 +45,7 @@ class DefaultIsForgotten(Brain):
 
 
 @mutant("4.13/3", subtle=True)
-class FirstDefaultRemains(Brain):
+class FirstDefaultRemains(ControllerCore):
     """Once there is a default program, another one is answered 1 and not set."""
 
     def set_default_program(self, request: Request) -> bool:
@@ -56,7 +56,7 @@ class FirstDefaultRemains(Brain):
 
 
 @mutant("4.13/3", subtle=True)
-class ResetForgetsTheDefault(Brain):
+class ResetForgetsTheDefault(ControllerCore):
     """A reset leaves no default program."""
 
     def reset(self, request: Request) -> Acceptance:
@@ -68,7 +68,7 @@ class ResetForgetsTheDefault(Brain):
 
 
 @mutant("4.13/3", subtle=True)
-class LongDefaultIsForgotten(Brain):
+class LongDefaultIsForgotten(ControllerCore):
     """A default program with a name of thirty bytes is answered 1 and not set."""
 
     def set_default_program(self, request: Request) -> bool:
@@ -79,7 +79,7 @@ class LongDefaultIsForgotten(Brain):
 
 
 @mutant("4.13/3", subtle=True)
-class DefaultOfTheConnection(Brain):
+class DefaultOfTheConnection(ControllerCore):
     """A default program is one for the connection that has set it."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -98,7 +98,7 @@ class DefaultOfTheConnection(Brain):
 
 
 @mutant("4.13/5", subtle=True)
-class RefusalClearsTheDefault(Brain):
+class RefusalClearsTheDefault(ControllerCore):
     """A program that is not stored is refused, and then there is no default program any more."""
 
     def set_default_program(self, request: Request) -> bool:
@@ -107,7 +107,7 @@ class RefusalClearsTheDefault(Brain):
 
 
 @mutant("4.13/5", subtle=True)
-class MalformedNameClearsTheDefault(Brain):
+class MalformedNameClearsTheDefault(ControllerCore):
     """A name that is none is refused, and then there is no default program any more."""
 
     def _value(self, command: Command, frame: Frame) -> Any:
@@ -118,7 +118,7 @@ class MalformedNameClearsTheDefault(Brain):
 
 
 @mutant("4.13/6")
-class DefaultIsStarted(Brain):
+class DefaultIsStarted(ControllerCore):
     """A new default program is started at once."""
 
     def set_default_program(self, request: Request) -> bool:
@@ -129,7 +129,7 @@ class DefaultIsStarted(Brain):
 
 
 @mutant("4.13/6")
-class DefaultIsTriedOut(Brain):
+class DefaultIsTriedOut(ControllerCore):
     """A new default program is simulated at once, to see whether it can run."""
 
     def set_default_program(self, request: Request) -> bool:

@@ -5,7 +5,7 @@ from typing import Final
 from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
 _TEMPERATURES: Final = 0x0F
@@ -69,7 +69,7 @@ class ColdMotorIsNotTold(AltersReplies):
 
 
 @mutant("4.14/3")
-class TemperaturesUnderAnotherOpcode(Brain):
+class TemperaturesUnderAnotherOpcode(ControllerCore):
     """The temperatures bear the opcode 0x10, the next one in the row."""
 
     def emit(self, session: Session, frame: Frame) -> None:

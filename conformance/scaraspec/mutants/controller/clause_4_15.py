@@ -5,13 +5,13 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.protocol.program_files import Program
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import RUNNING
 from scaraspec.virtual_controller.session import Request, Session
 
 
 @mutant("4.15/2", "4.15/7")
-class RunsBeforeItLooks(Brain):
+class RunsBeforeItLooks(ControllerCore):
     """A missing program is accepted and then said to be done."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -24,7 +24,7 @@ class RunsBeforeItLooks(Brain):
 
 
 @mutant("4.15/2")
-class RunsDespiteFault(Brain):
+class RunsDespiteFault(ControllerCore):
     """A program is run although a motor has failed."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -36,7 +36,7 @@ class RunsDespiteFault(Brain):
 
 
 @mutant("4.15/2", subtle=True)
-class RunsWhatItHasRefused(Brain):
+class RunsWhatItHasRefused(ControllerCore):
     """A run of a missing program is refused, and the robot is busy with it all the same."""
 
     _until_s = -1.0
@@ -54,7 +54,7 @@ class RunsWhatItHasRefused(Brain):
 
 
 @mutant("4.15/3")
-class RefusesRunInOneByte(Brain):
+class RefusesRunInOneByte(ControllerCore):
     """The refusal of a run has no code."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -65,7 +65,7 @@ class RefusesRunInOneByte(Brain):
 
 
 @mutant("4.15/3")
-class RefusesRunWithNumber(Brain):
+class RefusesRunWithNumber(ControllerCore):
     """The code in the refusal of a run is one byte, not two characters."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -76,7 +76,7 @@ class RefusesRunWithNumber(Brain):
 
 
 @mutant("4.15/4")
-class RunsNothing(Brain):
+class RunsNothing(ControllerCore):
     """Every run is refused as if its program were missing."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -89,7 +89,7 @@ class RunsNothing(Brain):
 
 
 @mutant("4.15/4")
-class AcceptsRunWithItsName(Brain):
+class AcceptsRunWithItsName(ControllerCore):
     """The first reply to a run repeats the program's name behind the 1."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -100,7 +100,7 @@ class AcceptsRunWithItsName(Brain):
 
 
 @mutant("4.15/4", subtle=True)
-class RunsShortNamesAlone(Brain):
+class RunsShortNamesAlone(ControllerCore):
     """A program whose name has more than sixteen bytes cannot be run."""
 
     def _program(self, name: bytes | None) -> Program | None:
@@ -108,7 +108,7 @@ class RunsShortNamesAlone(Brain):
 
 
 @mutant("4.15/4", subtle=True)
-class RunsProgramOnce(Brain):
+class RunsProgramOnce(ControllerCore):
     """A program that has been run before is refused."""
 
     _ran: tuple[bytes, ...] = ()
@@ -121,7 +121,7 @@ class RunsProgramOnce(Brain):
 
 
 @mutant("4.15/5")
-class RunHasNoResult(Brain):
+class RunHasNoResult(ControllerCore):
     """A run that comes to its end sends no final result."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -131,7 +131,7 @@ class RunHasNoResult(Brain):
 
 
 @mutant("4.15/5")
-class RunEndsUntagged(Brain):
+class RunEndsUntagged(ControllerCore):
     """The final result of a run bears no tag."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -142,7 +142,7 @@ class RunEndsUntagged(Brain):
 
 
 @mutant("4.15/5")
-class RunEndsUnderItsNeighbour(Brain):
+class RunEndsUnderItsNeighbour(ControllerCore):
     """The final result of a run bears the opcode of the simulation."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -153,7 +153,7 @@ class RunEndsUnderItsNeighbour(Brain):
 
 
 @mutant("4.15/5", "4/15")
-class RunEndsAtOnce(Brain):
+class RunEndsAtOnce(ControllerCore):
     """The final result of a run is sent as soon as it was accepted; the program goes on."""
 
     _told = False
@@ -175,7 +175,7 @@ class RunEndsAtOnce(Brain):
 
 
 @mutant("4.15/5")
-class GoodRunFails(Brain):
+class GoodRunFails(ControllerCore):
     """A run that comes to its end is told as a failure."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -186,7 +186,7 @@ class GoodRunFails(Brain):
 
 
 @mutant("4.15/7")
-class RunsTheNearestName(Brain):
+class RunsTheNearestName(ControllerCore):
     """A name that begins like a stored program runs that program."""
 
     def _program(self, name: bytes | None) -> Program | None:
@@ -195,7 +195,7 @@ class RunsTheNearestName(Brain):
 
 
 @mutant("4.15/7")
-class RunsTheBeginningOfName(Brain):
+class RunsTheBeginningOfName(ControllerCore):
     """A name that goes on behind that of a stored program runs that program."""
 
     def _program(self, name: bytes | None) -> Program | None:
@@ -204,7 +204,7 @@ class RunsTheBeginningOfName(Brain):
 
 
 @mutant("4.15/7")
-class AddsTheExtension(Brain):
+class AddsTheExtension(ControllerCore):
     """A name without its extension runs the program that has it."""
 
     def _program(self, name: bytes | None) -> Program | None:
@@ -214,12 +214,12 @@ class AddsTheExtension(Brain):
 
 
 @mutant("4.15/7")
-class RunsDeletedPrograms(Brain):
+class RunsDeletedPrograms(ControllerCore):
     """A program that was run stays in memory, and is run again when it has been deleted."""
 
     def __init__(self, *arguments: object, **named: object) -> None:
         """Begin with an empty memory."""
-        super().__init__(*arguments, **named)  # type: ignore[arg-type] # what a brain takes
+        super().__init__(*arguments, **named)  # type: ignore[arg-type] # what a core takes
         self._loaded: dict[bytes, Program] = {}
 
     def _program(self, name: bytes | None) -> Program | None:
@@ -230,7 +230,7 @@ class RunsDeletedPrograms(Brain):
 
 
 @mutant("4.15/7")
-class RunsWhatWasOnlyNamed(Brain):
+class RunsWhatWasOnlyNamed(ControllerCore):
     """A program of which nothing but the name was sent runs, and is done."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -243,7 +243,7 @@ class RunsWhatWasOnlyNamed(Brain):
 
 
 @mutant("4.15/7")
-class MissingProgramIsPositionFault(Brain):
+class MissingProgramIsPositionFault(ControllerCore):
     """A missing program is refused with 05."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -254,7 +254,7 @@ class MissingProgramIsPositionFault(Brain):
 
 
 @mutant("4.15/8", "4/6")
-class SecondRunReplacesTheFirst(Brain):
+class SecondRunReplacesTheFirst(ControllerCore):
     """A second run during a run takes its place."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -266,7 +266,7 @@ class SecondRunReplacesTheFirst(Brain):
 
 
 @mutant("4.15/8")
-class SameRunIsAcceptedAgain(Brain):
+class SameRunIsAcceptedAgain(ControllerCore):
     """The program that runs may be started again, which changes nothing."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -278,7 +278,7 @@ class SameRunIsAcceptedAgain(Brain):
 
 
 @mutant("4.15/8")
-class SecondClientRuns(Brain):
+class SecondClientRuns(ControllerCore):
     """A second client may begin a run during the first one's."""
 
     def run_program(self, request: Request) -> Acceptance:

@@ -4,13 +4,13 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import RUNNING, Task
 from scaraspec.virtual_controller.session import Request, Session
 
 
 @mutant("4.16/2", "4/1")
-class AcceptsSimulationInWords(Brain):
+class AcceptsSimulationInWords(ControllerCore):
     """A simulation is accepted with "1|sim"."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -21,7 +21,7 @@ class AcceptsSimulationInWords(Brain):
 
 
 @mutant("4.16/2", "4/1")
-class RefusesSimulationInOneByte(Brain):
+class RefusesSimulationInOneByte(ControllerCore):
     """The refusal of a simulation has no code."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -32,7 +32,7 @@ class RefusesSimulationInOneByte(Brain):
 
 
 @mutant("4.16/2", subtle=True)
-class SimulatesOnce(Brain):
+class SimulatesOnce(ControllerCore):
     """Behind a run no program can be simulated any more."""
 
     _ran = False
@@ -50,7 +50,7 @@ class SimulatesOnce(Brain):
 
 
 @mutant("8/5")
-class SimulatesWhatIsNotThere(Brain):
+class SimulatesWhatIsNotThere(ControllerCore):
     """The simulation of a missing program is accepted and done."""
 
     def simulate_program(self, request: Request) -> Acceptance:
@@ -63,7 +63,7 @@ class SimulatesWhatIsNotThere(Brain):
 
 
 @mutant("8/5")
-class SimulationMissesWithOne(Brain):
+class SimulationMissesWithOne(ControllerCore):
     """The simulation of a missing program is refused with 01."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -74,7 +74,7 @@ class SimulationMissesWithOne(Brain):
 
 
 @mutant("4.16/3")
-class SimulationHasNoResult(Brain):
+class SimulationHasNoResult(ControllerCore):
     """A simulation that comes to its end sends no final result."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -84,7 +84,7 @@ class SimulationHasNoResult(Brain):
 
 
 @mutant("4.16/3")
-class SimulationEndsAsRun(Brain):
+class SimulationEndsAsRun(ControllerCore):
     """The final result of a simulation bears the opcode of the run."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -95,7 +95,7 @@ class SimulationEndsAsRun(Brain):
 
 
 @mutant("4.16/3", subtle=True)
-class SecondSimulationFails(Brain):
+class SecondSimulationFails(ControllerCore):
     """From the second on every simulation ends with a failure."""
 
     _simulated = 0
@@ -110,7 +110,7 @@ class SecondSimulationFails(Brain):
 
 
 @mutant("4.16/5", "4.8/5")
-class SimulationIsRun(Brain):
+class SimulationIsRun(ControllerCore):
     """A simulation runs the program in earnest."""
 
     def simulate_program(self, request: Request) -> Acceptance:
@@ -119,7 +119,7 @@ class SimulationIsRun(Brain):
 
 
 @mutant("4.8/4", "4.16/3", subtle=True)
-class StaysInTheSimulator(Brain):
+class StaysInTheSimulator(ControllerCore):
     """A run behind a simulation is reported as a simulation."""
 
     _simulated = False

@@ -9,7 +9,7 @@ from scaraspec.protocol.transfer import Receiver, Sender
 from scaraspec.virtual_controller import motion
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
@@ -17,7 +17,7 @@ _REFUSED = Acceptance(accepted=False)
 
 
 @mutant("4.17/2")
-class IdleStopIsNotAnswered(Brain):
+class IdleStopIsNotAnswered(ControllerCore):
     """A stop where nothing is to be stopped is not answered."""
 
     def emergency_stop(self, request: Request) -> Any:
@@ -27,7 +27,7 @@ class IdleStopIsNotAnswered(Brain):
 
 
 @mutant("4.17/2")
-class IdleStopIsAnsweredTwo(Brain):
+class IdleStopIsAnsweredTwo(ControllerCore):
     """A stop where nothing is to be stopped is answered 2."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -38,7 +38,7 @@ class IdleStopIsAnsweredTwo(Brain):
 
 
 @mutant("4.17/2", "3/31", subtle=True)
-class SecondIdleStopIsLost(Brain):
+class SecondIdleStopIsLost(ControllerCore):
     """Of stops where nothing is to be stopped every second one is not answered."""
 
     _idle = 0
@@ -50,7 +50,7 @@ class SecondIdleStopIsLost(Brain):
         return answer if answer.accepted or self._idle % 2 else SILENCE
 
 
-class _NotDuring(Brain):
+class _NotDuring(ControllerCore):
     """A stop is refused while one command executes."""
 
     during = ""
@@ -99,7 +99,7 @@ class JogIsNotStopped(_NotDuring):
 
 
 @mutant("4.17/6", "4.17/3", subtle=True)
-class StopComesTooEarly(Brain):
+class StopComesTooEarly(ControllerCore):
     """A stop within a millisecond of the start of a program finds nothing to stop."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -111,7 +111,7 @@ class StopComesTooEarly(Brain):
 
 
 @mutant("4.17/6", subtle=True)
-class OnlyTheStarterStops(Brain):
+class OnlyTheStarterStops(ControllerCore):
     """A stop is refused on every connection but that which began what executes."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -123,7 +123,7 @@ class OnlyTheStarterStops(Brain):
 
 
 @mutant("4.17/6", "4.17/3", subtle=True)
-class StopIsRefusedInUploads(Brain):
+class StopIsRefusedInUploads(ControllerCore):
     """A stop is refused on a connection on which a file is being sent."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -135,7 +135,7 @@ class StopIsRefusedInUploads(Brain):
 
 
 @mutant("4.17/4", subtle=True)
-class StopInDownloadsStopsNothing(Brain):
+class StopInDownloadsStopsNothing(ControllerCore):
     """A stop on a connection on which a file is being fetched is done, and the program goes on."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -149,7 +149,7 @@ class StopInDownloadsStopsNothing(Brain):
 
 
 @mutant("4.17/6", "4.17/3", subtle=True)
-class StopsTenTimes(Brain):
+class StopsTenTimes(ControllerCore):
     """After ten stops every further one is refused."""
 
     _stops = 0
@@ -164,7 +164,7 @@ class StopsTenTimes(Brain):
 
 
 @mutant("4.17/3")
-class StopIsAnsweredWithCode(Brain):
+class StopIsAnsweredWithCode(ControllerCore):
     """The first reply to a stop is "1|00"."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -175,7 +175,7 @@ class StopIsAnsweredWithCode(Brain):
 
 
 @mutant("4.17/4")
-class StopHasNoResult(Brain):
+class StopHasNoResult(ControllerCore):
     """A stop that has succeeded sends no final result."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -185,7 +185,7 @@ class StopHasNoResult(Brain):
 
 
 @mutant("4.17/4")
-class StopEndsUnderTheStopped(Brain):
+class StopEndsUnderTheStopped(ControllerCore):
     """The final result of a stop bears the opcode of what it has stopped."""
 
     _opcode = 0x32
@@ -204,7 +204,7 @@ class StopEndsUnderTheStopped(Brain):
 
 
 @mutant("4.17/4")
-class StopFails(Brain):
+class StopFails(ControllerCore):
     """A stop that has succeeded is told as a failure."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -215,7 +215,7 @@ class StopFails(Brain):
 
 
 @mutant("4.17/4", subtle=True)
-class SecondStopHasNoResult(Brain):
+class SecondStopHasNoResult(ControllerCore):
     """A second stop close behind the first is accepted, and has no final result."""
 
     _stopped_s = -1.0
@@ -232,7 +232,7 @@ class SecondStopHasNoResult(Brain):
 
 
 @mutant("4.17/4", "4.8/3")
-class StoppedProgramGoesOn(Brain):
+class StoppedProgramGoesOn(ControllerCore):
     """A stopped simulation is said to be stopped, and goes on."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -245,7 +245,7 @@ class StoppedProgramGoesOn(Brain):
 
 
 @mutant("4.17/7")
-class ArmCoastsOn(Brain):
+class ArmCoastsOn(ControllerCore):
     """From the second stopped move on, the arm moves on slowly for a second after the stop."""
 
     _stopped_moves = 0
@@ -263,7 +263,7 @@ class ArmCoastsOn(Brain):
 
 
 @mutant("4.17/7")
-class JogGoesOn(Brain):
+class JogGoesOn(ControllerCore):
     """Behind a stop a jog goes on."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -277,7 +277,7 @@ class JogGoesOn(Brain):
 
 
 @mutant("4.17/7", subtle=True)
-class StoppedArmCreeps(Brain):
+class StoppedArmCreeps(ControllerCore):
     """Behind a stop the inner arm goes on, by no more than half a degree in a second."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -291,7 +291,7 @@ class StoppedArmCreeps(Brain):
         return answer
 
 
-class _EndsAsDone(Brain):
+class _EndsAsDone(ControllerCore):
     """Of what was stopped one command is said to be done."""
 
     stopped = ""

@@ -7,13 +7,13 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import DONE, Movement
 from scaraspec.virtual_controller.session import Request, Session
 
 
 @mutant("4.18/2", "4/6")
-class ResetEndsRun(Brain):
+class ResetEndsRun(ControllerCore):
     """A reset during a run ends the program and is accepted."""
 
     def reset(self, request: Request) -> Acceptance:
@@ -26,7 +26,7 @@ class ResetEndsRun(Brain):
 
 
 @mutant("4.18/2")
-class ResetIsRefusedWithIdle(Brain):
+class ResetIsRefusedWithIdle(ControllerCore):
     """A reset during a run is refused with 00."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -37,7 +37,7 @@ class ResetIsRefusedWithIdle(Brain):
 
 
 @mutant("4.18/2")
-class ResetIsNotAnsweredDuringRun(Brain):
+class ResetIsNotAnsweredDuringRun(ControllerCore):
     """A reset during a run is not answered."""
 
     def reset(self, request: Request) -> Acceptance | Silence:  # type: ignore[override] # silence is the fault
@@ -47,7 +47,7 @@ class ResetIsNotAnsweredDuringRun(Brain):
 
 
 @mutant("4.18/2", subtle=True)
-class RefusedResetEndsTheRun(Brain):
+class RefusedResetEndsTheRun(ControllerCore):
     """A reset during a run is refused, and the program ends all the same."""
 
     def reset(self, request: Request) -> Acceptance:
@@ -59,7 +59,7 @@ class RefusedResetEndsTheRun(Brain):
 
 
 @mutant("4.18/2", "4/15")
-class ResetTakesSimulationForRun(Brain):
+class ResetTakesSimulationForRun(ControllerCore):
     """A reset during a simulation is refused with 01."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -70,7 +70,7 @@ class ResetTakesSimulationForRun(Brain):
 
 
 @mutant("4.18/3")
-class ResetNeedsFault(Brain):
+class ResetNeedsFault(ControllerCore):
     """A robot without a fault refuses the reset: there is nothing to reset."""
 
     def reset(self, request: Request) -> Acceptance:
@@ -81,7 +81,7 @@ class ResetNeedsFault(Brain):
 
 
 @mutant("4.18/3", subtle=True)
-class ResetIsRefusedBehindStop(Brain):
+class ResetIsRefusedBehindStop(ControllerCore):
     """The first reset behind an emergency stop is refused."""
 
     _stopped = False
@@ -99,7 +99,7 @@ class ResetIsRefusedBehindStop(Brain):
 
 
 @mutant("4.18/3", "4/1")
-class ResetIsAcceptedWithItsState(Brain):
+class ResetIsAcceptedWithItsState(ControllerCore):
     """The first reply to a reset is "1|03"."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -126,7 +126,7 @@ class _UnderWay(Movement):
 
 
 @mutant("4.18/4", subtle=True)
-class ResetEndsUnderWay(Brain):
+class ResetEndsUnderWay(ControllerCore):
     """A reset is said to have ended when the arm has gone half of the way."""
 
     def reset(self, request: Request) -> Acceptance:
@@ -139,7 +139,7 @@ class ResetEndsUnderWay(Brain):
 
 
 @mutant("4.18/4")
-class ResetHasNoResult(Brain):
+class ResetHasNoResult(ControllerCore):
     """A reset that has succeeded sends no final result."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -149,7 +149,7 @@ class ResetHasNoResult(Brain):
 
 
 @mutant("4.18/4")
-class ResetEndsInFourBytes(Brain):
+class ResetEndsInFourBytes(ControllerCore):
     """The final result of a reset that has succeeded is "0|11", of the length that L417 prints."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -160,7 +160,7 @@ class ResetEndsInFourBytes(Brain):
 
 
 @mutant("4.18/4")
-class ResetIgnoresLastingFaults(Brain):
+class ResetIgnoresLastingFaults(ControllerCore):
     """A reset is said to have succeeded although the fault lasts."""
 
     def reset(self, request: Request) -> Acceptance:
@@ -173,7 +173,7 @@ class ResetIgnoresLastingFaults(Brain):
 
 
 @mutant("4.18/4", "4/7", subtle=True)
-class ResetStaysInItsState(Brain):
+class ResetStaysInItsState(ControllerCore):
     """Behind a reset that had a way to go the status stays 03 until something else is asked."""
 
     _reset = False

@@ -10,7 +10,7 @@ from scaraspec.protocol.fields import Diagnostics, Number
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller import arm, motion
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _SET: Final = "set_gripper_center"
@@ -19,7 +19,7 @@ _LATE_S: Final = 1.0
 _MANY: Final = 30
 
 
-class _SetsOtherwise(Brain, ABC):
+class _SetsOtherwise(ControllerCore, ABC):
     """Another gripper centre is set than was sent."""
 
     @abstractmethod
@@ -45,7 +45,7 @@ class GripperAnsweredWithItself(AltersReplies):
 
 
 @mutant("4.20/2")
-class GripperAnsweredWithZero(Brain):
+class GripperAnsweredWithZero(ControllerCore):
     """A new gripper centre is set, and the answer is 0."""
 
     def set_gripper_center(self, request: Request) -> bool:
@@ -55,7 +55,7 @@ class GripperAnsweredWithZero(Brain):
 
 
 @mutant("4.20/3")
-class GripperIsForgotten(Brain):
+class GripperIsForgotten(ControllerCore):
     """A new gripper centre is answered 1 and not set."""
 
     def set_gripper_center(self, request: Request) -> bool:
@@ -109,7 +109,7 @@ class SmallNegativesLoseTheirSign(_SetsOtherwise):
 
 
 @mutant("4.20/3", subtle=True)
-class GripperComesLate(Brain):
+class GripperComesLate(ControllerCore):
     """A new gripper centre is told a second later: until then the former one is."""
 
     _before: tuple[float, Point] | None = None
@@ -127,7 +127,7 @@ class GripperComesLate(Brain):
 
 
 @mutant("4.20/3", subtle=True)
-class LateGrippersAreForgotten(Brain):
+class LateGrippersAreForgotten(ControllerCore):
     """From the thirtieth new gripper centre on each is answered 1 and not set."""
 
     _count = 0
@@ -139,7 +139,7 @@ class LateGrippersAreForgotten(Brain):
 
 
 @mutant("4.20/3", subtle=True)
-class GripperOfTheConnection(Brain):
+class GripperOfTheConnection(ControllerCore):
     """A connection is told the gripper centre that it has set itself, else zeros."""
 
     def get_gripper_center(self, request: Request) -> Point:
@@ -156,7 +156,7 @@ class GripperOfTheConnection(Brain):
 
 
 @mutant("4.20/3", subtle=True)
-class ResetClearsTheCentre(Brain):
+class ResetClearsTheCentre(ControllerCore):
     """A reset sets the gripper centre to zeros."""
 
     def reset(self, request: Request) -> Acceptance:
@@ -293,7 +293,7 @@ class ThirdNumberIsNotChecked(Mends):
 
 
 @mutant("4.20/3")
-class RefusedGripperIsSetInPart(Brain):
+class RefusedGripperIsSetInPart(ControllerCore):
     """Of a gripper centre that is refused for its other fields the first number is set."""
 
     def _value(self, command: Command, frame: Frame) -> Any:
@@ -306,7 +306,7 @@ class RefusedGripperIsSetInPart(Brain):
 
 
 @mutant("4.20/3", subtle=True)
-class GripperIsForgottenDuringRuns(Brain):
+class GripperIsForgottenDuringRuns(ControllerCore):
     """While a program runs a new gripper centre is answered 1 and not set."""
 
     def set_gripper_center(self, request: Request) -> bool:
@@ -315,7 +315,7 @@ class GripperIsForgottenDuringRuns(Brain):
 
 
 @mutant("4.20/5")
-class SettingTheGripperMovesTheArm(Brain):
+class SettingTheGripperMovesTheArm(ControllerCore):
     """A new gripper centre sets the arm in motion, up by some millimetres."""
 
     def set_gripper_center(self, request: Request) -> bool:

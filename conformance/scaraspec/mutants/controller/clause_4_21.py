@@ -9,14 +9,14 @@ from scaraspec.protocol.commands import Command, Pose
 from scaraspec.protocol.fields import Diagnostics, Number
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 _SET: Final = "set_initial_tool_position"
 _FIELDS: Final = 6
 
 
-class _SetsOtherwise(Brain, ABC):
+class _SetsOtherwise(ControllerCore, ABC):
     """Another position is set than was sent."""
 
     @abstractmethod
@@ -42,7 +42,7 @@ class PositionAnsweredInWords(AltersReplies):
 
 
 @mutant("4.21/2")
-class PositionAnsweredWithZero(Brain):
+class PositionAnsweredWithZero(ControllerCore):
     """A new initial position is set, and the answer is 0."""
 
     def set_initial_tool_position(self, request: Request) -> bool:
@@ -52,7 +52,7 @@ class PositionAnsweredWithZero(Brain):
 
 
 @mutant("4.21/2")
-class EveryPositionIsRefused(Brain):
+class EveryPositionIsRefused(ControllerCore):
     """An initial position is answered 0 wherever it is, and not set."""
 
     def set_initial_tool_position(self, request: Request) -> bool:  # noqa: ARG002 - whatever is asked
@@ -61,7 +61,7 @@ class EveryPositionIsRefused(Brain):
 
 
 @mutant("4.21/3")
-class PositionIsForgotten(Brain):
+class PositionIsForgotten(ControllerCore):
     """A new initial position is answered 1 and not set."""
 
     def set_initial_tool_position(self, request: Request) -> bool:
@@ -106,7 +106,7 @@ class AnglesOfThePositionAreMixedUp(_SetsOtherwise):
 
 
 @mutant("4.21/3")
-class PositionMovesTheGripperCenter(Brain):
+class PositionMovesTheGripperCenter(ControllerCore):
     """A new initial position is taken for a gripper centre, too."""
 
     def set_initial_tool_position(self, request: Request) -> bool:
@@ -117,7 +117,7 @@ class PositionMovesTheGripperCenter(Brain):
 
 
 @mutant("4.21/3", subtle=True)
-class PositionOfTheConnection(Brain):
+class PositionOfTheConnection(ControllerCore):
     """Only the connection that has set an initial position is told it; others the former one."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -203,7 +203,7 @@ def _beginning(field: bytes) -> bytes:
 
 
 @mutant("4.21/3", subtle=True)
-class PositionIsForgottenDuringRuns(Brain):
+class PositionIsForgottenDuringRuns(ControllerCore):
     """While a program runs a new position is answered 1 and not set."""
 
     def set_initial_tool_position(self, request: Request) -> bool:
@@ -212,7 +212,7 @@ class PositionIsForgottenDuringRuns(Brain):
 
 
 @mutant("4.21/3")
-class RefusedPositionIsSetInPart(Brain):
+class RefusedPositionIsSetInPart(ControllerCore):
     """Of an initial position that is refused for its last field the others are set."""
 
     def _value(self, command: Command, frame: Frame) -> Any:
@@ -226,7 +226,7 @@ class RefusedPositionIsSetInPart(Brain):
 
 
 @mutant("4.21/3", subtle=True)
-class SecondResetTurnsHome(Brain):
+class SecondResetTurnsHome(ControllerCore):
     """The second reset, and each further one, turns the initial position by half a degree."""
 
     _count = 0

@@ -7,7 +7,7 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 _GET_POSE: Final = 0x38
@@ -16,7 +16,7 @@ _MANY: Final = 6
 _CREEPS_S: Final = 2.0
 
 
-class _TellsOtherwise(Brain, ABC):
+class _TellsOtherwise(ControllerCore, ABC):
     """Other coordinates are told than the tool has."""
 
     @abstractmethod

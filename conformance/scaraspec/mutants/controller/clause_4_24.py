@@ -8,7 +8,7 @@ from scaraspec.protocol.commands import BY_NAME, MoveTarget
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
@@ -20,7 +20,7 @@ def _is_far(request: Request) -> bool:
     return target is not None and max(map(abs, target[1:4])) > _FAR_MM
 
 
-class _Retargeted(Brain):
+class _Retargeted(ControllerCore):
     """Goes somewhere else than it was told."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -44,7 +44,7 @@ class FullSpeedOvershoots(_Retargeted):
 
 
 @mutant("4.24/3")
-class ImpossibleMoveIsRefusedLikeAResult(Brain):
+class ImpossibleMoveIsRefusedLikeAResult(ControllerCore):
     """An impossible move is refused with "00|05"."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -55,7 +55,7 @@ class ImpossibleMoveIsRefusedLikeAResult(Brain):
 
 
 @mutant("4.24/3")
-class ImpossibleMoveIsRefusedInWords(Brain):
+class ImpossibleMoveIsRefusedInWords(ControllerCore):
     """An impossible move is refused with "0|unreachable"."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -66,7 +66,7 @@ class ImpossibleMoveIsRefusedInWords(Brain):
 
 
 @mutant("4.24/3")
-class ReadsCommaAsPoint(Brain):
+class ReadsCommaAsPoint(ControllerCore):
     """A comma in a number is taken for its point."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -77,7 +77,7 @@ class ReadsCommaAsPoint(Brain):
 
 
 @mutant("4.24/3")
-class MissingTextIsALittle(Brain):
+class MissingTextIsALittle(ControllerCore):
     """What is no number counts as one more than where the arm stands."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -88,7 +88,7 @@ class MissingTextIsALittle(Brain):
 
 
 @mutant("4.24/4", "3/7")
-class RefusalHasThePrintedLength(Brain):
+class RefusalHasThePrintedLength(ControllerCore):
     """The length of the refusal of a move is 1, as its row prints it, with four bytes behind it."""
 
     def transmit(self, session: Session, data: bytes) -> None:
@@ -99,7 +99,7 @@ class RefusalHasThePrintedLength(Brain):
 
 
 @mutant("4.24/4", "3/7")
-class RefusalCountsItsEnd(Brain):
+class RefusalCountsItsEnd(ControllerCore):
     """The length of the refusal of a move counts the end byte too."""
 
     def transmit(self, session: Session, data: bytes) -> None:
@@ -110,7 +110,7 @@ class RefusalCountsItsEnd(Brain):
 
 
 @mutant("4.24/5")
-class EverySpeedBelowTenIsRefused(Brain):
+class EverySpeedBelowTenIsRefused(ControllerCore):
     """A move at less than ten percent is refused."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -121,7 +121,7 @@ class EverySpeedBelowTenIsRefused(Brain):
 
 
 @mutant("4.24/5", subtle=True)
-class FullSpeedIsRefused(Brain):
+class FullSpeedIsRefused(ControllerCore):
     """A move at a hundred percent is refused."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -132,7 +132,7 @@ class FullSpeedIsRefused(Brain):
 
 
 @mutant("4.24/5")
-class AcceptsMoveWithItsState(Brain):
+class AcceptsMoveWithItsState(ControllerCore):
     """The first reply to a move is "1|04"."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -143,7 +143,7 @@ class AcceptsMoveWithItsState(Brain):
 
 
 @mutant("4.24/5")
-class RefusesToStandStill(Brain):
+class RefusesToStandStill(ControllerCore):
     """A move to where the arm stands is refused."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -156,7 +156,7 @@ class RefusesToStandStill(Brain):
 
 
 @mutant("4.24/6")
-class MoveHasNoResult(Brain):
+class MoveHasNoResult(ControllerCore):
     """A move that has been made sends no final result."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -166,7 +166,7 @@ class MoveHasNoResult(Brain):
 
 
 @mutant("4.24/6")
-class MoveEndsAsFailure(Brain):
+class MoveEndsAsFailure(ControllerCore):
     """A move that has been made is told as a failure."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -177,7 +177,7 @@ class MoveEndsAsFailure(Brain):
 
 
 @mutant("4.24/6")
-class MoveEndsWithItsPose(Brain):
+class MoveEndsWithItsPose(ControllerCore):
     """The final result of a move is the pose."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -235,7 +235,7 @@ class GoesByWholeFives(_Retargeted):
 
 
 @mutant("4.24/8")
-class EndsHalfWay(Brain):
+class EndsHalfWay(ControllerCore):
     """A move is said to be done when half of the time has passed, and stops there."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -263,7 +263,7 @@ class DriftsWithEveryMove(_Retargeted):
 
 
 @mutant("4.24/9", "4.24/3")
-class GoesAnywhere(Brain):
+class GoesAnywhere(ControllerCore):
     """A target beyond all reach is accepted, and said to be reached."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -275,7 +275,7 @@ class GoesAnywhere(Brain):
 
 
 @mutant("4.24/9")
-class GoesAnywhereDownwards(Brain):
+class GoesAnywhereDownwards(ControllerCore):
     """The lower end of Z is not checked: a target far below is said to be reached."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -287,7 +287,7 @@ class GoesAnywhereDownwards(Brain):
 
 
 @mutant("4.24/9")
-class BlamesMotorForTheReach(Brain):
+class BlamesMotorForTheReach(ControllerCore):
     """A target beyond all reach is refused with a motor's code."""
 
     def emit(self, session: Session, frame: Frame) -> None:

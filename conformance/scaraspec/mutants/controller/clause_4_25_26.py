@@ -8,13 +8,13 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, JogDirection, Outcome
 from scaraspec.virtual_controller import motion
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
 
 @mutant("4.25/2", "4/1")
-class ReleaseIsAnsweredReleased(Brain):
+class ReleaseIsAnsweredReleased(ControllerCore):
     """The first reply to a release is "1|4", the number of joints."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -25,7 +25,7 @@ class ReleaseIsAnsweredReleased(Brain):
 
 
 @mutant("4.25/2")
-class ReleaseIsRefused(Brain):
+class ReleaseIsRefused(ControllerCore):
     """An idle robot refuses to release its joints."""
 
     def release_joints(self, request: Request) -> Acceptance:  # noqa: ARG002 - the seam's form
@@ -35,7 +35,7 @@ class ReleaseIsRefused(Brain):
 
 
 @mutant("4.25/2", "4/1")
-class SecondReleaseIsAnsweredTwo(Brain):
+class SecondReleaseIsAnsweredTwo(ControllerCore):
     """A release of released joints is answered 2."""
 
     def _reply(self, session: Session, command: Command, frame: Frame, answer: Any) -> None:
@@ -53,7 +53,7 @@ class SecondReleaseIsAnsweredTwo(Brain):
 
 
 @mutant("4.25/3")
-class ReleaseHasNoResult(Brain):
+class ReleaseHasNoResult(ControllerCore):
     """A release sends no final result, not even when the joints are locked again."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -63,7 +63,7 @@ class ReleaseHasNoResult(Brain):
 
 
 @mutant("4.25/3")
-class ReleaseEndsAsLock(Brain):
+class ReleaseEndsAsLock(ControllerCore):
     """The final result of a release bears the opcode of the lock."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -74,7 +74,7 @@ class ReleaseEndsAsLock(Brain):
 
 
 @mutant("4.25/3", subtle=True)
-class SecondReleaseFails(Brain):
+class SecondReleaseFails(ControllerCore):
     """From the second on every release ends with a failure."""
 
     _released = 0
@@ -88,7 +88,7 @@ class SecondReleaseFails(Brain):
         super().conclude(request, outcome)
 
 
-class _ReleasesDuring(Brain):
+class _ReleasesDuring(ControllerCore):
     """Releases the joints while one command executes."""
 
     during = ""
@@ -138,7 +138,7 @@ class ReleasesDuringJog(_ReleasesDuring):
 
 
 @mutant("4.26/2", "4/1")
-class LockIsAnsweredTwice(Brain):
+class LockIsAnsweredTwice(ControllerCore):
     """The first reply to a lock is "11"."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -149,7 +149,7 @@ class LockIsAnsweredTwice(Brain):
 
 
 @mutant("4.26/2")
-class LockOfReleasedIsRefused(Brain):
+class LockOfReleasedIsRefused(ControllerCore):
     """Released joints cannot be locked."""
 
     def lock_joints(self, request: Request) -> Acceptance:
@@ -161,7 +161,7 @@ class LockOfReleasedIsRefused(Brain):
 
 
 @mutant("4.26/3")
-class LockHasNoResult(Brain):
+class LockHasNoResult(ControllerCore):
     """A lock sends no final result."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -171,7 +171,7 @@ class LockHasNoResult(Brain):
 
 
 @mutant("4.26/3")
-class LockFails(Brain):
+class LockFails(ControllerCore):
     """A lock of released joints ends with a failure."""
 
     _released = False
@@ -189,7 +189,7 @@ class LockFails(Brain):
 
 
 @mutant("4.26/3", "4.24/5")
-class LockLeavesThemLoose(Brain):
+class LockLeavesThemLoose(ControllerCore):
     """A lock is said to be done, and the joints stay released."""
 
     def lock_joints(self, request: Request) -> Acceptance:
@@ -201,7 +201,7 @@ class LockLeavesThemLoose(Brain):
 
 
 @mutant("4.26/5")
-class ArmSagsBehindLock(Brain):
+class ArmSagsBehindLock(ControllerCore):
     """Behind a lock the arm goes on moving for a while."""
 
     def lock_joints(self, request: Request) -> Acceptance:

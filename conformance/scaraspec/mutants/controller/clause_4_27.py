@@ -3,12 +3,12 @@
 from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.commands import JointValues
 from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 
 @mutant("4.27/2")
-class ThreeJoints(Brain):
+class ThreeJoints(ControllerCore):
     """The rotation is missing."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -19,7 +19,7 @@ class ThreeJoints(Brain):
 
 
 @mutant("4.27/2")
-class FiveJoints(Brain):
+class FiveJoints(ControllerCore):
     """A fifth number is sent for the gripper."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -30,7 +30,7 @@ class FiveJoints(Brain):
 
 
 @mutant("4.27/2", subtle=True)
-class AnglesWithCommas(Brain):
+class AnglesWithCommas(ControllerCore):
     """While the arm moves the angles have decimal commas."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -41,7 +41,7 @@ class AnglesWithCommas(Brain):
 
 
 @mutant("4.27/2")
-class AnglesWithUnits(Brain):
+class AnglesWithUnits(ControllerCore):
     """The angles bear a sign for degrees."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -52,7 +52,7 @@ class AnglesWithUnits(Brain):
 
 
 @mutant("4.27/3", "3/7")
-class AnglesHaveThePrintedLength(Brain):
+class AnglesHaveThePrintedLength(ControllerCore):
     """The length of the angles is 17, as the row prints it, whatever is sent."""
 
     def transmit(self, session: Session, data: bytes) -> None:
@@ -63,7 +63,7 @@ class AnglesHaveThePrintedLength(Brain):
 
 
 @mutant("4.27/3", "3/7", subtle=True)
-class AnglesOfMovingArmMiscount(Brain):
+class AnglesOfMovingArmMiscount(ControllerCore):
     """While the arm moves the length of the angles does not count their signs."""
 
     def transmit(self, session: Session, data: bytes) -> None:
@@ -74,7 +74,7 @@ class AnglesOfMovingArmMiscount(Brain):
 
 
 @mutant("4.27/4")
-class AnglesTremble(Brain):
+class AnglesTremble(ControllerCore):
     """The angles of an arm that stands still differ by half a degree every other time."""
 
     _asked = 0
@@ -87,7 +87,7 @@ class AnglesTremble(Brain):
 
 
 @mutant("4.27/4")
-class AnglesCreep(Brain):
+class AnglesCreep(ControllerCore):
     """The angles of an arm that stands still grow by a degree a second."""
 
     def get_joint_angles(self, request: Request) -> JointValues:
@@ -97,7 +97,7 @@ class AnglesCreep(Brain):
 
 
 @mutant("4.27/6", "7/5")
-class AnglesStandStill(Brain):
+class AnglesStandStill(ControllerCore):
     """The angles are those of the first time they were asked for, however the arm moves."""
 
     _first: JointValues | None = None
@@ -109,7 +109,7 @@ class AnglesStandStill(Brain):
 
 
 @mutant("4.27/6", "7/5")
-class WristStandsStill(Brain):
+class WristStandsStill(ControllerCore):
     """The wrist's value does not follow the height of the tool."""
 
     def get_joint_angles(self, request: Request) -> JointValues:
@@ -118,7 +118,7 @@ class WristStandsStill(Brain):
 
 
 @mutant("4.27/6", "7/5")
-class RotationStandsStill(Brain):
+class RotationStandsStill(ControllerCore):
     """The rotation does not follow thetaX."""
 
     def get_joint_angles(self, request: Request) -> JointValues:

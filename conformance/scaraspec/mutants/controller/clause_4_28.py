@@ -8,12 +8,12 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, JogDirection, Outcome
 from scaraspec.virtual_controller import motion
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import MOVING, Movement, Task
 from scaraspec.virtual_controller.session import Request, Session
 
 
-class _Otherwise(Brain):
+class _Otherwise(ControllerCore):
     """Jogs another way than it was told."""
 
     instead: dict[JogDirection, JogDirection] = {}  # noqa: RUF012 - read alone
@@ -69,11 +69,13 @@ class JogByBinaryTwoIsOne(_Otherwise):
 
     def jog(self, request: Request) -> Acceptance:
         """Look at the notation."""
-        return super().jog(request) if request.frame.data < b"0" else Brain.jog(self, request)
+        return (
+            super().jog(request) if request.frame.data < b"0" else ControllerCore.jog(self, request)
+        )
 
 
 @mutant("4.28/4", "4/1")
-class JogIsAnsweredWithItsDirection(Brain):
+class JogIsAnsweredWithItsDirection(ControllerCore):
     """The first reply to a jog repeats the direction behind the 1."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -84,7 +86,7 @@ class JogIsAnsweredWithItsDirection(Brain):
 
 
 @mutant("4.28/4")
-class JogIsRefused(Brain):
+class JogIsRefused(ControllerCore):
     """An idle robot refuses every jog."""
 
     def jog(self, request: Request) -> Acceptance:  # noqa: ARG002 - the seam's form
@@ -93,7 +95,7 @@ class JogIsRefused(Brain):
 
 
 @mutant("4.28/4")
-class FourthJogIsRefused(Brain):
+class FourthJogIsRefused(ControllerCore):
     """4 is taken for a value beyond the last."""
 
     def jog(self, request: Request) -> Acceptance:
@@ -110,7 +112,7 @@ class FourthJogIsRefused(Brain):
 
 
 @mutant("4.28/5")
-class JogHasNoResult(Brain):
+class JogHasNoResult(ControllerCore):
     """A jog that ends at the limit sends no final result."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -126,7 +128,7 @@ class JogHasNoResult(Brain):
 
 
 @mutant("4.28/5")
-class StoppedJogIsTold(Brain):
+class StoppedJogIsTold(ControllerCore):
     """The final result of a jog that was stopped is "1"."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -137,7 +139,7 @@ class StoppedJogIsTold(Brain):
 
 
 @mutant("4.28/5")
-class JogFailsWithMotor(Brain):
+class JogFailsWithMotor(ControllerCore):
     """A jog that ends at the limit fails with a motor's code."""
 
     def conclude(self, request: Request, outcome: Outcome) -> None:
@@ -149,7 +151,7 @@ class JogFailsWithMotor(Brain):
 
 
 @mutant("4.28/5", "4.17/6", subtle=True)
-class JogOfLostClientGoesOn(Brain):
+class JogOfLostClientGoesOn(ControllerCore):
     """A jog whose client is gone goes on, and no other client can stop it."""
 
     def close(self, connection: int, now_s: float) -> list[Any]:
@@ -172,7 +174,7 @@ class JogOfLostClientGoesOn(Brain):
 
 
 @mutant("4.28/7")
-class JogTakesTheLowBits(Brain):
+class JogTakesTheLowBits(ControllerCore):
     """Of the direction the lowest three bits alone are looked at."""
 
     def jog(self, request: Request) -> Acceptance:
@@ -184,7 +186,7 @@ class JogTakesTheLowBits(Brain):
 
 
 @mutant("4.28/7")
-class JogTakesFiveForFour(Brain):
+class JogTakesFiveForFour(ControllerCore):
     """A direction above 4 is taken for 4."""
 
     def jog(self, request: Request) -> Acceptance:
@@ -195,7 +197,7 @@ class JogTakesFiveForFour(Brain):
 
 
 @mutant("4.28/7")
-class JogTakesTheFirstOfTwo(Brain):
+class JogTakesTheFirstOfTwo(ControllerCore):
     """Of two bytes the first is taken for the direction."""
 
     def jog(self, request: Request) -> Acceptance:
@@ -207,7 +209,7 @@ class JogTakesTheFirstOfTwo(Brain):
 
 
 @mutant("4.28/7")
-class JogTakesZero(Brain):
+class JogTakesZero(ControllerCore):
     """A direction 0 is accepted, and moves nothing."""
 
     def jog(self, request: Request) -> Acceptance:
@@ -219,7 +221,7 @@ class JogTakesZero(Brain):
 
 
 @mutant("4.28/7")
-class JogMovesWhatItRefuses(Brain):
+class JogMovesWhatItRefuses(ControllerCore):
     """A direction that is none is refused, and the arm moves along the last axis all the same."""
 
     def jog(self, request: Request) -> Acceptance:

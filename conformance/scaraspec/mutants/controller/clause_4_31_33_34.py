@@ -5,7 +5,7 @@ from scaraspec.mutants.controller.replying import AltersLengths, AltersReplies
 from scaraspec.protocol.frames import Frame
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 _INPUTS, _ANALOG, _OUTPUTS = 0x42, 0x44, 0x49
@@ -101,7 +101,7 @@ class InputsFromPortOne(AltersReplies):
 
 
 @mutant("4.31/3", "4.31/2")
-class InputsShowTheirNeighbour(Brain):
+class InputsShowTheirNeighbour(ControllerCore):
     """Input 8 shows the state of input 7."""
 
     def get_digital_inputs(self, request: Request) -> str:
@@ -111,7 +111,7 @@ class InputsShowTheirNeighbour(Brain):
 
 
 @mutant("4.31/3", "4.31/2")
-class InputsFreeze(Brain):
+class InputsFreeze(ControllerCore):
     """The digital inputs are read once and then stay as they were."""
 
     _read = ""
@@ -181,7 +181,7 @@ class AnalogZeroIsError(AltersReplies):
 
 
 @mutant("4.33/2")
-class AnalogOfTheFirstInput(Brain):
+class AnalogOfTheFirstInput(ControllerCore):
     """Every analog input is answered with the value of the first."""
 
     def get_analog_input(self, request: Request) -> float | None:
@@ -191,7 +191,7 @@ class AnalogOfTheFirstInput(Brain):
 
 
 @mutant("4.33/2")
-class AnalogFreezes(Brain):
+class AnalogFreezes(ControllerCore):
     """An analog input is read once and then stays as it was."""
 
     def get_analog_input(self, request: Request) -> float | None:
@@ -201,7 +201,7 @@ class AnalogFreezes(Brain):
 
 
 @mutant("4.33/3")
-class AnalogPortsFromZero(Brain):
+class AnalogPortsFromZero(ControllerCore):
     """Port 00 is answered with an analog value."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -212,7 +212,7 @@ class AnalogPortsFromZero(Brain):
 
 
 @mutant("4.33/3")
-class AnalogPortsByTheirLastDigit(Brain):
+class AnalogPortsByTheirLastDigit(ControllerCore):
     """Of a port number only the last digit counts."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -310,7 +310,7 @@ class OutputsFromPortOne(AltersReplies):
 
 
 @mutant("4.34/2", "3/31", subtle=True)
-class OutputsUnansweredWhileRunning(Brain):
+class OutputsUnansweredWhileRunning(ControllerCore):
     """While a program runs nobody answers what the digital outputs are."""
 
     def get_digital_outputs(self, request: Request) -> str | Silence:  # type: ignore[override] # that is what is wrong

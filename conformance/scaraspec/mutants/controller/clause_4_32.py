@@ -8,7 +8,7 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.commands import Command, PortValue
 from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import NoSuchPortError
 from scaraspec.virtual_controller.session import Request, Session
 
@@ -44,7 +44,7 @@ class RefusalsOfPortsAreReasoned(AltersReplies):
 
 
 @mutant("4.32/4", "4.32/6")
-class RefusesAndSetsAboveEight(Brain):
+class RefusesAndSetsAboveEight(ControllerCore):
     """A setting of an output above 8 is answered as failed, and is carried out."""
 
     def set_digital_output(self, request: Request) -> bool:
@@ -53,7 +53,7 @@ class RefusesAndSetsAboveEight(Brain):
 
 
 @mutant("4.32/4", "4.32/6", subtle=True)
-class SettingsAreLostWhileRunning(Brain):
+class SettingsAreLostWhileRunning(ControllerCore):
     """While a program runs a setting is answered as done, and is not carried out."""
 
     def set_digital_output(self, request: Request) -> bool:
@@ -62,7 +62,7 @@ class SettingsAreLostWhileRunning(Brain):
 
 
 @mutant("4.32/4", "4.32/6", subtle=True)
-class SettingsAreLostWhileMoving(Brain):
+class SettingsAreLostWhileMoving(ControllerCore):
     """While the arm moves or jogs a setting is answered as done, and is not carried out."""
 
     def set_digital_output(self, request: Request) -> bool:
@@ -73,7 +73,7 @@ class SettingsAreLostWhileMoving(Brain):
 
 
 @mutant("4.32/4", "4.32/6", subtle=True)
-class SettingsAreLostWhileReleased(Brain):
+class SettingsAreLostWhileReleased(ControllerCore):
     """While the joints are released a setting is answered as done, and is not carried out."""
 
     def set_digital_output(self, request: Request) -> bool:
@@ -81,7 +81,7 @@ class SettingsAreLostWhileReleased(Brain):
         return not self.plant.locked or super().set_digital_output(request)
 
 
-class _Parses(Brain, ABC):
+class _Parses(ControllerCore, ABC):
     """Reads settings in a way of its own."""
 
     @abstractmethod
@@ -134,7 +134,7 @@ class SaysItHasSetAnyPort(AltersReplies):
         return b"1"
 
 
-class _Sets(Brain):
+class _Sets(ControllerCore):
     """Sets outputs in a way of its own."""
 
     def put(self, port: int, *, on: bool) -> None:
@@ -213,7 +213,7 @@ class HighestOutputIsDead(_Sets):
 
 
 @mutant("4.32/6", subtle=True)
-class OutputsShowLate(Brain):
+class OutputsShowLate(ControllerCore):
     """The outputs are shown as they were before the latest setting."""
 
     _before = ""
@@ -230,7 +230,7 @@ class OutputsShowLate(Brain):
 
 
 @mutant("4.32/6", subtle=True)
-class OutputsGoOffWithTheLink(Brain):
+class OutputsGoOffWithTheLink(ControllerCore):
     """The outputs go off when a connection ends."""
 
     def close(self, connection: int, now_s: float) -> list[Any]:
@@ -314,7 +314,7 @@ class SettingsByCharacters(_Parses):
 
 
 @mutant("4.32/7")
-class EmptySettingsClearAll(Brain):
+class EmptySettingsClearAll(ControllerCore):
     """A setting without data switches all outputs off."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:

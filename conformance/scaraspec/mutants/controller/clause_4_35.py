@@ -5,12 +5,12 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 
 @mutant("4.35/2")
-class StaysOn(Brain):
+class StaysOn(ControllerCore):
     """The shutdown is accepted, and does not happen."""
 
     def shutdown(self, request: Request) -> Acceptance:
@@ -21,7 +21,7 @@ class StaysOn(Brain):
 
 
 @mutant("4.35/2", subtle=True)
-class GoesBehindTheRun(Brain):
+class GoesBehindTheRun(ControllerCore):
     """A shutdown that is refused because a program runs happens when it has ended."""
 
     _due = False
@@ -41,7 +41,7 @@ class GoesBehindTheRun(Brain):
 
 
 @mutant("4.35/2")
-class GoesWithoutReply(Brain):
+class GoesWithoutReply(ControllerCore):
     """The robot is gone before it has answered."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -51,7 +51,7 @@ class GoesWithoutReply(Brain):
 
 
 @mutant("4.35/2")
-class ShutdownIsRefused(Brain):
+class ShutdownIsRefused(ControllerCore):
     """An idle robot refuses to shut down."""
 
     def shutdown(self, request: Request) -> Acceptance:  # noqa: ARG002 - the seam's form
@@ -60,7 +60,7 @@ class ShutdownIsRefused(Brain):
 
 
 @mutant("4.35/2")
-class ShutdownIsAnsweredWithTime(Brain):
+class ShutdownIsAnsweredWithTime(ControllerCore):
     """The reply to the shutdown tells in how many seconds it will be."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -71,7 +71,7 @@ class ShutdownIsAnsweredWithTime(Brain):
 
 
 @mutant("4.35/5")
-class ShutdownHasResult(Brain):
+class ShutdownHasResult(ControllerCore):
     """The reply to the shutdown is followed by a tagged result."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -82,7 +82,7 @@ class ShutdownHasResult(Brain):
 
 
 @mutant("4/15", "4.35/4")
-class ShutdownIsAcceptedDuringRun(Brain):
+class ShutdownIsAcceptedDuringRun(ControllerCore):
     """The shutdown is accepted while a program runs."""
 
     def shutdown(self, request: Request) -> Acceptance:
@@ -93,7 +93,7 @@ class ShutdownIsAcceptedDuringRun(Brain):
 
 
 @mutant("4/15", "4.35/4")
-class ShutdownIsRefusedAsMoving(Brain):
+class ShutdownIsRefusedAsMoving(ControllerCore):
     """The shutdown is refused with 04 while a program runs."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -104,7 +104,7 @@ class ShutdownIsRefusedAsMoving(Brain):
 
 
 @mutant("4.35/2")
-class RefusedShutdownEndsTheRun(Brain):
+class RefusedShutdownEndsTheRun(ControllerCore):
     """The shutdown is refused while a program runs, and the program ends all the same."""
 
     def shutdown(self, request: Request) -> Acceptance:

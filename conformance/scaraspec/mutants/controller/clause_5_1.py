@@ -23,7 +23,7 @@ from scaraspec.protocol.transfer import (
     chunks_of,
 )
 from scaraspec.virtual_controller.behaviour.base import Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
 
 # The structure
@@ -48,7 +48,7 @@ class NumbersOfEightBytes(AltersChunkData):
 
 
 @mutant("5.1/1")
-class TakesTornChunks(Brain):
+class TakesTornChunks(ControllerCore):
     """A chunk that is shorter than its own length says is filled up with zeros and taken."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
@@ -185,7 +185,7 @@ class EmptyChunkBehindFullOnes(SendsAfterTheEnd):
 
 
 @mutant("5.1/7")
-class DownloadIsNeverOver(Brain):
+class DownloadIsNeverOver(ControllerCore):
     """A download stays open after its last chunk was answered, until it times out."""
 
     def download_chunk(self, request: Request) -> Silence:
@@ -262,7 +262,7 @@ class EverySecondFileInTheOtherOrder(AltersChunkData):
 
 
 @mutant("5.1/10", "5.2/3", "5.4/2")
-class OverwritesFiles(Brain):
+class OverwritesFiles(ControllerCore):
     """A name that is taken is accepted, and its file replaced."""
 
     def upload_name(self, request: Request) -> bool:
@@ -272,7 +272,7 @@ class OverwritesFiles(Brain):
 
 
 @mutant("5.1/10", "5.2/11")
-class GoesOnAfterARefusedName(Brain):
+class GoesOnAfterARefusedName(ControllerCore):
     """A name that is taken is answered 0, but the content that follows is written over its file."""
 
     def upload_name(self, request: Request) -> bool:
@@ -286,7 +286,7 @@ class GoesOnAfterARefusedName(Brain):
 
 
 @mutant("5.1/11", "5.2/11")
-class TakesContentBeforeAName(Brain):
+class TakesContentBeforeAName(ControllerCore):
     """Content without a name is taken, into a file of the controller's own."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:

@@ -13,7 +13,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver, State
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
 
 UPLOAD_NAME, UPLOAD_CHUNK, DOWNLOAD_NAME, DELETE = 0x50, 0x52, 0x54, 0x0C
@@ -23,7 +23,7 @@ _NAMING = (UPLOAD_NAME, DOWNLOAD_NAME, DELETE)
 
 
 @mutant("5.2/2")
-class RefusesCapitals(Brain):
+class RefusesCapitals(ControllerCore):
     """A name with a capital letter in it is refused."""
 
     def upload_name(self, request: Request) -> bool:
@@ -33,7 +33,7 @@ class RefusesCapitals(Brain):
 
 
 @mutant("5.2/2", subtle=True)
-class RefusesThirtyBytes(Brain):
+class RefusesThirtyBytes(ControllerCore):
     """A name of 30 bytes is one too long: the limit is off by one."""
 
     def upload_name(self, request: Request) -> bool:
@@ -42,7 +42,7 @@ class RefusesThirtyBytes(Brain):
 
 
 @mutant("5.2/2")
-class CutsNamesToThirtyBytes(Brain):
+class CutsNamesToThirtyBytes(ControllerCore):
     """A name is taken as its first 30 bytes, and answered as if it were whole."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -53,7 +53,7 @@ class CutsNamesToThirtyBytes(Brain):
 
 
 @mutant("5.2/2")
-class AcceptsNoName(Brain):
+class AcceptsNoName(ControllerCore):
     """An upload without a name is accepted, under a name of the controller's own."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -64,7 +64,7 @@ class AcceptsNoName(Brain):
 
 
 @mutant("5.2/2", "5.4/1", subtle=True)
-class RunsOutOfFileNumbers(Brain):
+class RunsOutOfFileNumbers(ControllerCore):
     """After 30 uploads no name is accepted any more, though files were deleted meanwhile."""
 
     uploads = 0
@@ -77,7 +77,7 @@ class RunsOutOfFileNumbers(Brain):
 
 
 @mutant("5.2/2", subtle=True)
-class AnswersNamesTwice(Brain):
+class AnswersNamesTwice(ControllerCore):
     """After the tenth name is accepted, each one is answered a second time."""
 
     names = 0
@@ -92,7 +92,7 @@ class AnswersNamesTwice(Brain):
 
 
 @mutant("5.2/3")
-class EmptiesBeforeItRefuses(Brain):
+class EmptiesBeforeItRefuses(ControllerCore):
     """A name that is taken is answered 0, but its file has been opened for writing and is lost."""
 
     def upload_name(self, request: Request) -> bool:
@@ -103,7 +103,7 @@ class EmptiesBeforeItRefuses(Brain):
 
 
 @mutant("5.2/3", "5.1/10", "5.4/2", subtle=True)
-class RefusesATakenNameOnce(Brain):
+class RefusesATakenNameOnce(ControllerCore):
     """A name that is taken is refused the first time; the second time it is accepted."""
 
     @cached_property
@@ -150,7 +150,7 @@ def _resolved(name: bytes) -> bytes:
 
 
 @mutant("5.2/15")
-class ResolvesPaths(Brain):
+class ResolvesPaths(ControllerCore):
     """A path in a new name is followed."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -161,7 +161,7 @@ class ResolvesPaths(Brain):
 
 
 @mutant("5.2/15")
-class FollowsPathsToFiles(Brain):
+class FollowsPathsToFiles(ControllerCore):
     """A path that leads to a stored file fetches it."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -172,7 +172,7 @@ class FollowsPathsToFiles(Brain):
 
 
 @mutant("5.2/15")
-class BackslashesArePaths(Brain):
+class BackslashesArePaths(ControllerCore):
     """A backslash in a name is followed as a path, a slash is not."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -183,7 +183,7 @@ class BackslashesArePaths(Brain):
 
 
 @mutant("5.2/15", subtle=True)
-class BackslashesOfNewNamesArePaths(Brain):
+class BackslashesOfNewNamesArePaths(ControllerCore):
     """A backslash in a new name is followed as a path, a slash is not."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -194,7 +194,7 @@ class BackslashesOfNewNamesArePaths(Brain):
 
 
 @mutant("5.2/15")
-class ServesTheWholeDisk(Brain):
+class ServesTheWholeDisk(ControllerCore):
     """A path that leaves the store fetches files of the operating system."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -220,7 +220,7 @@ class AnswersTheLastChunkTwice(SendsAfterTheEnd):
 
 
 @mutant("5.2/6")
-class AnswersChunksWithTheirLength(Brain):
+class AnswersChunksWithTheirLength(ControllerCore):
     """A chunk that was taken is answered with the number of bytes written."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -231,7 +231,7 @@ class AnswersChunksWithTheirLength(Brain):
 
 
 @mutant("5.2/6")
-class SilentAboutBadChunks(Brain):
+class SilentAboutBadChunks(ControllerCore):
     """A chunk that cannot be taken gets no answer."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
@@ -308,7 +308,7 @@ class AddsInThirtyTwoBits(JudgesChunks):
 
 
 @mutant("5.2/11", subtle=True)
-class AnswersStrayChunksWithOne(Brain):
+class AnswersStrayChunksWithOne(ControllerCore):
     """After a first upload, a chunk that belongs to no transfer is answered 1 and dropped."""
 
     uploaded = False
@@ -344,7 +344,7 @@ class AppendsBehindTheEnd(SendsAfterTheEnd):
 
 
 @mutant("5.2/11")
-class RefusedNamesTakeChunks(Brain):
+class RefusedNamesTakeChunks(ControllerCore):
     """A chunk behind a refused name is answered 1, though nothing is written."""
 
     refused = False
@@ -362,7 +362,7 @@ class RefusedNamesTakeChunks(Brain):
 
 
 @mutant("5.2/11")
-class TakesChunksWhileItSends(Brain):
+class TakesChunksWhileItSends(ControllerCore):
     """A chunk that comes during a download is answered 1."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
@@ -373,7 +373,7 @@ class TakesChunksWhileItSends(Brain):
 
 
 @mutant("5.2/11", subtle=True)
-class OneUploadForAllConnections(Brain):
+class OneUploadForAllConnections(ControllerCore):
     """A chunk goes into whatever upload is under way, on whichever connection it comes."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
@@ -389,7 +389,7 @@ class OneUploadForAllConnections(Brain):
 
 
 @mutant("5.2/11", subtle=True)
-class UploadsOutliveTheirConnection(Brain):
+class UploadsOutliveTheirConnection(ControllerCore):
     """An upload whose connection is lost goes on on the next one."""
 
     orphan: OpenTransfer | None = None

@@ -15,14 +15,14 @@ from scaraspec.mutants.controller.transferring import (
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, HEAD_BYTES, Chunk, Receiver, State
 from scaraspec.virtual_controller.behaviour.base import Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 _FIRST_OF_TRANSFERS = 0x50
 
 
 @mutant("5.2/12", subtle=True)
-class ServesWhatItReadFirst(Brain):
+class ServesWhatItReadFirst(ControllerCore):
     """What was once fetched under a name is served for ever, also when the file is another one."""
 
     @cached_property
@@ -65,7 +65,7 @@ class TakesAnEndForTheEnd(AltersContent):
 
 
 @mutant("5.2/12", subtle=True)
-class KeepsTheTailOfTheOldFile(Brain):
+class KeepsTheTailOfTheOldFile(ControllerCore):
     """A shorter file under a name that was deleted keeps the end of the old one."""
 
     @cached_property
@@ -102,7 +102,7 @@ class ServesTheLastUpload(SendsAfterTheEnd):
 
 
 @mutant("5.2/12", "5.3/2", subtle=True)
-class ServesAFileTwice(Brain):
+class ServesAFileTwice(ControllerCore):
     """A file can be fetched twice; after that it cannot be sent any more."""
 
     @cached_property
@@ -349,7 +349,7 @@ class PositionsHaveSixteenBits(AltersChunks):
 
 
 @mutant("5.2/16", "5.2/12", subtle=True)
-class LosesAByteAfterAThousandChunks(Brain):
+class LosesAByteAfterAThousandChunks(ControllerCore):
     """From the thousandth chunk on that a controller has taken, a byte of each is zero."""
 
     chunks = 0

@@ -11,7 +11,7 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import BUFFER_BYTES, FILE_DATA, Chunk, Receiver, Sender, chunks_of
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, OpenTransfer, Request, Session
 
 DOWNLOAD_NAME = 0x54
@@ -21,7 +21,7 @@ DOWNLOAD_NAME = 0x54
 
 
 @mutant("5.3/2")
-class AnswersDownloadsWithTheSize(Brain):
+class AnswersDownloadsWithTheSize(ControllerCore):
     """A file that can be sent is answered with its size."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -33,7 +33,7 @@ class AnswersDownloadsWithTheSize(Brain):
 
 
 @mutant("5.3/2", "5.2/12", subtle=True)
-class SendsAFileOnce(Brain):
+class SendsAFileOnce(ControllerCore):
     """A connection can fetch a file once; the second time it is answered 0."""
 
     @cached_property
@@ -53,7 +53,7 @@ class SendsAFileOnce(Brain):
 
 
 @mutant("5.3/4", "5.1/8", subtle=True)
-class OneReadingPositionForAll(Brain):
+class OneReadingPositionForAll(ControllerCore):
     """Two connections that fetch one file share the place where it is read."""
 
     def download_name(self, request: Request) -> bool:
@@ -76,7 +76,7 @@ class OneReadingPositionForAll(Brain):
 
 
 @mutant("5.3/3", "5.3/2")
-class PromisesEveryFile(Brain):
+class PromisesEveryFile(ControllerCore):
     """A file that is not there is answered 1, and nothing follows."""
 
     def download_name(self, request: Request) -> bool:
@@ -85,7 +85,7 @@ class PromisesEveryFile(Brain):
 
 
 @mutant("5.3/3")
-class FindsFilesByTheirBeginning(Brain):
+class FindsFilesByTheirBeginning(ControllerCore):
     """The beginning of a file's name is enough to fetch it."""
 
     def download_name(self, request: Request) -> bool:
@@ -95,7 +95,7 @@ class FindsFilesByTheirBeginning(Brain):
 
 
 @mutant("5.3/3")
-class FindsFilesByPattern(Brain):
+class FindsFilesByPattern(ControllerCore):
     """A name with an asterisk fetches the first file that fits."""
 
     def download_name(self, request: Request) -> bool:
@@ -107,7 +107,7 @@ class FindsFilesByPattern(Brain):
 
 
 @mutant("5.3/3")
-class NoNameIsTheFirstFile(Brain):
+class NoNameIsTheFirstFile(ControllerCore):
     """A request without a name fetches the first file of the list."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -118,7 +118,7 @@ class NoNameIsTheFirstFile(Brain):
 
 
 @mutant("5.3/3")
-class KeepsFetchedFiles(Brain):
+class KeepsFetchedFiles(ControllerCore):
     """A file that was fetched can be fetched again after it was deleted."""
 
     @cached_property
@@ -140,7 +140,7 @@ class KeepsFetchedFiles(Brain):
 
 
 @mutant("5.3/3", subtle=True)
-class ServesUnfinishedFilesAsWhole(Brain):
+class ServesUnfinishedFilesAsWhole(ControllerCore):
     """A file that is still being uploaded is served in its full size, zeros where nothing came."""
 
     def download_name(self, request: Request) -> bool:
@@ -160,7 +160,7 @@ class ServesUnfinishedFilesAsWhole(Brain):
 
 
 @mutant("5.3/4", "5.2/12", subtle=True)
-class SendsTheFileAskedForLast(Brain):
+class SendsTheFileAskedForLast(ControllerCore):
     """Every download goes on with the file that any connection asked for last."""
 
     last = b""
@@ -177,7 +177,7 @@ class SendsTheFileAskedForLast(Brain):
 
 
 @mutant("5.3/4")
-class ChunkBeforeTheAnswer(Brain):
+class ChunkBeforeTheAnswer(ControllerCore):
     """The first chunk of a download is sent ahead of the answer to its name."""
 
     def _send_chunk(self, session: Session, chunk: Chunk) -> None:
@@ -188,7 +188,7 @@ class ChunkBeforeTheAnswer(Brain):
 
 
 @mutant("5.3/4")
-class PromisesAndSendsNothing(Brain):
+class PromisesAndSendsNothing(ControllerCore):
     """Behind the 1 to a name no content comes."""
 
     def _send_chunk(self, session: Session, chunk: Chunk) -> None:
@@ -196,7 +196,7 @@ class PromisesAndSendsNothing(Brain):
 
 
 @mutant("5.3/4")
-class ContentUnderTheOpcodeOfUploads(Brain):
+class ContentUnderTheOpcodeOfUploads(ControllerCore):
     """The content of a download comes in 0x52 frames."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -222,7 +222,7 @@ class SendsOnlyFullChunks(AltersChunks):
 
 
 @mutant("5.3/6")
-class SendsEverythingAtOnce(Brain):
+class SendsEverythingAtOnce(ControllerCore):
     """The chunks of a download are sent without waiting for answers."""
 
     def _send_next(self, session: Session) -> None:
@@ -236,7 +236,7 @@ class SendsEverythingAtOnce(Brain):
 
 
 @mutant("5.3/6")
-class SecondChunkComesUnasked(Brain):
+class SecondChunkComesUnasked(ControllerCore):
     """The second chunk of a download is sent right behind the first."""
 
     def _send_next(self, session: Session) -> None:
@@ -248,7 +248,7 @@ class SecondChunkComesUnasked(Brain):
 
 
 @mutant("5.3/6")
-class AnyRequestBringsTheNextChunk(Brain):
+class AnyRequestBringsTheNextChunk(ControllerCore):
     """Any request of the client brings the next chunk, not just the answer to the last."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -261,7 +261,7 @@ class AnyRequestBringsTheNextChunk(Brain):
 
 
 @mutant("5.3/6")
-class RepeatsUnansweredChunks(Brain):
+class RepeatsUnansweredChunks(ControllerCore):
     """A chunk that is not answered for three seconds is sent again."""
 
     due_s = math.inf
@@ -306,7 +306,7 @@ class RepeatsUnansweredChunks(Brain):
 # Silence of the client
 
 
-class _OtherTimeOut(Brain):
+class _OtherTimeOut(ControllerCore):
     """Gives a download up after another silence."""
 
     timeout_s = 90
@@ -336,7 +336,7 @@ class GivesUpAnswersTooEarly(_OtherTimeOut):
 
 
 @mutant("5.3/7", subtle=True)
-class DownloadsLastThirtySeconds(Brain):
+class DownloadsLastThirtySeconds(ControllerCore):
     """A download is given up 30 s after it began, however often it was answered."""
 
     @cached_property
@@ -357,7 +357,7 @@ class DownloadsLastThirtySeconds(Brain):
 
 
 @mutant("5.3/7", subtle=True)
-class LateAnswersReviveDownloads(Brain):
+class LateAnswersReviveDownloads(ControllerCore):
     """A download that was given up goes on when its answer comes after all."""
 
     @cached_property
@@ -384,7 +384,7 @@ class LateAnswersReviveDownloads(Brain):
 
 
 @mutant("5.3/9")
-class IgnoresRefusals(Brain):
+class IgnoresRefusals(ControllerCore):
     """A download goes on whatever its chunks are answered."""
 
     def download_chunk(self, request: Request) -> Silence:
@@ -393,7 +393,7 @@ class IgnoresRefusals(Brain):
 
 
 @mutant("5.3/9", subtle=True)
-class RefusalsStartOver(Brain):
+class RefusalsStartOver(ControllerCore):
     """After a later chunk was refused, a download begins again with the first."""
 
     def download_chunk(self, request: Request) -> Silence:
@@ -410,7 +410,7 @@ class RefusalsStartOver(Brain):
 
 
 @mutant("5.3/9", subtle=True)
-class ForgetsRefusals(Brain):
+class ForgetsRefusals(ControllerCore):
     """After a chunk was refused nothing comes, until a later 1 brings the next."""
 
     def download_chunk(self, request: Request) -> Silence:
@@ -419,7 +419,7 @@ class ForgetsRefusals(Brain):
 
 
 @mutant("5.3/9", subtle=True)
-class RefusedLastChunkSpoilsTheFile(Brain):
+class RefusedLastChunkSpoilsTheFile(ControllerCore):
     """A file whose last chunk was refused is taken for damaged, and cut there."""
 
     def download_chunk(self, request: Request) -> Silence:
@@ -434,7 +434,7 @@ class RefusedLastChunkSpoilsTheFile(Brain):
 
 
 @mutant("5.3/10")
-class EmptyChunkBehindARefusal(Brain):
+class EmptyChunkBehindARefusal(ControllerCore):
     """Behind the 0 to a name comes a chunk of length 0."""
 
     def download_name(self, request: Request) -> bool:
@@ -446,7 +446,7 @@ class EmptyChunkBehindARefusal(Brain):
 
 
 @mutant("5.3/10", subtle=True)
-class StrayAnswersBringTheLastFile(Brain):
+class StrayAnswersBringTheLastFile(ControllerCore):
     """An answer to no chunk brings the first chunk of the file that was fetched last."""
 
     last = b""

@@ -17,7 +17,7 @@ from scaraspec.protocol.transfer import (
     State,
 )
 from scaraspec.virtual_controller.behaviour.base import Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import OpenTransfer, Request, Session
 
 _UPLOADS = (0x50, 0x52)
@@ -28,7 +28,7 @@ _LOGIN = 0x01
 
 
 @mutant("5.4/1", subtle=True)
-class DeletedNamesStayTaken(Brain):
+class DeletedNamesStayTaken(ControllerCore):
     """A name that was once deleted is never accepted again."""
 
     @cached_property
@@ -49,7 +49,7 @@ class DeletedNamesStayTaken(Brain):
 
 
 @mutant("5.4/1", subtle=True)
-class NamesAskedForInVainAreTaken(Brain):
+class NamesAskedForInVainAreTaken(ControllerCore):
     """A name that was asked for in vain is entered in the directory, and then refused."""
 
     @cached_property
@@ -69,7 +69,7 @@ class NamesAskedForInVainAreTaken(Brain):
 
 
 @mutant("5.4/1", subtle=True)
-class OnlyTheOldestConnectionCreates(Brain):
+class OnlyTheOldestConnectionCreates(ControllerCore):
     """A file is created for the oldest connection only; the others are answered 0."""
 
     def upload_name(self, request: Request) -> bool:
@@ -79,7 +79,7 @@ class OnlyTheOldestConnectionCreates(Brain):
 
 
 @mutant("5.4/1", subtle=True)
-class BrokenUploadsBlockTheirName(Brain):
+class BrokenUploadsBlockTheirName(ControllerCore):
     """The name of a broken upload stays taken for good, though there is no file."""
 
     @cached_property
@@ -142,7 +142,7 @@ class KnowsTheLastTenNames(SendsAfterTheEnd):
 
 
 @mutant("5.4/3", "5.1/5")
-class FillsTheFrame(Brain):
+class FillsTheFrame(ControllerCore):
     """The chunks of a download hold as much as a frame can: 243 bytes."""
 
     def download_name(self, request: Request) -> bool:
@@ -271,7 +271,7 @@ class WaitsForTheFirstChunkForEver(JudgesChunks):
 # What is left of a broken transfer
 
 
-class _Breaks(Brain):
+class _Breaks(ControllerCore):
     """Does something when an upload breaks off."""
 
     def broken(self, session: Session, name: bytes, receiver: Receiver) -> None:
@@ -317,7 +317,7 @@ class NoTransferAfterARefusedChunk(_Breaks):
 
 
 @mutant("5.4/6")
-class HangsOnAChunkOfLengthZero(Brain):
+class HangsOnAChunkOfLengthZero(ControllerCore):
     """After a chunk of length 0 in the middle of a file, no request is answered any more."""
 
     hangs = False
@@ -331,7 +331,7 @@ class HangsOnAChunkOfLengthZero(Brain):
 
 
 @mutant("5.4/6", subtle=True)
-class EmptyFilesBlockTransfers(Brain):
+class EmptyFilesBlockTransfers(ControllerCore):
     """After a file of no bytes was offered, files arrive without their first byte."""
 
     spoilt = False
@@ -356,7 +356,7 @@ class FillsUpBrokenFiles(_Breaks):
 
 
 @mutant("5.4/7")
-class KeepsWhatItRefused(Brain):
+class KeepsWhatItRefused(ControllerCore):
     """The bytes of a chunk that was refused stay in the file that the upload leaves."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
@@ -393,7 +393,7 @@ def _uploads(session: Session) -> bool:
 
 
 @mutant("5.4/8")
-class DeafDuringUploads(Brain):
+class DeafDuringUploads(ControllerCore):
     """During an upload other commands on its connection are not answered."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -403,7 +403,7 @@ class DeafDuringUploads(Brain):
 
 
 @mutant("5.4/8")
-class CommandsBreakUploads(Brain):
+class CommandsBreakUploads(ControllerCore):
     """Any other command ends an upload."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -414,7 +414,7 @@ class CommandsBreakUploads(Brain):
 
 
 @mutant("5.4/8", subtle=True)
-class CommandsSkipAChunk(Brain):
+class CommandsSkipAChunk(ControllerCore):
     """A list of programs that is asked for during a download makes it skip a chunk."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -427,7 +427,7 @@ class CommandsSkipAChunk(Brain):
 
 
 @mutant("5.4/8", subtle=True)
-class ListsNothingDuringUploads(Brain):
+class ListsNothingDuringUploads(ControllerCore):
     """Who asks for the programs within his own upload is told of none."""
 
     def list_programs(self, request: Request) -> NameListPart:
@@ -440,7 +440,7 @@ class ListsNothingDuringUploads(Brain):
 
 
 @mutant("5.4/8", subtle=True)
-class ListsNothingDuringDownloads(Brain):
+class ListsNothingDuringDownloads(ControllerCore):
     """Who asks for the programs while he fetches one is told of none."""
 
     def list_programs(self, request: Request) -> NameListPart:
@@ -452,7 +452,7 @@ class ListsNothingDuringDownloads(Brain):
 
 
 @mutant("5.4/8")
-class DeafToOthersDuringUploads(Brain):
+class DeafToOthersDuringUploads(ControllerCore):
     """During an upload the other connections are not served."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -463,7 +463,7 @@ class DeafToOthersDuringUploads(Brain):
 
 
 @mutant("5.4/8")
-class RefusedNamesBreakUploads(Brain):
+class RefusedNamesBreakUploads(ControllerCore):
     """A second name within an upload is refused, and ends the upload as well."""
 
     def upload_name(self, request: Request) -> bool:
@@ -476,7 +476,7 @@ class RefusedNamesBreakUploads(Brain):
 
 
 @mutant("5.4/8")
-class RefusedDownloadsBreakUploads(Brain):
+class RefusedDownloadsBreakUploads(ControllerCore):
     """A download within an upload is refused, and the rest of the upload is lost."""
 
     def download_name(self, request: Request) -> bool:
@@ -489,7 +489,7 @@ class RefusedDownloadsBreakUploads(Brain):
 
 
 @mutant("5.4/8")
-class SecondNameTakesTheContent(Brain):
+class SecondNameTakesTheContent(ControllerCore):
     """A second name within an upload is refused, but the content goes to it."""
 
     def upload_name(self, request: Request) -> bool:
@@ -502,7 +502,7 @@ class SecondNameTakesTheContent(Brain):
 
 
 @mutant("5.4/8", "5.1/8", subtle=True)
-class ResumesRefusedDownloads(Brain):
+class ResumesRefusedDownloads(ControllerCore):
     """After a chunk of a download was refused, the next download of the file skips that chunk."""
 
     @cached_property
@@ -532,7 +532,7 @@ class ResumesRefusedDownloads(Brain):
 
 
 @mutant("5.4/8", subtle=True)
-class RefusedChunkSpoilsTheNextUpload(Brain):
+class RefusedChunkSpoilsTheNextUpload(ControllerCore):
     """After a chunk of a download was refused, the next upload loses its last byte."""
 
     spoilt = False

@@ -7,13 +7,13 @@ from typing import ClassVar, Final
 from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.program_files import NodeType, Program, ProgramError, Severity, lint, parse
 from scaraspec.protocol.program_files.layout import DEFAULT_LAYOUT, FOOTER, MAGIC
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.interpreter import Run
 
 _BUFFER_BYTES: Final = 512
 
 
-class _Mends(Brain):
+class _Mends(ControllerCore):
     """Makes a right file of a wrong one."""
 
     def mended(self, data: bytes) -> bytes:
@@ -107,7 +107,7 @@ class FillsWhatIsMissing(_Mends):
 
 
 @mutant("6.5/28")
-class RunsNothingOfDamagedFiles(Brain):
+class RunsNothingOfDamagedFiles(ControllerCore):
     """A damaged file is run as a program without nodes."""
 
     def understood(self, data: bytes) -> Program:
@@ -116,7 +116,7 @@ class RunsNothingOfDamagedFiles(Brain):
 
 
 @mutant("6.5/28")
-class RunsTheProgramBefore(Brain):
+class RunsTheProgramBefore(ControllerCore):
     """In place of a damaged file the last right one is run."""
 
     _before: Program | None = None
@@ -135,7 +135,7 @@ class _Patient(Run):
         return self._index if partner is None else partner
 
 
-class _Forgives(Brain):
+class _Forgives(ControllerCore):
     """Runs what has some errors."""
 
     interpreter = _Patient

@@ -5,12 +5,12 @@ from dataclasses import replace
 from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.commands import Pose
 from scaraspec.protocol.payloads import Acceptance
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request
 
 
 @mutant("7/1")
-class GripperCountsTwice(Brain):
+class GripperCountsTwice(ControllerCore):
     """The tool coordinates are shifted by twice the gripper's centre."""
 
     def get_tool_coordinates(self, request: Request) -> Pose:
@@ -21,7 +21,7 @@ class GripperCountsTwice(Brain):
 
 
 @mutant("7/1")
-class GripperCountsInHeight(Brain):
+class GripperCountsInHeight(ControllerCore):
     """Of the gripper's centre the height alone is added to the tool coordinates, and doubled."""
 
     def get_tool_coordinates(self, request: Request) -> Pose:
@@ -31,7 +31,7 @@ class GripperCountsInHeight(Brain):
 
 
 @mutant("7/1", subtle=True)
-class EachConnectionHasItsPoint(Brain):
+class EachConnectionHasItsPoint(ControllerCore):
     """The tool coordinates differ by the number of the connection."""
 
     def get_tool_coordinates(self, request: Request) -> Pose:
@@ -41,7 +41,7 @@ class EachConnectionHasItsPoint(Brain):
 
 
 @mutant("7/2")
-class ThetaYTurnsTheTool(Brain):
+class ThetaYTurnsTheTool(ControllerCore):
     """ThetaY of a move is added to thetaX."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -54,7 +54,7 @@ class ThetaYTurnsTheTool(Brain):
 
 
 @mutant("7/2")
-class ThetaZTurnsTheTool(Brain):
+class ThetaZTurnsTheTool(ControllerCore):
     """ThetaZ of a move is taken for the rotation, as everywhere else in the world."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:

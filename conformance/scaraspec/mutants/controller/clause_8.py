@@ -7,11 +7,11 @@ from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance
 from scaraspec.virtual_controller.behaviour.base import refused
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 
-class _OtherCodes(Brain, ABC):
+class _OtherCodes(ControllerCore, ABC):
     """Codes of refusals and failures are written otherwise."""
 
     @abstractmethod
@@ -75,7 +75,7 @@ class FailuresInDecimal(_OtherCodes):
         if frame.tagged:
             super().emit(session, frame)
         else:
-            Brain.emit(self, session, frame)
+            ControllerCore.emit(self, session, frame)
 
     def code(self, code: bytes) -> bytes:
         """Write it."""
@@ -110,7 +110,7 @@ class MissingIsBadArgument(_OtherCodes):
 
 
 @mutant("8/5")
-class MissingSimulationIsAnAngle(Brain):
+class MissingSimulationIsAnAngle(ControllerCore):
     """The simulation of a program that is not there is refused with the code 06."""
 
     def simulate_program(self, request: Request) -> Acceptance:
@@ -120,7 +120,7 @@ class MissingSimulationIsAnAngle(Brain):
 
 
 @mutant("8/5", subtle=True)
-class RunsWhatWasDeleted(Brain):
+class RunsWhatWasDeleted(ControllerCore):
     """A program that ran last stays in memory: it runs again although it was deleted."""
 
     def run_program(self, request: Request) -> Acceptance:

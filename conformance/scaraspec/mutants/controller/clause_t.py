@@ -4,7 +4,7 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.mutants.controller.breaking import Mortal
 from scaraspec.mutants.controller.replying import AltersReplies
 from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 # Separators
@@ -56,7 +56,7 @@ class CommasBetweenAngles(AltersReplies):
 
 
 @mutant("T/1")
-class BlankBeforeTheCode(Brain):
+class BlankBeforeTheCode(ControllerCore):
     """Refusals have a blank before their code, as the document is printed."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -266,7 +266,7 @@ class NoZeroBeforeThePoint(AltersReplies):
 
 
 @mutant("T/5", subtle=True)
-class TakesNoThreeDecimals(Brain):
+class TakesNoThreeDecimals(ControllerCore):
     """A gripper centre of three decimals is refused."""
 
     def set_gripper_center(self, request: Request) -> bool:
@@ -290,7 +290,7 @@ class StateInWords(AltersReplies):
 
 
 @mutant("T/7")
-class CodesOfOneDigit(Brain):
+class CodesOfOneDigit(ControllerCore):
     """The codes of refusals have no leading zero."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -301,7 +301,7 @@ class CodesOfOneDigit(Brain):
 
 
 @mutant("T/7")
-class CodesOfThreeDigits(Brain):
+class CodesOfThreeDigits(ControllerCore):
     """The codes of refused runs have three digits."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -326,7 +326,7 @@ class DiesOfOtherCharacters(Mortal):
 
 
 @mutant("T/8", "5.2/12")
-class StoresNamesInLatin(Brain):
+class StoresNamesInLatin(ControllerCore):
     """Names are kept as if each of their bytes were a character, and looked for as UTF-8."""
 
     def upload_name(self, request: Request) -> bool:
@@ -338,7 +338,7 @@ class StoresNamesInLatin(Brain):
 
 
 @mutant("T/8", "5.2/12", subtle=True)
-class SevenBitsOfNames(Brain):
+class SevenBitsOfNames(ControllerCore):
     """Of each byte of a name that is stored the highest bit is lost."""
 
     def upload_name(self, request: Request) -> bool:

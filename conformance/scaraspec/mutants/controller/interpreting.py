@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.interpreter import Run
 
 R = TypeVar("R", bound=type[Run])
@@ -21,7 +21,9 @@ def misrun(
 
     def enter(run: R) -> R:
         says = {"interpreter": run, "__doc__": run.__doc__, "__module__": run.__module__}
-        mutant(*requirements, reading=reading, subtle=subtle)(type(run.__name__, (Brain,), says))
+        mutant(*requirements, reading=reading, subtle=subtle)(
+            type(run.__name__, (ControllerCore,), says)
+        )
         return run
 
     return enter

@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
 
-class AltersReplies(Brain, ABC):
+class AltersReplies(ControllerCore, ABC):
     """The first replies to one command hold something else."""
 
     opcode: ClassVar[int]
@@ -28,7 +28,7 @@ class AltersReplies(Brain, ABC):
         super().emit(session, frame)
 
 
-class AltersLengths(Brain, ABC):
+class AltersLengths(ControllerCore, ABC):
     """The replies to one command have a length byte that does not count their data."""
 
     opcode: ClassVar[int]
@@ -44,7 +44,7 @@ class AltersLengths(Brain, ABC):
         super().transmit(session, data)
 
 
-class Mends(Brain, ABC):
+class Mends(ControllerCore, ABC):
     """The requests of one command are read as if they were better than they are."""
 
     command: ClassVar[str]

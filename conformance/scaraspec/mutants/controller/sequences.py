@@ -11,14 +11,14 @@ from scaraspec.mutants.controller import mutant
 from scaraspec.protocol.commands import PortValue
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Acceptance, NameListPart
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 _LATE: Final = 300
 """Requests behind which late faults show."""
 
 
-class _Counts(Brain):
+class _Counts(ControllerCore):
     """Counts requests."""
 
     def __init__(self, *args: Any) -> None:
@@ -40,7 +40,7 @@ class _Counts(Brain):
 
 
 @mutant("4.13/3", subtle=True)
-class AnyDeletionForgetsTheDefault(Brain):
+class AnyDeletionForgetsTheDefault(ControllerCore):
     """Whatever program is deleted, the default one is forgotten with it."""
 
     def delete_program(self, request: Request) -> bool:
@@ -52,7 +52,7 @@ class AnyDeletionForgetsTheDefault(Brain):
 
 
 @mutant("4.10/11", subtle=True)
-class ListIsMadeWhenTheNumberChanges(Brain):
+class ListIsMadeWhenTheNumberChanges(ControllerCore):
     """The list is kept until there are more or fewer programs than when it was made."""
 
     def __init__(self, *args: Any) -> None:
@@ -70,7 +70,7 @@ class ListIsMadeWhenTheNumberChanges(Brain):
 
 
 @mutant("5.2/12", subtle=True)
-class DownloadsFromItsCache(Brain):
+class DownloadsFromItsCache(ControllerCore):
     """A file that was downloaded is kept in memory, even if it was the default and is deleted."""
 
     def __init__(self, *args: Any) -> None:
@@ -93,7 +93,7 @@ class DownloadsFromItsCache(Brain):
 
 
 @mutant("5.2/12", subtle=True)
-class SettingTheClockTruncatesTheLastUpload(Brain):
+class SettingTheClockTruncatesTheLastUpload(ControllerCore):
     """The file that was uploaded last is still open, and loses its last byte with the clock."""
 
     def set_time(self, request: Request) -> bool:
@@ -108,7 +108,7 @@ class SettingTheClockTruncatesTheLastUpload(Brain):
 
 
 @mutant("4.20/3", subtle=True)
-class InitialPositionTakesTheCentreAlong(Brain):
+class InitialPositionTakesTheCentreAlong(ControllerCore):
     """An initial position that is set a second time sets the gripper centre to what it was."""
 
     def __init__(self, *args: Any) -> None:
@@ -138,7 +138,7 @@ class LateInitialPositionsAreLost(_Counts):
 
 
 @mutant("4.5/4", subtle=True)
-class SecondLoginSetsTheClockBack(Brain):
+class SecondLoginSetsTheClockBack(ControllerCore):
     """A second login on a connection has the clock go on from the first, whatever was set since."""
 
     def __init__(self, *args: Any) -> None:
@@ -157,7 +157,7 @@ class SecondLoginSetsTheClockBack(Brain):
 
 
 @mutant("4.2/2", subtle=True)
-class MistakenPasswordBlocksTheNext(Brain):
+class MistakenPasswordBlocksTheNext(ControllerCore):
     """Behind a change with a wrong old password, one with the right one is refused, once."""
 
     def __init__(self, *args: Any) -> None:
@@ -178,7 +178,7 @@ class MistakenPasswordBlocksTheNext(Brain):
 
 
 @mutant("4.9/4", subtle=True)
-class RefusedRunIsTold(Brain):
+class RefusedRunIsTold(ControllerCore):
     """Behind a run that was refused because another one goes on, its name is told as running."""
 
     def __init__(self, *args: Any) -> None:
@@ -201,7 +201,7 @@ class RefusedRunIsTold(Brain):
 
 
 @mutant("4.32/6", subtle=True)
-class StoppedSimulationUndoesTheSetting(Brain):
+class StoppedSimulationUndoesTheSetting(ControllerCore):
     """A simulation that is stopped undoes the last setting of an output, as if it were its own."""
 
     _former: PortValue | None = None

@@ -10,13 +10,13 @@ from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender
 from scaraspec.virtual_controller.behaviour.base import Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 CHUNK = 0x56
 
 
-class AltersChunks(Brain):
+class AltersChunks(ControllerCore):
     """Sends other chunks of a download than it should."""
 
     def altered(self, chunk: Chunk) -> Iterable[Chunk]:
@@ -28,7 +28,7 @@ class AltersChunks(Brain):
             super()._send_chunk(session, each)
 
 
-class AltersChunkData(Brain):
+class AltersChunkData(ControllerCore):
     """Sends the chunks of a download in other bytes than it should."""
 
     def data(self, chunk: Chunk) -> bytes:
@@ -39,7 +39,7 @@ class AltersChunkData(Brain):
         self.later(session, Frame(C2A, CHUNK, self.data(chunk)))
 
 
-class JudgesChunks(Brain):
+class JudgesChunks(ControllerCore):
     """Judges the chunks of an upload by another receiver."""
 
     receiver: ClassVar[type[Receiver]] = Receiver
@@ -57,7 +57,7 @@ class JudgesChunks(Brain):
         return accepted
 
 
-class AltersContent(Brain):
+class AltersContent(ControllerCore):
     """Stores something else than was sent."""
 
     def kept(self, content: bytes) -> bytes:
@@ -68,7 +68,7 @@ class AltersContent(Brain):
         return super()._write(name, self.kept(content))
 
 
-class SendsAfterTheEnd(Brain):
+class SendsAfterTheEnd(ControllerCore):
     """Does something more when a transfer is complete."""
 
     def uploaded(self, session: Session, name: bytes) -> None:

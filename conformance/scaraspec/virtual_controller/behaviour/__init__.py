@@ -2,7 +2,7 @@
 
 A method bears the name of its row. It takes the request, acts, and returns what the first reply
 says, or `SILENCE`; what is to go out after that it hands to `Base.later`. Bytes, logins and the
-order of requests are the brain's.
+order of requests are the core's.
 """
 
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence

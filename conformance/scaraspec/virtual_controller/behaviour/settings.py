@@ -85,7 +85,7 @@ class Settings(Base):
         return are_coordinates(pose) and self.save(initial_tool_position=tuple(pose))
 
     def shutdown(self, _: Request) -> Acceptance:
-        """4.35: not while a command executes; the brain closes every link after the reply."""
+        """4.35: not while a command executes; the core closes every link after the reply."""
         if self.robot.task is not None:
             return refused(self.robot.task.state)
         self.powered = False

@@ -25,18 +25,18 @@ from scaraspec.suite.controller.harness.other_clients import REASON
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, Request
 
 _REQUEST_S: Final = 0.004
 _LONGEST_S: Final = 20.0
 _GENTLE: Final = (Hazard.READ_ONLY, Hazard.STATE, Hazard.MOTION)
 
-Act = Callable[[Brain, int, float], object]
+Act = Callable[[ControllerCore, int, float], object]
 """What the other client does: to this controller, for which time, and when."""
 
 
-class SharedBrain(Brain):
+class SharedCore(ControllerCore):
     """A controller that serves another client, too.
 
     Attributes:
@@ -89,7 +89,7 @@ class DistantRobot(Robot):
         return super().receive(connection, data, self.network.now_s)
 
 
-def nothing(_brain: Brain, _times: int, _now_s: float) -> None:
+def nothing(_core: ControllerCore, _times: int, _now_s: float) -> None:
     """Do nothing."""
 
 
@@ -99,7 +99,7 @@ def run(  # noqa: PLR0913 - each may differ
     first_s: float = 0.0,
     every_s: float = 0.0,
     *,
-    brain: type[Brain] = Brain,
+    core: type[ControllerCore] = ControllerCore,
     allowed: Collection[Hazard] = _GENTLE,
 ) -> Results:
     """Run the suite while another client acts.
@@ -109,11 +109,11 @@ def run(  # noqa: PLR0913 - each may differ
         act: What the other client does.
         first_s: When it does that for the first time.
         every_s: After what time it does it again; 0 for once only.
-        brain: The controller.
+        core: The controller.
         allowed: The hazards that are allowed.
     """
     values = {"act": staticmethod(act), "first_s": first_s, "every_s": every_s, "times": 0}
-    robot = DistantRobot(type("Shared", (SharedBrain, brain), values), DEFAULT)
+    robot = DistantRobot(type("Shared", (SharedCore, core), values), DEFAULT)
     options = Options(
         frozenset(each.id for each in select(only)), frozenset(allowed), undefined=True, examples=5
     )
@@ -126,59 +126,59 @@ def run(  # noqa: PLR0913 - each may differ
 # ---------------------------------------------------------------------- what another client does
 
 
-def gripper(brain: Brain, times: int, _now_s: float) -> None:
+def gripper(core: ControllerCore, times: int, _now_s: float) -> None:
     """Set the gripper centre, to another value each time."""
-    brain.save(gripper_center=(9.0 + times, -7.5, 3.25))
+    core.save(gripper_center=(9.0 + times, -7.5, 3.25))
 
 
-def former_gripper(brain: Brain, _times: int, _now_s: float) -> None:
+def former_gripper(core: ControllerCore, _times: int, _now_s: float) -> None:
     """Set the gripper centre to what it was at the start of the run."""
-    brain.save(gripper_center=(0.0, 0.0, 0.0))
+    core.save(gripper_center=(0.0, 0.0, 0.0))
 
 
-def clock(brain: Brain, times: int, now_s: float) -> None:
+def clock(core: ControllerCore, times: int, now_s: float) -> None:
     """Set the clock, to another day each time."""
-    brain.plant.clock.set(datetime(2031, 5, 6) + timedelta(days=times), now_s)  # noqa: DTZ001 - the document names no zone
+    core.plant.clock.set(datetime(2031, 5, 6) + timedelta(days=times), now_s)  # noqa: DTZ001 - the document names no zone
 
 
-def right_clock(brain: Brain, _times: int, now_s: float) -> None:
+def right_clock(core: ControllerCore, _times: int, now_s: float) -> None:
     """Set the clock to what it would show without the suite."""
-    brain.plant.clock.set(datetime(2026, 1, 1) + timedelta(seconds=now_s), now_s)  # noqa: DTZ001 - the document names no zone
+    core.plant.clock.set(datetime(2026, 1, 1) + timedelta(seconds=now_s), now_s)  # noqa: DTZ001 - the document names no zone
 
 
-def default(brain: Brain, times: int, _now_s: float) -> None:
+def default(core: ControllerCore, times: int, _now_s: float) -> None:
     """Store a program, or overwrite it, and make it the default one."""
     name = b"theirs%d.rob" % (times % 2)
-    brain.store.write(name, b"x")
-    brain.save(default_program=name)
+    core.store.write(name, b"x")
+    core.save(default_program=name)
 
 
-def same_default(brain: Brain, _times: int, _now_s: float) -> None:
+def same_default(core: ControllerCore, _times: int, _now_s: float) -> None:
     """Make one and the same program the default one."""
-    default(brain, 0, 0.0)
+    default(core, 0, 0.0)
 
 
-def file(brain: Brain, times: int, _now_s: float) -> None:
+def file(core: ControllerCore, times: int, _now_s: float) -> None:
     """Store a program, up to three hundred."""
-    brain.store.write(b"theirs%d.rob" % (times % 300), b"x")
+    core.store.write(b"theirs%d.rob" % (times % 300), b"x")
 
 
-def initial(brain: Brain, times: int, _now_s: float) -> None:
+def initial(core: ControllerCore, times: int, _now_s: float) -> None:
     """Set the initial position a millimetre lower or higher."""
-    x, y, z, *thetas = brain.store.settings.initial_tool_position
-    brain.save(initial_tool_position=(x, y, z + (1 if times % 2 else -1), *thetas))
+    x, y, z, *thetas = core.store.settings.initial_tool_position
+    core.save(initial_tool_position=(x, y, z + (1 if times % 2 else -1), *thetas))
 
 
-def output(brain: Brain, times: int, _now_s: float) -> None:
+def output(core: ControllerCore, times: int, _now_s: float) -> None:
     """Switch an output over."""
     port = 3 + times % 5
-    brain.plant.digital_outputs[port] = not brain.plant.digital_outputs[port]
+    core.plant.digital_outputs[port] = not core.plant.digital_outputs[port]
 
 
-def anything(brain: Brain, times: int, now_s: float) -> None:
+def anything(core: ControllerCore, times: int, now_s: float) -> None:
     """Do all of that in turn."""
     acts = (gripper, clock, default, file, initial, output)
-    acts[times % len(acts)](brain, times, now_s)
+    acts[times % len(acts)](core, times, now_s)
 
 
 _CASES: Final = (
@@ -272,12 +272,12 @@ def test_a_run_without_other_clients() -> None:
 )
 def test_faults(name: str) -> None:
     """What a fault makes of a setting is no work of another client."""
-    results = run("4.20", brain=mutants()[name].wrong)
+    results = run("4.20", core=mutants()[name].wrong)
     assert results.verdict is Conclusion.NONCONFORMANT
     assert not suspicions(results)
 
 
-class ForgetsGripper(Brain):
+class ForgetsGripper(ControllerCore):
     """A new gripper centre is forgotten after a fixed time."""
 
     after_s: ClassVar[float]
@@ -298,13 +298,13 @@ class ForgetsGripper(Brain):
 @pytest.mark.parametrize("after_s", [0.01, 0.02, 0.05, 0.1])
 def test_what_is_forgotten(after_s: float) -> None:
     """A controller that forgets a setting after a fixed time has no other client."""
-    brain = type("Forgets", (ForgetsGripper,), {"after_s": after_s})
-    results = run("4.20", brain=brain)
+    core = type("Forgets", (ForgetsGripper,), {"after_s": after_s})
+    results = run("4.20", core=core)
     assert results.verdict is Conclusion.NONCONFORMANT
     assert not suspicions(results)
 
 
-class VariesGripper(Brain):
+class VariesGripper(ControllerCore):
     """The gripper centre is now and then told as another one."""
 
     readings = 0
@@ -318,15 +318,15 @@ class VariesGripper(Brain):
 
 def test_noise() -> None:
     """Values that vary by themselves are a fault."""
-    results = run("4.19,4.20", brain=VariesGripper)
+    results = run("4.19,4.20", core=VariesGripper)
     assert results.verdict is Conclusion.NONCONFORMANT
     assert not suspicions(results)
 
 
 def test_faults_elsewhere() -> None:
     """Another client that sets the clock makes nothing inconclusive that does not depend on it."""
-    brain = mutants()["gripper-of-two-numbers"].wrong
-    results = run("4.5,4.19,4.20", clock, 0.9, 0.3, brain=brain)
+    core = mutants()["gripper-of-two-numbers"].wrong
+    results = run("4.5,4.19,4.20", clock, 0.9, 0.3, core=core)
     failed = [case.id for case in results.cases if case.verdict is Verdict.FAIL]
     assert "4.19/2" in failed
     assert not [case for case in failed if case.startswith("4.5")]

@@ -29,7 +29,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import Journal, JournalError
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, Request
 
 PROGRAM = (Path(__file__).parents[4] / "fixtures/programs/pick-and-place.rob").read_bytes()
@@ -49,20 +49,20 @@ class Bench:
 
     Attributes:
         path: The journal.
-        brain: What the controller does.
+        core: What the controller does.
         robot: The controller.
         requests: What was sent to it, in order: the command and its data.
     """
 
     path: Path
-    brain: type[Brain] = Brain
+    core: type[ControllerCore] = ControllerCore
     robot: Robot = field(init=False)
     requests: list[tuple[str, bytes]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         watched, framer = self.requests, Framer(A2C)
 
-        class Watched(self.brain):  # type: ignore[misc, name-defined]  # a class is given
+        class Watched(self.core):  # type: ignore[misc, name-defined]  # a class is given
             def receive(self, connection: int, data: bytes, now_s: float) -> Sequence[Action]:
                 for item in framer.feed(data):
                     assert isinstance(item, Frame)
@@ -153,7 +153,7 @@ def test_the_robot_is_stopped(bench: Bench) -> None:
     line = bench.robot.network.connect()
     for name, data in (("login", PASSWORD), ("run_program", b"zsaaaa1.rob")):
         line.send(Frame(A2C, BY_NAME[name].opcode, data).encode())
-    assert bench.robot._brain.robot.task
+    assert bench.robot._core.robot.task
     results = bench.run()
     assert "the robot was stopped" in results.notices[0]
     assert bench.names == [b"mine.rob"]
@@ -222,7 +222,7 @@ def test_more_passwords(bench: Bench) -> None:
     assert "the password was zs1" in results.notices[1]
 
 
-class KeepsDefault(Brain):
+class KeepsDefault(ControllerCore):
     """It does not delete its default program (A-4.11-1)."""
 
     def delete_program(self, request: Request) -> bool:
@@ -231,10 +231,10 @@ class KeepsDefault(Brain):
         )
 
 
-@pytest.mark.parametrize("brain", [Brain, KeepsDefault])
-def test_default_program(tmp_path: Path, brain: type[Brain]) -> None:
+@pytest.mark.parametrize("core", [ControllerCore, KeepsDefault])
+def test_default_program(tmp_path: Path, core: type[ControllerCore]) -> None:
     """The default program is the user's again, and the suite's file in its place is gone."""
-    bench = Bench(tmp_path / "journal", brain)
+    bench = Bench(tmp_path / "journal", core)
     bench.robot._store.write(b"zsaaaa1.rob", PROGRAM)
     bench.interrupted(stored("zsaaaa1.rob"), change("default program"))
     bench.set(default_program=b"zsaaaa1.rob")
@@ -259,7 +259,7 @@ def test_changes_of_the_user(bench: Bench) -> None:
     assert "is newer.rob: the suite has not set it" in results.notices[0]
 
 
-class Reverses(Brain):
+class Reverses(ControllerCore):
     """It keeps a new password the wrong way round."""
 
     def set_password(self, request: Request) -> bool:

@@ -22,7 +22,7 @@ from scaraspec.suite.controller.harness.requests.queries import QUERIES
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 Try = Callable[..., Any]
@@ -66,7 +66,7 @@ def test_shrunk(
     assert all(any(step.startswith(name) for step in left) for name in steps), told
 
 
-class LooksAtTheBeginning(Brain):
+class LooksAtTheBeginning(ControllerCore):
     """The old password may be any that begins like it."""
 
     def set_password(self, request: Request) -> bool:
@@ -82,7 +82,7 @@ def test_more_than_the_old_password_is_a_wrong_one(tried: Try) -> None:
     assert "4.2/3" in tried(LooksAtTheBeginning, "4.2/3", examples=20).failed
 
 
-class IsFull(Brain):
+class IsFull(ControllerCore):
     """There are so many programs that their list has parts."""
 
     def __init__(self, *args: Any) -> None:
@@ -105,7 +105,7 @@ def test_a_list_that_was_asked_for_is_taken_to_its_end(list_cont: str) -> None:
         model.take(step)
 
 
-class ForgetsItsListLate(Brain):
+class ForgetsItsListLate(ControllerCore):
     """A connection that has brought forty requests gets an empty list."""
 
     def __init__(self, *args: Any) -> None:
@@ -131,7 +131,7 @@ def test_late_faults(tried: Try) -> None:
     assert " steps; " in found.message
 
 
-class Hears(Brain):
+class Hears(ControllerCore):
     """Keeps what it is asked."""
 
     inbox: set[int] = set()  # noqa: RUF012 - the test empties it

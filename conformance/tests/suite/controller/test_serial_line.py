@@ -9,11 +9,11 @@ from scaraspec.suite.controller.harness.adapter import ControllerAdapter
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 
 def _results(*only: str) -> Results:
-    access = MemoryAccess(Robot(Brain, DEFAULT).network, needs_login=False, several=False)
+    access = MemoryAccess(Robot(ControllerCore, DEFAULT).network, needs_login=False, several=False)
     options = Options(only=frozenset(only), allowed=ALL, examples=3)
     return Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
 

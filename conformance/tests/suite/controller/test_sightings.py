@@ -17,7 +17,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.program_files.layout import short_program
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 NAME = b"zs-seen.rob"
 SETTINGS = [
@@ -33,7 +33,7 @@ SETTINGS = [
 ]
 
 
-def _seen(make: type[Brain], name: str, value: Any) -> set[str]:
+def _seen(make: type[ControllerCore], name: str, value: Any) -> set[str]:
     """What the judge holds against a robot that is asked before and behind a setting."""
     ics = Ics(dialect=DEFAULT)
     access = MemoryAccess(Robot(make, DEFAULT).network)
@@ -56,4 +56,4 @@ def _seen(make: type[Brain], name: str, value: Any) -> set[str]:
 def test_what_was_refused_and_is_told(fault: str, requirement: str, name: str, value: Any) -> None:
     """A setting that is answered 0 and carried out is seen; one that is answered 1 is right."""
     assert _seen(mutants()[fault].wrong, name, value) == {requirement}
-    assert _seen(Brain, name, value) == set()
+    assert _seen(ControllerCore, name, value) == set()

@@ -11,7 +11,7 @@ from scaraspec.mutants.controller import mutants
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 from scaraspec.suite.controller.harness.timeouts import Due, TimeoutPolicy
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
 Try = Callable[..., Any]
@@ -24,10 +24,10 @@ def ids(clauses: str) -> list[str]:
     return [requirement.id for requirement in select(clauses)]
 
 
-def without_reply(name: str) -> type[Brain]:
+def without_reply(name: str) -> type[ControllerCore]:
     """A controller that never answers one command."""
 
-    class Mute(Brain):
+    class Mute(ControllerCore):
         def handle(self, session: Session, frame: Frame, now_s: float) -> None:
             if frame.opcode != BY_NAME[name].opcode:
                 super().handle(session, frame, now_s)

@@ -23,7 +23,7 @@ from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.link import Link
 from scaraspec.virtual_controller.behaviour.base import SILENCE, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, Carrier, OpenTransfer, Request, Session
 
 CLAUSES = ("5.1", "5.2", "5.3", "5.4")
@@ -32,7 +32,7 @@ UPLOAD_CHUNK, DOWNLOAD_CHUNK = 0x52, 0x56
 REFUSED = b"\xcc\x52\x010\xaa"
 
 
-class Slow(Brain):
+class Slow(ControllerCore):
     """Answers everything a third of a second late."""
 
     now_s = 0.0
@@ -67,7 +67,7 @@ class Slow(Brain):
         return super().advance(now_s)
 
 
-class ClosesBrokenLinks(Brain):
+class ClosesBrokenLinks(ControllerCore):
     """Ends the connection on which an upload broke off (A-5-26)."""
 
     def _uploads(self) -> list[Session]:
@@ -88,7 +88,7 @@ class ClosesBrokenLinks(Brain):
                 self._end(session, now_s)
 
 
-class IgnoresStrayChunks(Brain):
+class IgnoresStrayChunks(ControllerCore):
     """Gives no answer to a chunk that belongs to no upload (A-5-16)."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
@@ -110,7 +110,7 @@ class WaitsForABetterChunk(JudgesChunks):
     receiver: ClassVar[type[Receiver]] = _Forgiving
 
 
-class RepeatsRefusedChunks(Brain):
+class RepeatsRefusedChunks(ControllerCore):
     """Sends a chunk that was refused once more (A-5-14)."""
 
     def download_chunk(self, request: Request) -> Silence:
@@ -123,7 +123,7 @@ class RepeatsRefusedChunks(Brain):
         return super().download_chunk(request)
 
 
-class OneTransferAtATime(Brain):
+class OneTransferAtATime(ControllerCore):
     """Takes one transfer for all connections together (A-5-17)."""
 
     def _may_begin(self, session: Session) -> bool:
@@ -131,7 +131,7 @@ class OneTransferAtATime(Brain):
         return not busy and super()._may_begin(session)
 
 
-class NoticesLostLinksLate(Brain):
+class NoticesLostLinksLate(ControllerCore):
     """Goes on with an upload whose connection was lost until it times out (L795)."""
 
     @cached_property
@@ -186,7 +186,7 @@ class SmallChunks(AltersChunkData):
         return SILENCE
 
 
-class ShortNames(Brain):
+class ShortNames(ControllerCore):
     """Takes names of at most 30 bytes (A-5-20)."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -229,12 +229,12 @@ class Strict(ClosesBrokenLinks, IgnoresStrayChunks):
     """Has no more to do with who sends it what it has not asked for."""
 
 
-@pytest.mark.parametrize("brain", [Slow, Cautious, Forgiving, Strict])
+@pytest.mark.parametrize("core", [Slow, Cautious, Forgiving, Strict])
 def test_a_conforming_controller_of_another_kind_passes(
-    tried: Callable[..., Any], brain: type[Brain]
+    tried: Callable[..., Any], core: type[ControllerCore]
 ) -> None:
     """What the register lists, or the document leaves free, fails no case of clause 5."""
-    cases = tried(brain, *ONLY)
+    cases = tried(core, *ONLY)
     assert not cases.alarms
     assert len(cases) > len(ONLY) / 4
 
@@ -273,7 +273,7 @@ class StallingAccess(MemoryAccess):
 )
 def test_a_slow_machine_fails_nobody(stalled: int, which: int, requirement: str) -> None:
     """A chunk that comes when the transfer is over is rightly refused, and none follows then."""
-    access = StallingAccess(Robot(Brain, DEFAULT).network, stalled=stalled, which=which)
+    access = StallingAccess(Robot(ControllerCore, DEFAULT).network, stalled=stalled, which=which)
     options = Options(only=frozenset({requirement}), allowed=ALL)
     results = Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
     said = {case.message for case in results.cases if case.verdict is Verdict.INCONCLUSIVE}

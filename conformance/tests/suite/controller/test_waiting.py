@@ -15,7 +15,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.observer import Observer
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.transports.link import Link, LinkError
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 
 def _subject(access: MemoryAccess) -> ControllerUnderTest:
@@ -26,7 +26,7 @@ def _subject(access: MemoryAccess) -> ControllerUnderTest:
 
 def test_what_comes_elsewhere_is_judged_as_it_comes() -> None:
     """It is not left until somebody listens there: the judge is told all in the order of time."""
-    subject = _subject(MemoryAccess(Robot(Brain, DEFAULT).network))
+    subject = _subject(MemoryAccess(Robot(ControllerCore, DEFAULT).network))
     line, other = subject.open(), subject.open()
     start_program(subject, other, RUN, seconds=1)
     assert not [seen for seen in other.inbox if seen.frame.tagged]
@@ -48,7 +48,7 @@ class IsOff(MemoryAccess):
 @pytest.mark.parametrize("off", [False, True])
 def test_a_robot_that_was_shut_down_is_looked_for_once(*, off: bool) -> None:
     """Whoever waits for it looks again by himself; any other one may just be starting."""
-    access = IsOff(Robot(Brain, DEFAULT).network)
+    access = IsOff(Robot(ControllerCore, DEFAULT).network)
     subject = _subject(access)
     subject.off = off
     with pytest.raises(NoReply, match="nobody is there"):

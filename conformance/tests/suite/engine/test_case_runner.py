@@ -18,7 +18,7 @@ from scaraspec.report.model import Case, Results, Role
 from scaraspec.suite.engine import run as suite
 from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, Request, Session
 
 HEAD = """
@@ -36,14 +36,14 @@ def trial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
 
     def run(
         text: str,
-        brain: type[Brain] = Brain,
+        core: type[ControllerCore] = ControllerCore,
         options: Options = Options(allowed=ALL),  # noqa: B008 - it never changes
         ics: Ics = Ics(),  # noqa: B008 - it never changes
     ) -> Results:
         file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
         file.write_text(HEAD + text, encoding="utf-8")
         monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
-        return certified(Robot(brain, DEFAULT), ics, options)
+        return certified(Robot(core, DEFAULT), ics, options)
 
     return run
 
@@ -78,7 +78,7 @@ def test_verdicts(trial: Try, body: str, verdict: Verdict, cause: Cause | None) 
     assert (case.verdict, case.cause) == (verdict, cause)
 
 
-class DiesOfAVersion(Brain):
+class DiesOfAVersion(ControllerCore):
     """Asked for its version, it answers nothing any more."""
 
     dead = False
@@ -105,7 +105,7 @@ def test_a_subject_that_a_case_kills(trial: Try) -> None:
     assert results.verdict is Conclusion.NONCONFORMANT
 
 
-class DiesOfStrayBytes(Brain):
+class DiesOfStrayBytes(ControllerCore):
     """Bytes that are no frame are its end."""
 
     dead = False
@@ -144,7 +144,7 @@ def test_what_ends_the_subject_is_tried_last_in_the_order_of_the_clauses(trial: 
     assert [case.id for case in results.cases] == ["4.8/2", "3/19", "2/11", "4.35/2"]
 
 
-class Reboots(Brain):
+class Reboots(ControllerCore):
     """Asked for its version, it answers nothing for twelve seconds."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -180,7 +180,7 @@ def test_who_comes_back_by_himself_is_tried_on(trial: Try) -> None:
     assert only(results).verdict is Verdict.PASS
 
 
-class LocksEverybodyOut(Brain):
+class LocksEverybodyOut(ControllerCore):
     """Asked for its version, it refuses every login from then on."""
 
     logins = 0
@@ -218,7 +218,7 @@ def test_whose_status_is_unreadable_is_moved_no_more(trial: Try) -> None:
     assert only(results, "4.7/2").verdict is Verdict.PASS
 
 
-class StaysAtFault(Brain):
+class StaysAtFault(ControllerCore):
     """Its arm is out of range, whatever is done about it."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
@@ -313,7 +313,7 @@ def test_who_ends_a_run_while_it_puts_back_has_to_insist(
     """The first signal leaves nothing half put back, the second ends it at once."""
     stores = []
 
-    class Signalled(Brain):
+    class Signalled(ControllerCore):
         signals_left = signals
 
         def set_gripper_center(self, request: Request) -> bool:
@@ -373,7 +373,7 @@ def test_who_ends_a_run_ends_it(trial: Try, text: str) -> None:
     assert "4.8/2.b" not in found
 
 
-class KeepsSmallLetters(Brain):
+class KeepsSmallLetters(ControllerCore):
     """Of a new password it keeps small letters; what it is told it compares as it is."""
 
     def set_password(self, request: Request) -> bool:
@@ -382,7 +382,7 @@ class KeepsSmallLetters(Brain):
         return super().set_password(replace(request, value=PasswordChange(old, new.lower())))
 
 
-class KeepsFifteenBytes(Brain):
+class KeepsFifteenBytes(ControllerCore):
     """Of a new password it keeps what a buffer of sixteen bytes holds beside an end."""
 
     def set_password(self, request: Request) -> bool:
@@ -391,7 +391,7 @@ class KeepsFifteenBytes(Brain):
         return super().set_password(replace(request, value=PasswordChange(old, new[:15])))
 
 
-class ComparesWhatItKeeps(Brain):
+class ComparesWhatItKeeps(ControllerCore):
     """Of a new password it keeps eight bytes, which are all that it looks at in a login."""
 
     def set_password(self, request: Request) -> bool:
@@ -404,8 +404,8 @@ class ComparesWhatItKeeps(Brain):
         return super().login(replace(request, value=request.value[:8]))
 
 
-@pytest.mark.parametrize("brain", [KeepsSmallLetters, KeepsFifteenBytes, ComparesWhatItKeeps])
-def test_nobody_is_locked_out(trial: Try, brain: type[Brain]) -> None:
+@pytest.mark.parametrize("core", [KeepsSmallLetters, KeepsFifteenBytes, ComparesWhatItKeeps])
+def test_nobody_is_locked_out(trial: Try, core: type[ControllerCore]) -> None:
     """What a faulty subject may have made of a password is tried, for it is put back."""
     text = """
 from scaraspec.protocol.commands import PasswordChange
@@ -414,5 +414,5 @@ from scaraspec.protocol.commands import PasswordChange
 def test_one(subject, line):
     line.ask('set_password', PasswordChange(subject.password, b'zs-Password'))
 """
-    results = trial(text, brain)
+    results = trial(text, core)
     assert "run.restore" not in {case.id for case in results.cases}

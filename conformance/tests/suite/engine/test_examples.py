@@ -6,7 +6,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from scaraspec.suite.engine.examples import counted, examples, given
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from tests.suite.conftest import Tried
 
 
@@ -33,6 +33,6 @@ def test_within_nothing_that_counts() -> None:
 
 def test_the_results_tell_of_them(tried: Callable[..., Tried]) -> None:
     """A case about many values tells how many they were; one about one thing tells 0."""
-    cases = tried(Brain, "3/20", "4.7/2", examples=4)
+    cases = tried(ControllerCore, "3/20", "4.7/2", examples=4)
     assert cases["3/20.length"].examples == 12  # three sizes, and four lengths for each
     assert cases["4.7/2"].examples == 0

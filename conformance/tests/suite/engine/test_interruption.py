@@ -16,7 +16,7 @@ from scaraspec.suite.engine.interruption import Interruption
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.link import Arrival, Link
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class EndingAccess(MemoryAccess):
 @pytest.mark.parametrize("at", range(20, 700, 61))
 def test_an_ended_run_fails_nobody(at: int) -> None:
     """What has passed is judged, once, before the run ends; and all is put back."""
-    access = EndingAccess(Robot(Brain, DEFAULT).network, at=at)
+    access = EndingAccess(Robot(ControllerCore, DEFAULT).network, at=at)
     options = Options(only=frozenset({"5.2/2", "5.3/4"}), allowed=ALL, examples=3)
     run = Run(ControllerAdapter(access, Ics(), PASSWORD, options))
     access.signals.append(run.interruption.ask)

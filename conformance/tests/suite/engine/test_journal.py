@@ -25,7 +25,7 @@ from scaraspec.suite.engine.journal import (
 )
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.run import Run
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 URL = "tcp://127.0.0.1:8877"
 BEGUN = "2026-01-01T00:00:00+00:00"
@@ -234,7 +234,7 @@ class KeptJournal(Journal):
 
 def test_no_password_of_the_user(path: Path) -> None:
     """The journal names every password that the suite has set, and never that of the user."""
-    robot = Robot(Brain, DEFAULT)
+    robot = Robot(ControllerCore, DEFAULT)
     robot.set_password(password := b"Geheim-42")
     journal = KeptJournal(path)
     only = frozenset(r.id for r in select("4.1,4.2"))

@@ -21,7 +21,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.engine.stall_detector import StallDetector
 from scaraspec.transports.link import Arrival, Link
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 
 CASE = """
 from scaraspec.suite.engine.case import case
@@ -61,7 +61,7 @@ def test_a_case_is_tried_anew(  # noqa: PLR0913, PLR0917 - a table
     file = tmp_path / f"test_{abs(hash(tmp_path))}.py"  # modules are kept by their name
     file.write_text(CASE.format(kind=kind, good_at=good_at), encoding="utf-8")
     monkeypatch.setitem(suite.CASES, Role.CONTROLLER, tmp_path)
-    access = MemoryAccess(Robot(Brain, DEFAULT).network)
+    access = MemoryAccess(Robot(ControllerCore, DEFAULT).network)
     setting = ControllerAdapter(access, Ics(), PASSWORD, Options(allowed=ALL))
     run = suite.Run(setting)
     before_and_behind = chain.from_iterable(zip(repeat(0.0), still_s))
@@ -114,7 +114,7 @@ class SleepingAccess(MemoryAccess):
 
 def test_what_came_while_this_machine_slept_is_taken() -> None:
     """It is there, though the time to wait for it is over."""
-    access = SleepingAccess(Robot(Brain, DEFAULT).network)
+    access = SleepingAccess(Robot(ControllerCore, DEFAULT).network)
     options = Options(only=frozenset({"4.1/2", "4.6/3", "4.7/1", "4.8/2"}), allowed=ALL)
     results = suite.Run(ControllerAdapter(access, Ics(), PASSWORD, options)).results()
     verdicts = {case.id: case.verdict for case in results.cases}

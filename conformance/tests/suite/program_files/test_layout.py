@@ -9,7 +9,7 @@ from scaraspec.protocol.program_files import LAYOUTS, Layout, Program, ProgramEr
 from scaraspec.protocol.readings import Dialect
 from scaraspec.suite.engine.plan import ALL, Options
 from scaraspec.suite.program_files.layout import twin_of
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.interpreter import runnable
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.store import Store
@@ -17,7 +17,7 @@ from scaraspec.virtual_controller.store import Store
 _CASES = Options(only=frozenset({"6.5/26", "6.5/22", "6.5/23"}), allowed=ALL, examples=1)
 
 
-class _ReadsOne(Brain):
+class _ReadsOne(ControllerCore):
     """Reads programs of one layout, and no others."""
 
     layout: Layout
@@ -36,8 +36,8 @@ class _ReadsOne(Brain):
 )
 def test_a_robot_of_any_layout_runs_programs(name: str) -> None:
     """A controller that reads one layout only conforms, though it claims none."""
-    brain = type("Reads", (_ReadsOne,), {"layout": LAYOUTS[name]})
-    results = prove_controller(_CASES, ControllerMutant(name, (), "It reads one layout.", brain))
+    core = type("Reads", (_ReadsOne,), {"layout": LAYOUTS[name]})
+    results = prove_controller(_CASES, ControllerMutant(name, (), "It reads one layout.", core))
     assert results.verdict is Conclusion.CONFORMANT
     assert results.readings["controller"]["prog_layout"].options == (LAYOUTS[name].reading,)
 
@@ -45,7 +45,7 @@ def test_a_robot_of_any_layout_runs_programs(name: str) -> None:
 def test_a_robot_without_programs_is_told_once() -> None:
     """A controller that runs no program fails 6.5/26; what depends on programs is undecided."""
 
-    class RunsNone(Brain):
+    class RunsNone(ControllerCore):
         """Understands nothing."""
 
         def understood(self, data: bytes) -> None:
@@ -60,7 +60,7 @@ def test_a_robot_without_programs_is_told_once() -> None:
 def test_the_meaning_of_points_is_found() -> None:
     """A controller whose points are poses conforms, though it does not claim so."""
 
-    class Poses(Brain):
+    class Poses(ControllerCore):
         """Takes points for poses."""
 
         def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:

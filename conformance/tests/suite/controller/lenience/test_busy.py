@@ -13,7 +13,7 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import DONE
 from scaraspec.virtual_controller.session import Request, Session
 
@@ -22,7 +22,7 @@ Try = Callable[..., Any]
 _STATE = (Hazard.READ_ONLY, Hazard.STATE)
 
 
-class EndsJustThen(Brain):
+class EndsJustThen(ControllerCore):
     """A reset ends when another client asks for a release, and its result goes to the first."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -42,7 +42,7 @@ def test_who_is_free_again_may_accept_what_another_client_asks(tried: Try) -> No
     assert all(cases[f"4/6.{name}"].verdict is Verdict.PASS for name in ("jog", "run_program"))
 
 
-class FindsOutLate(Brain):
+class FindsOutLate(ControllerCore):
     """That a program is missing is found out late (A-4.15-1), and meanwhile nothing else is
     answered that would execute (A-4-2)."""
 
@@ -84,7 +84,7 @@ def test_who_finds_out_late_what_is_missing_may_be_silent_till_then(tried: Try, 
     assert not tried(FindsOutLate, only).alarms
 
 
-class FailsLate(Brain):
+class FailsLate(ControllerCore):
     """A motor fails, and the final result takes a while (A-3-15)."""
 
     _due_s: float | None = None
@@ -111,7 +111,7 @@ def test_a_fault_may_show_before_the_result(tried: Try) -> None:
     assert not cases.wrong
 
 
-class SimulatesAtOnce(Brain):
+class SimulatesAtOnce(ControllerCore):
     """A simulation takes no time."""
 
     def simulate_program(self, request: Request) -> Acceptance:
@@ -123,7 +123,7 @@ class SimulatesAtOnce(Brain):
         return answer
 
 
-class ServesNothingMeanwhile(Brain):
+class ServesNothingMeanwhile(ControllerCore):
     """While a command executes only the emergency stop is served; the rest waits (A-4-3)."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -143,14 +143,16 @@ class ServesNothingMeanwhile(Brain):
             self.handle(*self._waiting.pop(0), now_s)
 
 
-@pytest.mark.parametrize("brain", [SimulatesAtOnce, ServesNothingMeanwhile])
-def test_who_cannot_be_asked_while_executing_is_not_failed(tried: Try, brain: type[Brain]) -> None:
+@pytest.mark.parametrize("core", [SimulatesAtOnce, ServesNothingMeanwhile])
+def test_who_cannot_be_asked_while_executing_is_not_failed(
+    tried: Try, core: type[ControllerCore]
+) -> None:
     """What cannot be seen so is not tried (A-4-3)."""
-    cases = tried(brain, "4.8/4", "4.8/5", "4.9/2", "4.9/3", "4.9/4")
+    cases = tried(core, "4.8/4", "4.8/5", "4.9/2", "4.9/3", "4.9/4")
     assert Verdict.FAIL not in {case.verdict for case in cases.values()}
 
 
-class LooksItUp(Brain):
+class LooksItUp(ControllerCore):
     """What is in a file takes a look, and what is asked meanwhile is answered first (A-3-14)."""
 
     _LOOKS_S = 0.02
@@ -186,7 +188,7 @@ def test_what_is_answered_behind_a_later_request_is_answered(tried: Try) -> None
     assert "op_get_default" in cases.readings
 
 
-class EndsTheFirstLinkInAMove(Brain):
+class EndsTheFirstLinkInAMove(ControllerCore):
     """The first client that asks for the status during a move is sent away."""
 
     of = "set_tool_coordinates"
@@ -209,15 +211,17 @@ class EndsTheFirstLinkInAJog(EndsTheFirstLinkInAMove):
     of = "jog"
 
 
-@pytest.mark.parametrize("brain", [EndsTheFirstLinkInAMove, EndsTheFirstLinkInAJog])
-def test_who_ends_a_connection_is_not_taken_for_deaf(tried: Try, brain: type[Brain]) -> None:
+@pytest.mark.parametrize("core", [EndsTheFirstLinkInAMove, EndsTheFirstLinkInAJog])
+def test_who_ends_a_connection_is_not_taken_for_deaf(
+    tried: Try, core: type[ControllerCore]
+) -> None:
     """What is tried while it executes goes on to be tried (A-4-3)."""
-    cases = tried(brain, "4.8/7", "4.25/5")
+    cases = tried(core, "4.8/7", "4.25/5")
     assert cases["4.25/5.jog"].verdict is Verdict.PASS
     assert Verdict.NONE not in {case.verdict for case in cases.values()}
 
 
-class TakesNoSettingsMeanwhile(Brain):
+class TakesNoSettingsMeanwhile(ControllerCore):
     """While it executes it refuses every setting."""
 
     def set_default_program(self, request: Request) -> bool:
@@ -234,7 +238,7 @@ def test_settings_may_be_refused_while_a_program_runs(tried: Try) -> None:
     assert not tried(TakesNoSettingsMeanwhile, "4.5/4", "4.13/6", "4.9/2").wrong
 
 
-class HearsNothingButTheStopWhileItJogs(Brain):
+class HearsNothingButTheStopWhileItJogs(ControllerCore):
     """While it jogs only the emergency stop is served (A-4-3)."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -254,7 +258,7 @@ def test_deaf_while_it_jogs(tried: Try) -> None:
     assert not cases.alarms
 
 
-class RunsForOthers(Brain):
+class RunsForOthers(ControllerCore):
     """Somebody else's program runs on it for ever."""
 
     name = b"welding.rob"
@@ -293,7 +297,7 @@ def test_a_robot_at_work_is_not_failed_for_it(tried: Try) -> None:
     assert not cases.alarms
 
 
-@pytest.mark.parametrize("brain", [LeavesOursRunning, SaysThatItRuns])
-def test_what_does_not_look_like_work_is_failed(tried: Try, brain: type[Brain]) -> None:
+@pytest.mark.parametrize("core", [LeavesOursRunning, SaysThatItRuns])
+def test_what_does_not_look_like_work_is_failed(tried: Try, core: type[ControllerCore]) -> None:
     """A status alone is no program, and a program of the suite's own no work of others."""
-    assert tried(brain, "4.8/3", allowed=_STATE)["4.8/2"].verdict is Verdict.FAIL
+    assert tried(core, "4.8/3", allowed=_STATE)["4.8/2"].verdict is Verdict.FAIL

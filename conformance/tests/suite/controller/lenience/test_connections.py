@@ -11,13 +11,13 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.readings import DEFAULT
 from scaraspec.virtual_controller.behaviour import SILENCE
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, Carrier, Close, Request, Session
 
 Try = Callable[..., Any]
 
 
-class CutsALittleLater(Brain):
+class CutsALittleLater(ControllerCore):
     """A new network is answered, and the connection ends while the next is asked."""
 
     asked = frozenset(range(0x100))
@@ -42,7 +42,7 @@ class CutsALotLater(CutsALittleLater):
     asked = frozenset({0x05})
 
 
-class CutsBehindTheReply(Brain):
+class CutsBehindTheReply(ControllerCore):
     """A new network is answered, and then the connection ends."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -52,7 +52,7 @@ class CutsBehindTheReply(Brain):
             self._end(session, now_s)
 
 
-class ClosesOnMalformed(Brain):
+class ClosesOnMalformed(ControllerCore):
     """A request that says nothing usable ends its connection."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -65,7 +65,7 @@ class ClosesOnMalformed(Brain):
             super().handle(session, frame, now_s)
 
 
-class ClosesOnAnyMalformed(Brain):
+class ClosesOnAnyMalformed(ControllerCore):
     """As before, and commands that move the arm are no exception."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -78,7 +78,7 @@ class ClosesOnAnyMalformed(Brain):
             super().handle(session, frame, now_s)
 
 
-class RefusesFurtherLogins(Brain):
+class RefusesFurtherLogins(ControllerCore):
     """While one client is logged in the password opens to no other one (A-2-2)."""
 
     def login(self, request: Request) -> bool:
@@ -87,7 +87,7 @@ class RefusesFurtherLogins(Brain):
         return not any(each.logged_in for each in others) and super().login(request)
 
 
-class AnswersZeroToStrangers(Brain):
+class AnswersZeroToStrangers(ControllerCore):
     """Whatever comes before the login is answered 0 (A-4-4)."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -98,7 +98,7 @@ class AnswersZeroToStrangers(Brain):
             self.emit(session, Frame(C2A, frame.opcode, b"0"))
 
 
-class LocksOut(Brain):
+class LocksOut(ControllerCore):
     """Two wrong passwords in a row, and nobody gets in any more (A-4.1-2)."""
 
     _row = 0
@@ -116,7 +116,7 @@ class LocksOut(Brain):
         return changed
 
 
-class Greets(Brain):
+class Greets(ControllerCore):
     """Every connection begins with the version (A-3-16)."""
 
     def _admit(self, connection: int, carrier: Carrier) -> None:
@@ -125,7 +125,7 @@ class Greets(Brain):
 
 
 @pytest.mark.parametrize(
-    ("brain", "only"),
+    ("core", "only"),
     [
         (CutsBehindTheReply, ("4.4/2", "4.4/4", "4.4/5")),
         (CutsALittleLater, ("4.4/4",)),
@@ -141,12 +141,14 @@ class Greets(Brain):
         ),
     ],
 )
-def test_what_is_open_is_not_failed(tried: Try, brain: type[Brain], only: tuple[str, ...]) -> None:
+def test_what_is_open_is_not_failed(
+    tried: Try, core: type[ControllerCore], only: tuple[str, ...]
+) -> None:
     """Every case of these requirements passes or is tolerated."""
-    assert not tried(brain, *only).wrong
+    assert not tried(core, *only).wrong
 
 
-class ServesTwo(Brain):
+class ServesTwo(ControllerCore):
     """More clients than two are refused (A-2-2)."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
@@ -161,7 +163,7 @@ def test_a_few_clients_are_enough(tried: Try) -> None:
     assert not tried(ServesTwo, "3/29", "3/32").wrong
 
 
-class LetsTwoIn(Brain):
+class LetsTwoIn(ControllerCore):
     """Others wait at the door, and what they send with them, until one of the two leaves."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -194,7 +196,7 @@ class LetsTwoIn(Brain):
         return actions
 
 
-class IgnoresWrongPasswords(Brain):
+class IgnoresWrongPasswords(ControllerCore):
     """Who does not know the password is not answered."""
 
     def login(self, request: Request) -> Any:
@@ -204,8 +206,8 @@ class IgnoresWrongPasswords(Brain):
 
 def test_who_is_not_let_in_is_not_answered(tried: Try) -> None:
     """A third client may wait at the door (A-2-2); one that is served is answered."""
-    for brain, alarms in ((LetsTwoIn, False), (IgnoresWrongPasswords, True)):
-        assert bool(tried(brain, "4.2/4", "4.20/3", examples=20).wrong) is alarms
+    for core, alarms in ((LetsTwoIn, False), (IgnoresWrongPasswords, True)):
+        assert bool(tried(core, "4.2/4", "4.20/3", examples=20).wrong) is alarms
 
 
 class FreesLate(ServesTwo):
@@ -237,7 +239,7 @@ def test_a_place_may_be_free_a_moment_later(tried: Try) -> None:
     assert not tried(FreesLate, "2/11", "2/13", "4/6", "5.2/11", "5.2/12").alarms
 
 
-class SendsSomeAway(Brain):
+class SendsSomeAway(ControllerCore):
     """Every seventh client is sent away, whoever is there."""
 
     _count = 0
@@ -254,7 +256,7 @@ def test_a_place_is_not_taken_by_nobody(tried: Try) -> None:
     assert "2/13" in tried(SendsSomeAway, "2/13").failed
 
 
-class DisplacesAMomentLater(Brain):
+class DisplacesAMomentLater(ControllerCore):
     """The newest client is served; a moment later the one before is sent away (A-2-2)."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -290,7 +292,7 @@ def test_who_is_displaced_may_be_sent_away_a_moment_later(tried: Try, only: str)
     assert not tried(DisplacesAMomentLater, only).alarms
 
 
-class DisplacesTheFirstOfTwo(Brain):
+class DisplacesTheFirstOfTwo(ControllerCore):
     """Two clients are served; a third one takes the place of the first (A-2-2)."""
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
@@ -306,7 +308,7 @@ def test_the_first_of_several_may_be_displaced(tried: Try) -> None:
     assert not tried(DisplacesTheFirstOfTwo, *only, examples=20).alarms
 
 
-class NoticesLate(Brain):
+class NoticesLate(ControllerCore):
     """Of one client it notices a moment late that it has gone, and serves no other till then."""
 
     _left_s = -math.inf
@@ -332,7 +334,7 @@ def test_who_notices_late_that_a_client_has_gone(tried: Try) -> None:
     assert not cases.wrong
 
 
-class GoesSlowly(Brain):
+class GoesSlowly(ControllerCore):
     """Shut down, it ends its connections at once, and itself half a second later (A-4.35-2)."""
 
     gone_s = math.inf
@@ -356,7 +358,7 @@ def test_a_robot_that_serves_a_last_client_while_it_goes_has_not_returned(tried:
     assert cases["4.35/2"].verdict is Verdict.TOLERATED
 
 
-class LeaksTheStatus(Brain):
+class LeaksTheStatus(ControllerCore):
     """Who asks for the status has it told to every client."""
 
     def get_status(self, request: Request) -> Any:

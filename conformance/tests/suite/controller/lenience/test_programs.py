@@ -14,7 +14,7 @@ from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.arm import UPPER, Pose, UnreachableError, inverse
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, refused
 from scaraspec.virtual_controller.behaviour.programs import MISSING
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.interpreter import Run
 from scaraspec.virtual_controller.plant import OUTPUTS, Plant
 from scaraspec.virtual_controller.robot import BAD_ARGUMENT, Task
@@ -24,7 +24,7 @@ from scaraspec.virtual_controller.store import Store
 Try = Callable[..., Any]
 
 
-class SwitchesOffAtAStop(Brain):
+class SwitchesOffAtAStop(ControllerCore):
     """An emergency stop switches off every output, of which some are on at first."""
 
     def __init__(self, plant: Plant, *others: Any) -> None:
@@ -52,11 +52,11 @@ class SwitchesOffAtTheBeginning(SwitchesOffAtAStop):
         return answer
 
 
-@pytest.mark.parametrize("brain", [SwitchesOffAtAStop, SwitchesOffAtTheBeginning])
-def test_outputs_that_are_not_set_may_be_off(tried: Try, brain: type[Brain]) -> None:
+@pytest.mark.parametrize("core", [SwitchesOffAtAStop, SwitchesOffAtTheBeginning])
+def test_outputs_that_are_not_set_may_be_off(tried: Try, core: type[ControllerCore]) -> None:
     """What a program does not set it may switch off as it begins, and a stop at any time."""
     only = ("4/15", "6.4/5", "6.5/9", "6.5/19", "6.5/21", "6.5/24", "6.5/26", "6.6a/14")
-    assert not tried(brain, *only, examples=20, handled=("set_input",)).alarms
+    assert not tried(core, *only, examples=20, handled=("set_input",)).alarms
 
 
 class _Ticks(Run):
@@ -68,7 +68,7 @@ class _Ticks(Run):
             self.next_event_s = math.ceil(max(self.next_event_s, now_s + 0.001) * 4) / 4
 
 
-class Slow(Brain):
+class Slow(ControllerCore):
     """A node takes a quarter of a second at least."""
 
     interpreter = _Ticks
@@ -79,7 +79,7 @@ def test_nodes_may_take_their_time(tried: Try) -> None:
     assert not tried(Slow, "6.5/20", "6.5/22", "6.5/23").alarms
 
 
-class Converts(Brain):
+class Converts(ControllerCore):
     """It has two analog inputs, of ten bits for ten volts, whose last bit is never still."""
 
     noise = 0
@@ -98,7 +98,7 @@ def test_analog_inputs_may_be_few_coarse_and_noisy(tried: Try) -> None:
     assert not tried(Converts, "4.33/2", "6.5/9", handled=("set_analog",)).alarms
 
 
-class HasSensors(Brain):
+class HasSensors(ControllerCore):
     """Half of its inputs change by themselves, one of them quickly."""
 
     def _elapse(self, now_s: float) -> None:
@@ -112,7 +112,7 @@ def test_inputs_may_change_by_themselves(tried: Try) -> None:
     assert not tried(HasSensors, "6.5/9", "6.5/21").alarms
 
 
-class SetsItsConfiguration(Brain):
+class SetsItsConfiguration(ControllerCore):
     """A run sets the positions of its file for good (A-6.3-3), which must be ones that can be."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -134,7 +134,7 @@ def test_a_run_may_set_what_its_file_configures(tried: Try) -> None:
     assert not tried(SetsItsConfiguration, "4.15/5", "4.18/3", "4.8/4").alarms
 
 
-class RunsShortPrograms(Brain):
+class RunsShortPrograms(ControllerCore):
     """Runs programs of no more than 200 nodes and 16 variables (A-5-21)."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -151,7 +151,7 @@ def test_large_programs_may_be_refused(tried: Try) -> None:
     assert not tried(RunsShortPrograms, "6.4/5", "6.5/26").alarms
 
 
-class HasRoomForFew(Brain):
+class HasRoomForFew(ControllerCore):
     """It has room for eight programs."""
 
     def __init__(self, plant: Plant, store: Store, *others: Any) -> None:
@@ -180,7 +180,7 @@ class _Fails:
         return Outcome(done=False, code=BAD_ARGUMENT) if now_s >= self.ends_s else None
 
 
-class ReadsAsItRuns(Brain):
+class ReadsAsItRuns(ControllerCore):
     """A file that is stored is accepted, whatever is in it; that it is damaged ends its run."""
 
     def _start(self, request: Request, state: str) -> Acceptance:

@@ -18,7 +18,7 @@ from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.session import Action, Carrier, OpenTransfer, Request, Session
 from scaraspec.virtual_controller.store import Store
@@ -29,7 +29,7 @@ _TURN_S = 0.01
 _HASTE = {"dialect": DEFAULT.replace(xfer_timeout="1"), "claimed": {"xfer_timeout"}}
 
 
-class RefusesAnswers(Brain):
+class RefusesAnswers(ControllerCore):
     """An answer to a chunk that it has not sent, or has given up, is answered 0."""
 
     def download_chunk(self, request: Request) -> Silence:
@@ -41,7 +41,7 @@ class RefusesAnswers(Brain):
         return super().download_chunk(request)
 
 
-class IgnoresStrayChunks(Brain):
+class IgnoresStrayChunks(ControllerCore):
     """A chunk without an upload is not answered (A-5-16)."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
@@ -59,7 +59,7 @@ def test_a_chunk_elsewhere_may_be_ignored(tried: Try) -> None:
     assert not tried(IgnoresStrayChunks, "5.2/11", **_HASTE).alarms
 
 
-class EndsTheLink(Brain):
+class EndsTheLink(ControllerCore):
     """A chunk out of bounds ends the link; so does a download of which a chunk was refused."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -80,7 +80,7 @@ def test_a_failed_transfer_may_end_its_link(tried: Try) -> None:
     assert not tried(EndsTheLink, *only).alarms
 
 
-class IsSmall(Brain):
+class IsSmall(ControllerCore):
     """It has room for eight files, and for 40,000 bytes in all."""
 
     def __init__(self, plant: Plant, store: Store, *others: Any) -> None:
@@ -100,7 +100,7 @@ def test_room_may_be_little_for_what_is_drawn(tried: Try, kept: str) -> None:
     assert not tried(IsSmall, *only, "5.4/5", spoken=spoken, examples=10).alarms
 
 
-class TakesPlainNames(Brain):
+class TakesPlainNames(ControllerCore):
     """A name has letters, digits and one dot."""
 
     def upload_name(self, request: Request) -> bool:
@@ -115,7 +115,7 @@ def test_names_may_be_plain(tried: Try) -> None:
     assert not tried(TakesPlainNames, "5.2/2", "5.2/11").alarms
 
 
-class WritesSlowly(Brain):
+class WritesSlowly(ControllerCore):
     """A chunk is answered when it is written, which takes six seconds."""
 
     def __init__(self, *arguments: Any) -> None:
@@ -147,7 +147,7 @@ def test_an_answer_to_a_chunk_may_take_its_time(tried: Try) -> None:
     assert not tried(WritesSlowly, "5.2/6", "5.1/8").alarms
 
 
-class LooksInTurns(Brain):
+class LooksInTurns(ControllerCore):
     """Looks after its connections every 10 ms, one behind the other: the last client's first."""
 
     def __init__(self, *arguments: Any) -> None:
@@ -201,7 +201,7 @@ def test_one_file_may_be_transferred_at_a_time(tried: Try) -> None:
     assert not tried(TransfersOneAtATime, *only, examples=20).alarms
 
 
-class OutlivesItsConnection(Brain):
+class OutlivesItsConnection(ControllerCore):
     """There is room for one transfer, which ends for silence, and not with its connection."""
 
     def __init__(self, *arguments: Any) -> None:
@@ -246,7 +246,7 @@ def test_a_transfer_may_outlive_its_connection(tried: Try) -> None:
     assert "5.2/2" in tried(NeverEnds, *only).failed
 
 
-class Gathers(Brain):
+class Gathers(ControllerCore):
     """What it gathers is written 150 bytes at a time, into a file that it creates with its name;
     what is not yet written of an upload that breaks off is lost (A-5-12)."""
 
@@ -280,7 +280,7 @@ def test_a_beginning_of_a_broken_upload_may_stay(tried: Try) -> None:
     assert "5.4/7" in tried(GathersNonsense, "5.4/7", **speaks).failed
 
 
-class Beats(Brain):
+class Beats(ControllerCore):
     """Ten times a second it tells its status, unasked (A-3-16)."""
 
     _every_s = 0.1
@@ -309,7 +309,7 @@ def test_what_is_told_unasked_answers_nothing(tried: Try) -> None:
     assert not tried(Beats, "2/12", "3/21", "5.3/7", **_HASTE, examples=1).alarms
 
 
-class SaysThatItGivesUp(Brain):
+class SaysThatItGivesUp(ControllerCore):
     """A download that has failed ends with a chunk of length 0."""
 
     def _elapse(self, now_s: float) -> None:
@@ -338,7 +338,7 @@ def test_a_download_may_end_with_a_signal(tried: Try) -> None:
     assert not tried(SaysThatItGivesUp, "5.3/6", "5.3/7", "5.3/9", "5.4/6", **_HASTE).alarms
 
 
-class AnswersTheErrorSignal(Brain):
+class AnswersTheErrorSignal(ControllerCore):
     """A chunk of length 0 ends an upload, and is answered 0 (A-5-10)."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
@@ -361,7 +361,7 @@ def test_an_answer_to_no_chunk_may_be_refused(tried: Try) -> None:
 def test_what_is_stored_may_be_short(tried: Try, chunks: int) -> None:
     """Where nothing may be sent a program of the robot's own is fetched, of whatever size."""
 
-    class Delivered(Brain):
+    class Delivered(ControllerCore):
         def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
             if b"demo.rob" not in store:
                 store.write(b"demo.rob", bytes(200 * chunks - 25))

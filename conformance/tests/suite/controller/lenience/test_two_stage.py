@@ -22,7 +22,7 @@ from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller import arm, motion
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, refused
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.robot import DONE, MOVING, Task
 from scaraspec.virtual_controller.session import Action, Request, Session
@@ -33,7 +33,7 @@ _VISIBLE = 0.5
 _CLAUSES = ("4", "7", *(f"4.{n}" for n in (15, 16, 17, 18, 23, 24, 25, 26, 27, 28)))
 
 
-class Latching(Brain):
+class Latching(ControllerCore):
     """Behind an emergency stop nothing moves until a reset (A-4.17-2); a stop is never refused."""
 
     latched = False
@@ -68,7 +68,7 @@ class Away(Latching):
         return super()._way(pose, min(speed_percent, 2), now_s)
 
 
-class Late(Brain):
+class Late(ControllerCore):
     """What is missing or out of reach is found out late (A-4.15-1, A-4.24-5); a release ends when
     the joints are locked again (A-4.25-2); locked joints are not locked again (A-4.25-3)."""
 
@@ -109,7 +109,7 @@ class Late(Brain):
             super().conclude(self.release, outcome)
 
 
-class Quick(Brain):
+class Quick(ControllerCore):
     """Moves take no time, a reset moves nothing (A-4.18-3), another jog replaces the one before
     (A-4.28-5), a jog in no direction is not answered; the arm stands at the end of its reach."""
 
@@ -135,7 +135,7 @@ class Quick(Brain):
         return super().jog(request)
 
 
-class Slow(Brain):
+class Slow(ControllerCore):
     """Whatever is sent comes two seconds late (A-3-15)."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
@@ -161,7 +161,7 @@ class Slow(Brain):
         return min(times_s, default=None)
 
 
-class Deaf(Brain):
+class Deaf(ControllerCore):
     """A robot that executes answers nothing but the stop (A-4-3)."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -198,7 +198,7 @@ class DeafAtItsBrakes(Deaf):
         return ACCEPTED
 
 
-class SimulatesInNoTime(Brain):
+class SimulatesInNoTime(ControllerCore):
     """A simulation takes no time (A-4.16-1), and a stop of an idle robot succeeds (A-4.17-1)."""
 
     def simulate_program(self, request: Request) -> Acceptance:
@@ -215,7 +215,7 @@ class SimulatesInNoTime(Brain):
         return ACCEPTED
 
 
-class Trembles(Brain):
+class Trembles(ControllerCore):
     """At the ends of its travel it stands, the last digits of its readings are never still, and
     every second one lies beyond; what does is refused (A-4.24-5)."""
 
@@ -239,7 +239,7 @@ class Trembles(Brain):
         return Pose(*shown, theta_y=0.0, theta_z=0.0)
 
 
-class Turns(Brain):
+class Turns(ControllerCore):
     """It tells thetaX within half a turn of 0 (A-7-2), and stands where a tremble turns it over.
 
     It turns by tenths of a degree, so that it does not creep away from there.
@@ -267,7 +267,7 @@ def _within_half_a_turn(angle_deg: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("brain", "requirement"),
+    ("core", "requirement"),
     [
         *((Deaf, alone) for alone in ("3/18", "4/14", "4.17/7", "4.24/8", "6.5/20", "6.5/25")),
         *((DeafAndSlow, alone) for alone in ("3/18", "4.17/6", "4.24/8", "4.28/3")),
@@ -279,13 +279,13 @@ def _within_half_a_turn(angle_deg: float) -> float:
     ],
 )
 def test_cases_that_are_tried_alone_know_no_less(
-    tried: Try, brain: type[Brain], requirement: str
+    tried: Try, core: type[ControllerCore], requirement: str
 ) -> None:
     """What is found out in a whole run is found out by whoever has to know it, too."""
-    assert not tried(brain, requirement).failed
+    assert not tried(core, requirement).failed
 
 
-class Lags(Brain):
+class Lags(ControllerCore):
     """Its status is that of what has ended for a moment longer."""
 
     lag_s = 0.03
@@ -320,7 +320,7 @@ def test_the_status_may_be_a_moment_late(tried: Try) -> None:
     assert tried(LagsForLong, *only).failed >= {"4.8/3", "4.17/4", "4/7"}
 
 
-class TellsOfItself(Brain):
+class TellsOfItself(ControllerCore):
     """Whenever its status changes it is told to every client, whether asked for or not (A-3-16)."""
 
     _told = "00"
@@ -336,11 +336,11 @@ class TellsOfItself(Brain):
 
 
 @pytest.mark.parametrize(
-    "brain", [Latching, Away, Late, Quick, Deaf, DeafAndSlow, Trembles, Turns, TellsOfItself]
+    "core", [Latching, Away, Late, Quick, Deaf, DeafAndSlow, Trembles, Turns, TellsOfItself]
 )
-def test_no_false_alarm(tried: Try, brain: type[Brain]) -> None:
+def test_no_false_alarm(tried: Try, core: type[ControllerCore]) -> None:
     """No case of the two-stage commands fails of what the register lets a controller do."""
-    cases = tried(brain, *(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES))
+    cases = tried(core, *(r for r in REQUIREMENTS if r.partition("/")[0] in _CLAUSES))
     assert not cases.alarms
     assert cases.counts[Verdict.PASS] > 60
 
@@ -363,7 +363,7 @@ def test_slow_replies(tried: Try) -> None:
     assert not tried(Slow, "4.15/8", "4.18/2").wrong
 
 
-class Loose(Brain):
+class Loose(ControllerCore):
     """Switched on, its joints are loose, and nothing moves until they are locked (A-4.25-1)."""
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
@@ -371,7 +371,7 @@ class Loose(Brain):
         self.plant.locked = False
 
 
-class LetsGo(Brain):
+class LetsGo(ControllerCore):
     """An emergency stop lets go of the joints, and nothing moves until they are locked."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -387,10 +387,10 @@ class Unhomed(Latching):
     latched = True
 
 
-@pytest.mark.parametrize("brain", [Loose, Unhomed])
-def test_what_a_robot_wants_first(tried: Try, brain: type[Brain]) -> None:
+@pytest.mark.parametrize("core", [Loose, Unhomed])
+def test_what_a_robot_wants_first(tried: Try, core: type[ControllerCore]) -> None:
     """A robot that is not ready to move is made so, ahead of the first case that moves it."""
-    assert not tried(brain, "4.24/5").wrong
+    assert not tried(core, "4.24/5").wrong
 
 
 def test_joints_may_be_loose_behind_a_stop(tried: Try) -> None:

@@ -16,7 +16,7 @@ from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import Silence, refused
 from scaraspec.virtual_controller.behaviour.programs import list_parts
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.session import Request, Session
 from scaraspec.virtual_controller.store import Store
@@ -24,7 +24,7 @@ from scaraspec.virtual_controller.store import Store
 Try = Callable[..., Any]
 
 
-class IgnoresMalformed(Brain):
+class IgnoresMalformed(ControllerCore):
     """A request that says nothing usable is not answered."""
 
     def _reply(self, session: Session, command: Any, frame: Frame, answer: Any) -> None:
@@ -33,7 +33,7 @@ class IgnoresMalformed(Brain):
         super()._reply(session, command, frame, answer)
 
 
-class IgnoresFurtherOutputs(Brain):
+class IgnoresFurtherOutputs(ControllerCore):
     """A port that 0x49 does not show is ignored, whatever is to become of it (A-4.32-2)."""
 
     def set_digital_output(self, request: Request) -> Any:
@@ -41,7 +41,7 @@ class IgnoresFurtherOutputs(Brain):
         return super().set_digital_output(request) if request.value.port <= 16 else SILENCE
 
 
-class ClosesAtFurtherOutputs(Brain):
+class ClosesAtFurtherOutputs(ControllerCore):
     """Who asks for such a port is sent away (A-3-9)."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -53,7 +53,7 @@ class ClosesAtFurtherOutputs(Brain):
             super().handle(session, frame, now_s)
 
 
-class EndsWithABar(Brain):
+class EndsWithABar(ControllerCore):
     """Every field of what runs and where the arm is ends with a bar (A-T-4)."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -63,7 +63,7 @@ class EndsWithABar(Brain):
         super().emit(session, frame)
 
 
-class KeepsSingles(Brain):
+class KeepsSingles(ControllerCore):
     """Numbers are kept in 32 bits, and printed with six decimals (A-T-5)."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -77,7 +77,7 @@ class KeepsSingles(Brain):
 
 
 @pytest.mark.parametrize(
-    ("brain", "only"),
+    ("core", "only"),
     [
         (KeepsSingles, ("4.20/3", "4.21/3")),
         (EndsWithABar, ("4.9/2", "4.27/2")),
@@ -86,12 +86,14 @@ class KeepsSingles(Brain):
         (IgnoresMalformed, ("4.4/5", "4.5/5", "4.11/4", "4.13/5", "4.20/4", "4.21/4", "4.33/3")),
     ],
 )
-def test_what_is_open_is_not_failed(tried: Try, brain: type[Brain], only: tuple[str, ...]) -> None:
+def test_what_is_open_is_not_failed(
+    tried: Try, core: type[ControllerCore], only: tuple[str, ...]
+) -> None:
     """Every case of these requirements passes or is tolerated."""
-    assert not tried(brain, *only).wrong
+    assert not tried(core, *only).wrong
 
 
-class OverlooksEnds(Brain):
+class OverlooksEnds(ControllerCore):
     """The byte behind the data of a frame is taken for its end, whatever it is."""
 
     def _take_in(self, session: Session, found: list[Any], now_s: float) -> None:
@@ -109,7 +111,7 @@ def test_a_wrong_end_byte_may_be_overlooked_and_is_warned_of(tried: Try) -> None
     assert cases["3/20.end"].verdict is Verdict.TOLERATED
 
 
-class EndsWithANul(Brain):
+class EndsWithANul(ControllerCore):
     """Every text ends with a NUL, also one of no character (A-T-3)."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -130,7 +132,7 @@ def test_a_binary_flag_may_end_with_a_nul(tried: Try) -> None:
     assert not tried(EndsWithANul, "4.9/2", "4.9/6", dialect=binary).alarms
 
 
-class HasALongDefault(Brain):
+class HasALongDefault(ControllerCore):
     """The default program that it came with has a name of 40 bytes (A-4.9-5)."""
 
     name = b"delivered-with-the-robot-in-the-year.rob"
@@ -150,7 +152,7 @@ def test_a_default_program_of_a_long_name_is_put_back(tried: Try) -> None:
     assert HasALongDefault.has.settings.default_program == HasALongDefault.name
 
 
-class PushesSlowly(Brain):
+class PushesSlowly(ControllerCore):
     """It came with many programs, and pushes the parts of their list a moment apart (A-4.10-3)."""
 
     def __init__(self, plant: Plant, store: Store, dialect: Dialect) -> None:
@@ -184,7 +186,7 @@ def test_a_list_may_be_pushed_slowly(tried: Try) -> None:
     assert not tried(PushesSlowly, "4/8", "4.10/4", "5.4/8").alarms
 
 
-class KeepsItsDefault(Brain):
+class KeepsItsDefault(ControllerCore):
     """The default program is not deleted (A-4.11-1)."""
 
     def delete_program(self, request: Request) -> bool:
@@ -216,7 +218,7 @@ def test_a_default_program_that_comes_later_stays_too(tried: Try) -> None:
     assert "(the default program) was not listed at the start" in left
 
 
-class BigChunks(Brain):
+class BigChunks(ControllerCore):
     """The numbers of a chunk are big-endian, as a network's are; those of a program are not."""
 
     def upload_chunk(self, request: Request) -> bool | Silence:
@@ -250,7 +252,7 @@ def test_chunks_and_programs_may_differ_in_their_byte_order(tried: Try) -> None:
     assert not cases.alarms
 
 
-class HasRulesForPasswords(Brain):
+class HasRulesForPasswords(ControllerCore):
     """A password has six to sixteen letters and digits, and is not the one before."""
 
     def set_password(self, request: Request) -> bool:
@@ -267,7 +269,7 @@ def test_odd_passwords_may_be_refused(tried: Try) -> None:
     assert cases["4.2/4"].verdict is Verdict.TOLERATED
 
 
-class WasNeverSetUp(Brain):
+class WasNeverSetUp(ControllerCore):
     """Its initial position is six zeros, and its default program is not stored: it refuses both."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -288,6 +290,6 @@ def test_what_nobody_can_put_back(tried: Try) -> None:
 @pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
 def test_what_names_may_be_written_in_is_told(tried: Try, encoding: str) -> None:
     """Of the names refused some are no text in the encoding that is taken (A-T-2)."""
-    case = tried(Brain, "T/8", spoken=DEFAULT.replace(text_encoding=encoding))["T/8"]
+    case = tried(ControllerCore, "T/8", spoken=DEFAULT.replace(text_encoding=encoding))["T/8"]
     assert case.verdict is Verdict.TOLERATED
     assert case.observed == f"text_encoding = {encoding}"

@@ -12,7 +12,7 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Receiver, Sender, State
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Action, Request, Session
 
 Try = Callable[..., Any]
@@ -20,7 +20,7 @@ Try = Callable[..., Any]
 _NO_CHUNK = Frame(C2A, 0x56, b"0")
 
 
-class TakesALengthForAStart(Brain):
+class TakesALengthForAStart(ControllerCore):
     """A length byte of 0xAA begins a frame anew, so that the data behind it are searched."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -32,7 +32,7 @@ class TakesALengthForAStart(Brain):
         super().handle(session, Frame(A2C, frame.data[begins + 1]), now_s)
 
 
-class KnowsEverybody(Brain):
+class KnowsEverybody(ControllerCore):
     """One command is served without a login (A-4-4)."""
 
     opcode: int
@@ -59,7 +59,7 @@ class Chooses(KnowsEverybody):
     opcode = 0x0E
 
 
-class FollowsARefusalUp(Brain):
+class FollowsARefusalUp(ControllerCore):
     """A name that is refused is followed by a 0 in place of a chunk; nobody has answered one."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -69,7 +69,7 @@ class FollowsARefusalUp(Brain):
             self.emit(session, _NO_CHUNK)
 
 
-class FollowsAnEndUp(Brain):
+class FollowsAnEndUp(ControllerCore):
     """The answer to the last chunk is answered 0."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -80,7 +80,7 @@ class FollowsAnEndUp(Brain):
             self.emit(session, _NO_CHUNK)
 
 
-class HasNoPatience(Brain):
+class HasNoPatience(ControllerCore):
     """An answer to a chunk is refused after twenty seconds (25 have to be survived), or to none."""
 
     def download_chunk(self, request: Request) -> Silence:
@@ -94,7 +94,7 @@ class HasNoPatience(Brain):
         return super().download_chunk(request)
 
 
-class TakesPlainNames(Brain):
+class TakesPlainNames(ControllerCore):
     """A name has letters and digits."""
 
     def upload_name(self, request: Request) -> bool:
@@ -120,7 +120,7 @@ class ListsSmallNames(TakesPlainNames):
         super().emit(session, frame._replace(data=data))
 
 
-class MissesSizes(Brain):
+class MissesSizes(ControllerCore):
     """A file whose size has two bytes of zeros is taken for an empty one."""
 
     def upload_chunk(self, request: Request) -> Any:
@@ -131,7 +131,7 @@ class MissesSizes(Brain):
         return super().upload_chunk(request)
 
 
-class Collides(Brain):
+class Collides(ControllerCore):
     """Of names whose bytes have the same sum some are refused, as if there were no room."""
 
     def upload_name(self, request: Request) -> bool:
@@ -141,7 +141,7 @@ class Collides(Brain):
         return not collides and super().upload_name(request)
 
 
-class TakesPathsLate(Brain):
+class TakesPathsLate(ControllerCore):
     """A name with a path in it is accepted half a second later, behind the next reply (3/24)."""
 
     def __init__(self, *arguments: Any) -> None:
@@ -167,7 +167,7 @@ class TakesPathsLate(Brain):
         return min((due_s for due_s in times_s if due_s is not None), default=None)
 
 
-class MovesLate(Brain):
+class MovesLate(ControllerCore):
     """A move that was refused begins a moment later, and the status says nothing of it."""
 
     _due_s = math.inf
@@ -185,7 +185,7 @@ class MovesLate(Brain):
 
 
 @pytest.mark.parametrize(
-    ("brain", "requirement"),
+    ("core", "requirement"),
     [
         (TakesALengthForAStart, "3/6"),
         (LetsGo, "2/11"),
@@ -200,9 +200,9 @@ class MovesLate(Brain):
         (TakesPathsLate, "5.2/15"),
     ],
 )
-def test_a_fault_is_found(tried: Try, brain: type[Brain], requirement: str) -> None:
+def test_a_fault_is_found(tried: Try, core: type[ControllerCore], requirement: str) -> None:
     """What the document forbids is not excused by what it leaves open."""
-    assert requirement in tried(brain, requirement).failed
+    assert requirement in tried(core, requirement).failed
 
 
 @pytest.mark.parametrize("only", ["4.10/4", "5.4/2"])
@@ -211,7 +211,7 @@ def test_a_refusal_of_a_name_is_not_taken_for_want_of_room(tried: Try, only: str
     assert "5.2/2" in tried(Collides, only).failed
 
 
-class CarriesOver(Brain):
+class CarriesOver(ControllerCore):
     """What came of an upload that was refused stands before the next one of its connection."""
 
     left: tuple[Session, bytes] | None = None
@@ -236,7 +236,7 @@ def test_what_a_broken_upload_left_in_its_connection(tried: Try) -> None:
     assert "5.4/6" in tried(CarriesOver, "5.4/6").failed
 
 
-class AwaitsTheAnswerAlone(Brain):
+class AwaitsTheAnswerAlone(ControllerCore):
     """While it sends a file, what came together with something else is no answer to a chunk."""
 
     alone = True
@@ -255,4 +255,4 @@ class AwaitsTheAnswerAlone(Brain):
 def test_an_answer_to_a_chunk_that_does_not_come_alone(tried: Try) -> None:
     """It comes in one segment with questions, and is taken all the same."""
     assert "2/6" in tried(AwaitsTheAnswerAlone, "5.4/8").failed
-    assert not tried(Brain, "5.4/8").alarms
+    assert not tried(ControllerCore, "5.4/8").alarms

@@ -10,7 +10,7 @@ import pytest
 
 from scaraspec.mutants.controller.breaking import OtherInlet
 from scaraspec.protocol.frames import Frame, StreamItem
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.inlet import Inlet
 from scaraspec.virtual_controller.session import Action
 
@@ -93,7 +93,7 @@ class FewPieces(OtherInlet):
     inlet = _FewPieces
 
 
-class HalfAKilobyte(Brain):
+class HalfAKilobyte(ControllerCore):
     """Of a segment of more than 512 bytes the rest is lost."""
 
     most_bytes = 512
@@ -109,7 +109,7 @@ class Kilobyte(HalfAKilobyte):
     most_bytes = 1024
 
 
-class EndsAtTheMark(Brain):
+class EndsAtTheMark(ControllerCore):
     """A frame of a few bytes ends where its end byte stands first, and the next one begins."""
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
@@ -136,7 +136,7 @@ class OutputsLast(OtherInlet):
 
 
 @pytest.mark.parametrize(
-    ("brain", "tries", "requirement"),
+    ("core", "tries", "requirement"),
     [
         (OutputsLast, "3/30", "3/30"),
         (SegmentIsFrame, "2/5", "2/5"),
@@ -148,6 +148,6 @@ class OutputsLast(OtherInlet):
         (EndsAtTheMark, "3/9", "3/9"),
     ],
 )
-def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+def test_it_is_found(tried: Try, core: type[ControllerCore], tries: str, requirement: str) -> None:
     """A case of what it tries fails, for what is violated."""
-    assert requirement in tried(brain, tries, examples=1).failed
+    assert requirement in tried(core, tries, examples=1).failed

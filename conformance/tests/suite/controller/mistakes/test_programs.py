@@ -31,7 +31,7 @@ from scaraspec.protocol.program_files import (
 )
 from scaraspec.virtual_controller import interpreter
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 Try = Callable[..., Any]
@@ -43,7 +43,7 @@ def single(value: float) -> float:
     return held
 
 
-class _Remembers(Brain, ABC):
+class _Remembers(ControllerCore, ABC):
     """A program that was stopped has left something to the next one."""
 
     last: interpreter.Run | None = None
@@ -113,7 +113,7 @@ class _InPlace(interpreter.Run):
         super()._compute(operation)
 
 
-class InPlace(Brain):
+class InPlace(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _InPlace
@@ -132,10 +132,12 @@ class _NoNesting(interpreter.Run):
         return next(n for n in range(self._index + 1, len(nodes)) if nodes[n].type is way[1])
 
 
-def no_nesting(begin: NodeType, end: NodeType) -> type[Brain]:
+def no_nesting(begin: NodeType, end: NodeType) -> type[ControllerCore]:
     """A controller whose programs jump so."""
     run = type("Run", (_NoNesting,), {"ways": [(begin, end)]})
-    return type(f"{begin.name.title()}To{end.name.title()}", (Brain,), {"interpreter": run})
+    return type(
+        f"{begin.name.title()}To{end.name.title()}", (ControllerCore,), {"interpreter": run}
+    )
 
 
 class _FromTheBeginning(interpreter.Run):
@@ -145,13 +147,13 @@ class _FromTheBeginning(interpreter.Run):
         self._index = -1
 
 
-class FromTheBeginning(Brain):
+class FromTheBeginning(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _FromTheBeginning
 
 
-class ToTheFirstLoop(Brain):
+class ToTheFirstLoop(ControllerCore):
     """A controller whose programs return from the end of a loop to the first one that there is."""
 
     class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
@@ -162,7 +164,7 @@ class ToTheFirstLoop(Brain):
             super()._repeat(kinds.index(NodeType.LOOP, 0, start + 1))
 
 
-class NoElseIf(Brain):
+class NoElseIf(ControllerCore):
     """A controller in whose programs an IF within an ELSE does not hold."""
 
     class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
@@ -180,7 +182,7 @@ class NoElseIf(Brain):
             return not any(within) and super()._holds(operation)
 
 
-class OldInputs(Brain):
+class OldInputs(ControllerCore):
     """A controller whose programs calculate and compare with the inputs as they were at first."""
 
     class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
@@ -207,7 +209,7 @@ class _Subtracts(interpreter.Run):
         return a, b
 
 
-class Subtracts(Brain):
+class Subtracts(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _Subtracts
@@ -223,7 +225,7 @@ class _ComparesAsFloats(interpreter.Run):
         return a, b
 
 
-class ComparesAsFloats(Brain):
+class ComparesAsFloats(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _ComparesAsFloats
@@ -238,7 +240,7 @@ class _SixteenBitKeys(interpreter.Run):
         return super()._value(kind, value)
 
 
-class SixteenBitKeys(Brain):
+class SixteenBitKeys(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _SixteenBitKeys
@@ -254,7 +256,7 @@ class _AssignsBytes(interpreter.Run):
             self._variables[operation.result] = (held + 2**7) % 2**8 - 2**7
 
 
-class AssignsBytes(Brain):
+class AssignsBytes(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _AssignsBytes
@@ -269,7 +271,7 @@ class _AssignsNoInputs(interpreter.Run):
             super()._compute(operation)
 
 
-class AssignsNoInputs(Brain):
+class AssignsNoInputs(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _AssignsNoInputs
@@ -284,7 +286,7 @@ class _PutsNumbersOnly(interpreter.Run):
             super()._compute(operation)
 
 
-class PutsNumbersOnly(Brain):
+class PutsNumbersOnly(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _PutsNumbersOnly
@@ -301,7 +303,7 @@ class _TwiceIsOnce(interpreter.Run):
         return a, b
 
 
-class TwiceIsOnce(Brain):
+class TwiceIsOnce(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _TwiceIsOnce
@@ -315,7 +317,7 @@ class _MultipliesFloats(interpreter.Run):
         return (round(single(a * b)), 1) if operation.opt == Opt.MULTIPLY else (a, b)
 
 
-class MultipliesFloats(Brain):
+class MultipliesFloats(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _MultipliesFloats
@@ -330,7 +332,7 @@ class _QuotientsWithoutSign(interpreter.Run):
             self._variables[operation.result] %= 2**32
 
 
-class QuotientsWithoutSign(Brain):
+class QuotientsWithoutSign(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _QuotientsWithoutSign
@@ -346,13 +348,13 @@ class _HurriesInBranches(interpreter.Run):
         return now_s if hurries else ends_s
 
 
-class HurriesInBranches(Brain):
+class HurriesInBranches(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _HurriesInBranches
 
 
-class SetsPortsOnce(Brain):
+class SetsPortsOnce(ControllerCore):
     """In a run an output node does nothing to the port that the one before it has set."""
 
     class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
@@ -366,7 +368,7 @@ class SetsPortsOnce(Brain):
             self.port = output.port
 
 
-class EndsLoopsByAnEndif(Brain):
+class EndsLoopsByAnEndif(ControllerCore):
     """An ENDIF ends whatever began last; a loop that it ends is left out."""
 
     def understood(self, data: bytes) -> Program | None:
@@ -380,7 +382,7 @@ class EndsLoopsByAnEndif(Brain):
         return program
 
 
-class CountsLoopsToo(Brain):
+class CountsLoopsToo(ControllerCore):
     """From an IF that does not hold the markers are counted, and a loop's for one that begins."""
 
     class interpreter(interpreter.Run):  # noqa: N801 - the name of the attribute
@@ -401,7 +403,7 @@ class _CalculatesInFloats(interpreter.Run):
         return (a, b) if operation.opt >= Opt.GREATER else (round(single(a)), round(single(b)))
 
 
-class CalculatesInFloats(Brain):
+class CalculatesInFloats(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _CalculatesInFloats
@@ -415,7 +417,7 @@ class _ComparesWithTheKey(interpreter.Run):
         return a, operation.value_b if operation.opt >= Opt.GREATER else b
 
 
-class ComparesWithTheKey(Brain):
+class ComparesWithTheKey(ControllerCore):
     """A controller whose programs do."""
 
     interpreter = _ComparesWithTheKey
@@ -435,7 +437,7 @@ class CurvesEndWithTheFile(TakesShortCurves):
         return None if any(node.counts < 3 for node in curves) else program
 
 
-class KeepsPrograms(Brain):
+class KeepsPrograms(ControllerCore):
     """What a program does is found out once for each name."""
 
     def kept_by(self, name: bytes) -> object:
@@ -462,7 +464,7 @@ class KeepsSums(KeepsPrograms):
 
 
 @pytest.mark.parametrize(
-    ("brain", "tries", "requirement"),
+    ("core", "tries", "requirement"),
     [
         (no_nesting(NodeType.IF, NodeType.ELSE), "6.5/24", "6.5/24"),
         (no_nesting(NodeType.IF, NodeType.ENDIF), "6.5/24", "6.5/24"),
@@ -495,9 +497,9 @@ class KeepsSums(KeepsPrograms):
         (ComparesWithTheKey, "6.6a/14", "6.6a/14"),
     ],
 )
-def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+def test_it_is_found(tried: Try, core: type[ControllerCore], tries: str, requirement: str) -> None:
     """A case of what it tries fails, for what is violated."""
-    assert requirement in tried(brain, tries, examples=1).failed
+    assert requirement in tried(core, tries, examples=1).failed
 
 
 def test_old_inputs_are_found(tried: Try) -> None:

@@ -17,13 +17,13 @@ from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import Acceptance, NameListPart
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence, refused
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 Try = Callable[..., Any]
 
 
-class OneByteTooMany(Brain):
+class OneByteTooMany(ControllerCore):
     """A part of the list may have 256 bytes, of which its length byte says 0."""
 
     def list_programs(self, request: Request) -> NameListPart | Silence:
@@ -35,7 +35,7 @@ class OneByteTooMany(Brain):
         return SILENCE
 
 
-class HidesWhatRuns(Brain):
+class HidesWhatRuns(ControllerCore):
     """The program that runs is not in the list."""
 
     def is_program(self, name: bytes) -> bool:
@@ -44,7 +44,7 @@ class HidesWhatRuns(Brain):
         return super().is_program(name) and (task is None or task.program != name)
 
 
-class HidesItsDefault(Brain):
+class HidesItsDefault(ControllerCore):
     """The default program is not in the list."""
 
     def list_programs(self, request: Request) -> NameListPart:
@@ -54,7 +54,7 @@ class HidesItsDefault(Brain):
         return part._replace(names=tuple(name for name in part.names if name != hidden))
 
 
-class ForgetsItsDefault(Brain):
+class ForgetsItsDefault(ControllerCore):
     """Whichever program is deleted, there is no default one any more."""
 
     def delete_program(self, request: Request) -> bool:
@@ -65,7 +65,7 @@ class ForgetsItsDefault(Brain):
         return deleted
 
 
-class OneProgram(Brain):
+class OneProgram(ControllerCore):
     """The default program and the one that was run last are the same."""
 
     def run_program(self, request: Request) -> Acceptance:
@@ -84,7 +84,7 @@ class LatestProgram(SendsAfterTheEnd):
         self.save(default_program=name)
 
 
-class NamesNoDefaultMeanwhile(Brain):
+class NamesNoDefaultMeanwhile(ControllerCore):
     """While a program runs another default program is answered "1", and forgotten."""
 
     def set_default_program(self, request: Request) -> bool:
@@ -92,7 +92,7 @@ class NamesNoDefaultMeanwhile(Brain):
         return self.robot.task is not None or super().set_default_program(request)
 
 
-class SixteenLetters(Brain):
+class SixteenLetters(ControllerCore):
     """Names are compared by their first 16 bytes."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -111,7 +111,7 @@ class SixteenNew(SixteenLetters):
     opcodes = frozenset({0x50})
 
 
-class SixteenKilobytes(Brain):
+class SixteenKilobytes(ControllerCore):
     """What is longer than a buffer is no program, and is not listed."""
 
     def is_program(self, name: bytes) -> bool:
@@ -119,7 +119,7 @@ class SixteenKilobytes(Brain):
         return super().is_program(name) and len(self.store.read(name)) <= 16_384
 
 
-class SameLetters(Brain):
+class SameLetters(ControllerCore):
     """Names are told apart by the sum of their characters."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -130,7 +130,7 @@ class SameLetters(Brain):
         super().handle(session, frame, now_s)
 
 
-class EveryObject(Brain):
+class EveryObject(ControllerCore):
     """The store is an object of a language in which every object has something by this name."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -140,7 +140,7 @@ class EveryObject(Brain):
         super().handle(session, frame, now_s)
 
 
-class SetOnce(Brain):
+class SetOnce(ControllerCore):
     """What was set last is not set again, though it may have ceased to be so."""
 
     last: Frame | None = None
@@ -175,7 +175,7 @@ class DefaultPlace(SendsAfterTheEnd):
             self.save(default_program=name)
 
 
-class ShortNamesHideLong(Brain):
+class ShortNamesHideLong(ControllerCore):
     """A program whose name begins as another's is not listed."""
 
     def is_program(self, name: bytes) -> bool:
@@ -184,7 +184,7 @@ class ShortNamesHideLong(Brain):
         return super().is_program(name) and not any(name.startswith(stem) for stem in stems)
 
 
-class ThirtyTwo(Brain):
+class ThirtyTwo(ControllerCore):
     """No more than 32 programs are listed."""
 
     def is_program(self, name: bytes) -> bool:
@@ -192,7 +192,7 @@ class ThirtyTwo(Brain):
         return super().is_program(name) and name in self.store.names()[:32]
 
 
-class DeletesByPattern(Brain):
+class DeletesByPattern(ControllerCore):
     """Any character stands for the dot in the name of what is to be deleted."""
 
     def remove(self, name: bytes) -> bool:
@@ -203,7 +203,7 @@ class DeletesByPattern(Brain):
         return super().remove(name)
 
 
-class DeletesByBeginning(Brain):
+class DeletesByBeginning(ControllerCore):
     """What begins with the name is deleted with it."""
 
     def remove(self, name: bytes) -> bool:
@@ -214,7 +214,7 @@ class DeletesByBeginning(Brain):
         return super().remove(name)
 
 
-class TakesZeroForNothing(Brain):
+class TakesZeroForNothing(ControllerCore):
     """A file that holds 0 alone is not there for who asks for it."""
 
     def download_name(self, request: Request) -> bool:
@@ -226,7 +226,7 @@ class TakesZeroForNothing(Brain):
 
 
 @pytest.mark.parametrize(
-    ("brain", "tries", "requirement"),
+    ("core", "tries", "requirement"),
     [
         (SixteenLetters, "4.15/7", "4.15/7"),
         (SixteenLetters, "4.11/4", "4.11/4"),
@@ -258,9 +258,9 @@ class TakesZeroForNothing(Brain):
         (OneProgram, "4.13/6", "4.13/3"),
     ],
 )
-def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+def test_it_is_found(tried: Try, core: type[ControllerCore], tries: str, requirement: str) -> None:
     """A case of what it tries fails, for what is violated."""
-    assert requirement in tried(brain, tries, examples=1).failed
+    assert requirement in tried(core, tries, examples=1).failed
 
 
 def test_who_takes_the_latest_program_for_the_default_one_is_found(tried: Try) -> None:
@@ -269,7 +269,7 @@ def test_who_takes_the_latest_program_for_the_default_one_is_found(tried: Try) -
     assert "4.13/3" in tried(LatestProgram, "4.13/3", allowed=allowed).failed
 
 
-class FindsNoProgram(Brain):
+class FindsNoProgram(ControllerCore):
     """Whatever it is to run does not exist."""
 
     def run_program(self, _: Request) -> Acceptance:

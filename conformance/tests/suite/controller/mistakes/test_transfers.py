@@ -15,7 +15,7 @@ from scaraspec.mutants.controller.transferring import SendsAfterTheEnd
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.virtual_controller.behaviour.base import Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 Try = Callable[..., Any]
@@ -46,7 +46,7 @@ class OldTimeOut(SendsAfterTheEnd):
         super().handle(session, frame, now_s)
 
 
-class OneBuffer(Brain):
+class OneBuffer(ControllerCore):
     """What a program does is written where a chunk is made."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -57,7 +57,7 @@ class OneBuffer(Brain):
         super().emit(session, frame)
 
 
-class GuardsTheBeginning(Brain):
+class GuardsTheBeginning(ControllerCore):
     """Of a transfer that has begun nobody measures the silence."""
 
     def _begun(self, request: Request) -> None:
@@ -79,7 +79,7 @@ class GuardsTheBeginning(Brain):
         return silence
 
 
-class FindsWithoutExtension(Brain):
+class FindsWithoutExtension(ControllerCore):
     """A file is found without its extension, too."""
 
     def download_name(self, request: Request) -> bool:
@@ -89,7 +89,7 @@ class FindsWithoutExtension(Brain):
         return super().download_name(replace(request, value=name))
 
 
-class SilenceByTheClock(Brain):
+class SilenceByTheClock(ControllerCore):
     """Takes the time of day for the time that passes: an upload ends when the clock is set."""
 
     def set_time(self, request: Request) -> bool:
@@ -99,7 +99,7 @@ class SilenceByTheClock(Brain):
         return was_set
 
 
-class DeletesUploads(Brain):
+class DeletesUploads(ControllerCore):
     """A deletion ends the uploads that are under way."""
 
     def delete_program(self, request: Request) -> bool:
@@ -121,7 +121,7 @@ class LongFilesReachOver(SendsAfterTheEnd):
             self.store.write(before, b"!" + content[1:])
 
 
-class SixteenBits(Brain):
+class SixteenBits(ControllerCore):
     """Of a position two bytes count."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -131,7 +131,7 @@ class SixteenBits(Brain):
         super().handle(session, frame, now_s)
 
 
-class SignalsAndGoesOn(Brain):
+class SignalsAndGoesOn(ControllerCore):
     """A download that was given up ends with a chunk of length 0, and goes on behind it."""
 
     @cached_property
@@ -153,7 +153,7 @@ class SignalsAndGoesOn(Brain):
 
 
 @pytest.mark.parametrize(
-    ("brain", "tries", "requirement"),
+    ("core", "tries", "requirement"),
     [
         (SilenceByTheClock, "5.4/8", "5.4/8"),
         (DeletesUploads, "5.4/8", "5.4/8"),
@@ -168,6 +168,6 @@ class SignalsAndGoesOn(Brain):
         (GuardsTheBeginning, "5.3/7", "5.3/7"),
     ],
 )
-def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+def test_it_is_found(tried: Try, core: type[ControllerCore], tries: str, requirement: str) -> None:
     """A case of what it tries fails, for what is violated."""
-    assert requirement in tried(brain, tries, examples=1).failed
+    assert requirement in tried(core, tries, examples=1).failed

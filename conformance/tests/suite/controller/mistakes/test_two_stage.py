@@ -20,14 +20,14 @@ from scaraspec.protocol.program_files import Program
 from scaraspec.virtual_controller import motion
 from scaraspec.virtual_controller.behaviour import SILENCE
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, Silence
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.robot import DONE, Task
 from scaraspec.virtual_controller.session import Action, Request, Session
 
 Try = Callable[..., Any]
 
 
-class StopsForAnyone(Brain):
+class StopsForAnyone(ControllerCore):
     """Whoever leaves takes along what another client has begun, and nobody is told."""
 
     def close(self, connection: int, now_s: float) -> list[Action]:
@@ -36,7 +36,7 @@ class StopsForAnyone(Brain):
         return super().close(connection, now_s)
 
 
-class OpenDoor(Brain):
+class OpenDoor(ControllerCore):
     """While something executes everybody is served."""
 
     def _may_ask(self, session: Session, command: Command) -> bool:
@@ -44,14 +44,14 @@ class OpenDoor(Brain):
         return self.robot.task is not None or super()._may_ask(session, command)
 
 
-class RunsTheDefault(Brain):
+class RunsTheDefault(ControllerCore):
     """In place of a missing program the default one is run."""
 
     def _program(self, name: bytes | None) -> Program | None:
         return super()._program(name) or super()._program(self.store.settings.default_program)
 
 
-class TellsItsStarter(Brain):
+class TellsItsStarter(ControllerCore):
     """What runs is told to nobody but the client that began it."""
 
     def get_running_program(self, request: Request) -> RunningProgram | None:
@@ -61,7 +61,7 @@ class TellsItsStarter(Brain):
         return super().get_running_program(request) if own else None
 
 
-class LocksOnItsWay(Brain):
+class LocksOnItsWay(ControllerCore):
     """A lock that is refused while the arm moves ends the move, which is then done."""
 
     def lock_joints(self, request: Request) -> Acceptance:
@@ -71,7 +71,7 @@ class LocksOnItsWay(Brain):
         return super().lock_joints(request)
 
 
-class DiesWithItsClient(Brain):
+class DiesWithItsClient(ControllerCore):
     """A program whose result nobody is there to hear is never over."""
 
     def _settle(self, now_s: float) -> None:
@@ -80,7 +80,7 @@ class DiesWithItsClient(Brain):
             super()._settle(now_s)
 
 
-class StopsItsClock(Brain):
+class StopsItsClock(ControllerCore):
     """While a program runs the clock stands still."""
 
     stopped: datetime | None = None
@@ -92,7 +92,7 @@ class StopsItsClock(Brain):
         return self.stopped or time
 
 
-class NeverForgets(Brain):
+class NeverForgets(ControllerCore):
     """While the arm jogs the last program is told to run."""
 
     def get_running_program(self, request: Request) -> RunningProgram | None:
@@ -101,7 +101,7 @@ class NeverForgets(Brain):
         return super().get_running_program(request) or (None if idle else RunningProgram(b"a", 1))
 
 
-class EndsForTheStopped(Brain):
+class EndsForTheStopped(ControllerCore):
     """A program that was stopped ends with the next one of its client."""
 
     stopped: Session | None = None
@@ -116,7 +116,7 @@ class EndsForTheStopped(Brain):
             super().emit(session, frame)
 
 
-class NothingToRelease(Brain):
+class NothingToRelease(ControllerCore):
     """A release of joints that are released is accepted, and never ends."""
 
     released = False
@@ -130,7 +130,7 @@ class NothingToRelease(Brain):
         super().emit(session, frame)
 
 
-class NoAnglesOnTheWay(Brain):
+class NoAnglesOnTheWay(ControllerCore):
     """While the arm jogs its angles are not told."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -140,7 +140,7 @@ class NoAnglesOnTheWay(Brain):
             super().emit(session, frame)
 
 
-class HalfAsLong(Brain):
+class HalfAsLong(ControllerCore):
     """Programs are told to have run for half as long as they have."""
 
     def get_running_program(self, request: Request) -> RunningProgram | None:
@@ -149,7 +149,7 @@ class HalfAsLong(Brain):
         return told and told._replace(run_time_s=told.run_time_s // 2)
 
 
-class VersionOfARun(Brain):
+class VersionOfARun(ControllerCore):
     """The text of the version is made where the name of a program was put."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -160,7 +160,7 @@ class VersionOfARun(Brain):
         super().emit(session, frame)
 
 
-class OthersRun(Brain):
+class OthersRun(ControllerCore):
     """Whoever is refused because another client has begun something is told that it is a run."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -171,7 +171,7 @@ class OthersRun(Brain):
         super().emit(session, frame)
 
 
-class SmallLetters(Brain):
+class SmallLetters(ControllerCore):
     """The program that runs is told in small letters."""
 
     def get_running_program(self, request: Request) -> RunningProgram | None:
@@ -180,7 +180,7 @@ class SmallLetters(Brain):
         return told and told._replace(name=told.name.lower())
 
 
-class MovesOnARun(Brain):
+class MovesOnARun(ControllerCore):
     """While a program moves the arm its status is that of a move."""
 
     heard_s = 0.0
@@ -198,7 +198,7 @@ class MovesOnARun(Brain):
         super().emit(session, frame)
 
 
-class EndsItsMove(Brain):
+class EndsItsMove(ControllerCore):
     """An emergency stop ends a program, and not the move that it has begun."""
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -211,7 +211,7 @@ class EndsItsMove(Brain):
         return answer
 
 
-class StopsLater(Brain):
+class StopsLater(ControllerCore):
     """A stop that is not needed stops what begins next."""
 
     stopped = False
@@ -235,7 +235,7 @@ class StopsLater(Brain):
         return answer
 
 
-class BusyLater(Brain):
+class BusyLater(ControllerCore):
     """Only at the next instant it knows that a command executes."""
 
     def lock_joints(self, request: Request) -> Acceptance | Silence:
@@ -248,7 +248,7 @@ class BusyLater(Brain):
         return SILENCE
 
 
-class TellsItsDefault(Brain):
+class TellsItsDefault(ControllerCore):
     """The program that runs is told to be the default one, where there is one."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -259,7 +259,7 @@ class TellsItsDefault(Brain):
         super().emit(session, frame)
 
 
-class JogsNowhere(Brain):
+class JogsNowhere(ControllerCore):
     """A jog is accepted, and lasts until it is stopped, and the arm stays where it is."""
 
     def jog(self, request: Request) -> Acceptance:
@@ -270,7 +270,7 @@ class JogsNowhere(Brain):
         return answer
 
 
-class SixteenBits(Brain):
+class SixteenBits(ControllerCore):
     """Where a move goes is kept in whole millimetres of 16 bits."""
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
@@ -282,7 +282,7 @@ class SixteenBits(Brain):
 
 
 @pytest.mark.parametrize(
-    ("brain", "tries", "requirement"),
+    ("core", "tries", "requirement"),
     [
         (NothingToRelease, "4.25/3", "4.25/3"),
         (EndsForTheStopped, "4.17/4", "3/18"),
@@ -313,9 +313,9 @@ class SixteenBits(Brain):
         (OpenDoor, "2/11", "2/11"),
     ],
 )
-def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+def test_it_is_found(tried: Try, core: type[ControllerCore], tries: str, requirement: str) -> None:
     """A case of what it tries fails, for what is violated."""
-    assert requirement in tried(brain, tries, examples=1).failed
+    assert requirement in tried(core, tries, examples=1).failed
 
 
 def test_a_jog_that_moves_nothing_is_not_called_right(tried: Try) -> None:
@@ -324,7 +324,7 @@ def test_a_jog_that_moves_nothing_is_not_called_right(tried: Try) -> None:
     assert {case.verdict for case in directions.values()} == {Verdict.NONE}
 
 
-class ExchangesJoints(Brain):
+class ExchangesJoints(ControllerCore):
     """The bits of the wrist and of the gripper are exchanged in the codes of motors."""
 
     def get_status(self, request: Request) -> str:
@@ -337,7 +337,7 @@ def test_motors_that_are_told_for_others_are_found(tried: Try) -> None:
     """Who makes a motor fail knows which (A-8-1)."""
     hooks = ("motor_fault", "clear_faults")
     assert "8/4" in tried(ExchangesJoints, "8/2", handled=hooks).failed
-    assert not tried(Brain, "8/2", handled=hooks).wrong
+    assert not tried(ControllerCore, "8/2", handled=hooks).wrong
 
 
 @pytest.mark.parametrize("fault", ["another-tag", "tag-behind-the-opcode"])

@@ -14,13 +14,13 @@ import pytest
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import Point, PortValue
 from scaraspec.protocol.frames import Frame
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Request, Session
 
 Try = Callable[..., Any]
 
 
-class ShortestText(Brain):
+class ShortestText(ControllerCore):
     """Numbers are told as the programming language writes them."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -31,7 +31,7 @@ class ShortestText(Brain):
         super().emit(session, frame)
 
 
-class SumsItUp(Brain):
+class SumsItUp(ControllerCore):
     """Of a password it has kept nothing but the sum of its bytes."""
 
     def login(self, request: Request) -> bool:
@@ -41,7 +41,7 @@ class SumsItUp(Brain):
         return right
 
 
-class OverlooksTheLast(Brain):
+class OverlooksTheLast(ControllerCore):
     """Of a password the last letter is not looked at."""
 
     def login(self, request: Request) -> bool:
@@ -52,7 +52,7 @@ class OverlooksTheLast(Brain):
         return opens
 
 
-class ChangesLengths(Brain):
+class ChangesLengths(ControllerCore):
     """A new password as long as the old one is taken for no new one."""
 
     def set_password(self, request: Request) -> bool:
@@ -62,7 +62,7 @@ class ChangesLengths(Brain):
         return (same and value.old == self.store.settings.password) or super().set_password(request)
 
 
-class LimitedTenths(Brain):
+class LimitedTenths(ControllerCore):
     """Numbers are kept as tenths in 16 bits."""
 
     def set_gripper_center(self, request: Request) -> bool:
@@ -71,7 +71,7 @@ class LimitedTenths(Brain):
         return super().set_gripper_center(replace(request, value=value))
 
 
-class SmallPasswords(Brain):
+class SmallPasswords(ControllerCore):
     """New passwords are kept in small letters."""
 
     def set_password(self, request: Request) -> bool:
@@ -82,7 +82,7 @@ class SmallPasswords(Brain):
         return super().set_password(request)
 
 
-class ComparesTheBeginning(Brain):
+class ComparesTheBeginning(ControllerCore):
     """Of a password sixteen letters are compared."""
 
     def login(self, request: Request) -> bool:
@@ -91,7 +91,7 @@ class ComparesTheBeginning(Brain):
         return super().login(replace(request, value=right if said[:16] == right[:16] else said))
 
 
-class LeapsEveryEighthYear(Brain):
+class LeapsEveryEighthYear(ControllerCore):
     """Only every other leap year has a 29 February."""
 
     def set_time(self, request: Request) -> bool:
@@ -101,7 +101,7 @@ class LeapsEveryEighthYear(Brain):
         return not refused and super().set_time(request)
 
 
-class KnowsItsClient(Brain):
+class KnowsItsClient(ControllerCore):
     """Who has logged in may say whatever he likes."""
 
     def login(self, request: Request) -> bool:
@@ -109,7 +109,7 @@ class KnowsItsClient(Brain):
         return request.session.logged_in or super().login(request)
 
 
-class KeepsNumbers(Brain):
+class KeepsNumbers(ControllerCore):
     """A new password that is a number is kept as one."""
 
     def set_password(self, request: Request) -> bool:
@@ -120,7 +120,7 @@ class KeepsNumbers(Brain):
         return super().set_password(request)
 
 
-class TrimsPasswords(Brain):
+class TrimsPasswords(ControllerCore):
     """New passwords lose the blanks around them."""
 
     def set_password(self, request: Request) -> bool:
@@ -131,7 +131,7 @@ class TrimsPasswords(Brain):
         return super().set_password(request)
 
 
-class PasswordBuffer(Brain):
+class PasswordBuffer(ControllerCore):
     """New passwords are cut to what a buffer of 64 bytes holds."""
 
     def set_password(self, request: Request) -> bool:
@@ -142,7 +142,7 @@ class PasswordBuffer(Brain):
         return super().set_password(request)
 
 
-class LiteralsOfALanguage(Brain):
+class LiteralsOfALanguage(ControllerCore):
     """An initial tool position is read by what reads the literals of some language."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -153,7 +153,7 @@ class LiteralsOfALanguage(Brain):
         super().handle(session, frame, now_s)
 
 
-class _Overlooks(Brain):
+class _Overlooks(ControllerCore):
     """It overlooks something in what it is told, or takes it for something else."""
 
     opcode = 0
@@ -167,13 +167,13 @@ class _Overlooks(Brain):
         super().handle(session, frame, now_s)
 
 
-def overlooks(pattern: bytes, taken_for: bytes = b"", opcode: int = 0x35) -> type[Brain]:
+def overlooks(pattern: bytes, taken_for: bytes = b"", opcode: int = 0x35) -> type[ControllerCore]:
     """A controller that does, in a gripper centre if nothing else is said."""
     own = {"opcode": opcode, "overlooked": pattern, "taken_for": taken_for}
     return type("Overlooks", (_Overlooks,), own)
 
 
-class PatternOfAPassword(Brain):
+class PatternOfAPassword(ControllerCore):
     """The password is a pattern, which what logs in has to match."""
 
     def login(self, request: Request) -> bool:
@@ -183,7 +183,7 @@ class PatternOfAPassword(Brain):
         return super().login(replace(request, value=right if matched else b""))
 
 
-class Boundless(Brain):
+class Boundless(ControllerCore):
     """An initial tool position that was never set is what the memory held."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -193,7 +193,7 @@ class Boundless(Brain):
         super().emit(session, frame)
 
 
-class Absurd(Brain):
+class Absurd(ControllerCore):
     """What it tells under one opcode is nothing that anybody could have set."""
 
     opcode = 0
@@ -206,7 +206,7 @@ class Absurd(Brain):
         super().emit(session, frame)
 
 
-class PointBehind(Brain):
+class PointBehind(ControllerCore):
     """An address may have a point behind it."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -216,7 +216,7 @@ class PointBehind(Brain):
         super().handle(session, frame, now_s)
 
 
-class TakesItsNeighbourAlong(Brain):
+class TakesItsNeighbourAlong(ControllerCore):
     """Who switches output 8 off switches off the first of the next byte."""
 
     def set_digital_output(self, request: Request) -> bool:
@@ -227,7 +227,7 @@ class TakesItsNeighbourAlong(Brain):
         return done
 
 
-class OtherBytes(Brain):
+class OtherBytes(ControllerCore):
     """Binary directions of a jog have the order of the keys on its pendant: 3 is -X."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -237,7 +237,7 @@ class OtherBytes(Brain):
         super().handle(session, frame, now_s)
 
 
-class OffInDoubt(Brain):
+class OffInDoubt(ControllerCore):
     """A value that is none switches the output off, and is refused."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -248,7 +248,7 @@ class OffInDoubt(Brain):
         super().handle(session, frame, now_s)
 
 
-class TakesOffZeros(Brain):
+class TakesOffZeros(ControllerCore):
     """Of the minutes of a time each character counts by how far it is from a zero."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -259,7 +259,7 @@ class TakesOffZeros(Brain):
         super().handle(session, frame, now_s)
 
 
-class FillsUp(Brain):
+class FillsUp(ControllerCore):
     """What lacks of the 14 digits of a time, at its begin or its end, is made up for."""
 
     before, behind = b"", b""
@@ -283,7 +283,7 @@ class NeedsNoCentury(FillsUp):
     before = b"20"
 
 
-class YearsOf365Days(Brain):
+class YearsOf365Days(ControllerCore):
     """The last day of a leap year is told as the one before."""
 
     def get_time(self, request: Request) -> datetime:
@@ -292,7 +292,7 @@ class YearsOf365Days(Brain):
         return time - timedelta(days=time.timetuple().tm_yday > 365)
 
 
-class SevenBits(Brain):
+class SevenBits(ControllerCore):
     """Of the digit of a jog the highest bit does not count."""
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
@@ -303,7 +303,7 @@ class SevenBits(Brain):
 
 
 @pytest.mark.parametrize(
-    ("brain", "tries", "requirement"),
+    ("core", "tries", "requirement"),
     [
         (SumsItUp, "4.1/3", "4.1/3"),
         (TakesItsNeighbourAlong, "4.32/6", "4.32/6"),
@@ -344,9 +344,9 @@ class SevenBits(Brain):
         (PatternOfAPassword, "4.2/4", "4.2/4"),
     ],
 )
-def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: str) -> None:
+def test_it_is_found(tried: Try, core: type[ControllerCore], tries: str, requirement: str) -> None:
     """A case of what it tries fails, for what is violated."""
-    assert requirement in tried(brain, tries, examples=1, handled=("factory_reset",)).failed
+    assert requirement in tried(core, tries, examples=1, handled=("factory_reset",)).failed
 
 
 @pytest.mark.parametrize(
@@ -362,14 +362,14 @@ def test_it_is_found(tried: Try, brain: type[Brain], tries: str, requirement: st
 )
 def test_no_case_breaks_down_of_an_absurd_value(tried: Try, opcode: int, data: bytes) -> None:
     """Nothing can be made of it: that is undecided, and no mistake of the suite."""
-    brain = type("Absurdly", (Absurd,), {"opcode": opcode, "data": data})
+    core = type("Absurdly", (Absurd,), {"opcode": opcode, "data": data})
     only = ("2/11", "3/30", "4.5/4", "4.9/2", "5.2/12", "6.5/25", "6.5/28")
-    counts = tried(brain, *only).counts
+    counts = tried(core, *only).counts
     assert not counts[Verdict.ERROR]
     assert counts[Verdict.PASS]
 
 
-class LivesLater(Brain):
+class LivesLater(ControllerCore):
     """Its clock shows a year that no timer of 4 bytes can hold, and goes on."""
 
     def emit(self, session: Session, frame: Frame) -> None:
@@ -384,7 +384,7 @@ def test_no_timer_is_asked_for_what_it_cannot_hold(tried: Try) -> None:
     assert tried(LivesLater, "6.5/22")["6.5/22"].verdict is Verdict.INCONCLUSIVE
 
 
-class KeepsNoCenter(Brain):
+class KeepsNoCenter(ControllerCore):
     """A gripper centre is taken, and is what it was."""
 
     def set_gripper_center(self, _: Request) -> bool:

@@ -1,4 +1,4 @@
-"""The command table and the brain: one method for each row, one way in, one way out."""
+"""The command table and the core: one method for each row, one way in, one way out."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import pytest
 from scaraspec.protocol.commands import COMMANDS, Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import Nothing
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
 _WITHOUT_DATA = [row.name for row in COMMANDS if isinstance(row.request, Nothing)]
@@ -16,7 +16,7 @@ _WITHOUT_DATA = [row.name for row in COMMANDS if isinstance(row.request, Nothing
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
 def test_every_row_of_the_table_has_a_behaviour(command: Command) -> None:
     """A command that is added to the table without a method of its name fails here."""
-    assert callable(getattr(Brain, command.name, None))
+    assert callable(getattr(ControllerCore, command.name, None))
 
 
 @pytest.mark.parametrize("name", _WITHOUT_DATA)
@@ -38,8 +38,8 @@ def test_data_on_a_request_that_has_none_is_ignored(bench: Any, name: str) -> No
 def test_every_frame_comes_in_and_goes_out_through_one_seam(bench: Any) -> None:
     """A subclass that overrides `handle` and `emit` sees, and can spoil, everything."""
 
-    class Deaf(Brain):
-        seen: list[str] = []  # noqa: RUF012 - one brain of this class is made, here
+    class Deaf(ControllerCore):
+        seen: list[str] = []  # noqa: RUF012 - one core of this class is made, here
 
         def handle(self, session: Session, frame: Frame, now_s: float) -> None:
             self.seen.append(f"in {frame.opcode:02X}")
@@ -49,10 +49,10 @@ def test_every_frame_comes_in_and_goes_out_through_one_seam(bench: Any) -> None:
             self.seen.append(f"out {frame.opcode:02X}")
             super().emit(session, frame._replace(data=b"spoilt"))
 
-    brain = Deaf(bench.plant, bench.store)
-    brain.open(1, 0.0)
-    brain.receive(1, b"\xaa\x01\x08password\xcc", 0.0)
-    (sent,) = brain.receive(1, b"\xaa\x09\x00\xcc", 0.0)
+    core = Deaf(bench.plant, bench.store)
+    core.open(1, 0.0)
+    core.receive(1, b"\xaa\x01\x08password\xcc", 0.0)
+    (sent,) = core.receive(1, b"\xaa\x09\x00\xcc", 0.0)
     assert sent.data == b"\xcc\x09\x06spoilt\xaa"
     assert Deaf.seen == ["in 01", "out 01", "in 09", "out 09"]
 
@@ -60,11 +60,11 @@ def test_every_frame_comes_in_and_goes_out_through_one_seam(bench: Any) -> None:
 def test_a_behaviour_can_be_replaced_by_its_name(bench: Any) -> None:
     """A seeded fault is a subclass that overrides the method of one command."""
 
-    class Liar(Brain):
+    class Liar(ControllerCore):
         def get_status(self, _: object) -> str:
             return "04"
 
-    brain = Liar(bench.plant, bench.store)
-    brain.open(1, 0.0, "serial")
-    (sent,) = brain.receive(1, b"\xaa\x09\x00\xcc", 0.0)
+    core = Liar(bench.plant, bench.store)
+    core.open(1, 0.0, "serial")
+    (sent,) = core.receive(1, b"\xaa\x09\x00\xcc", 0.0)
     assert sent.data == b"\xcc\x09\x0204\xaa"

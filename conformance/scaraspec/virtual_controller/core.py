@@ -1,9 +1,10 @@
-"""The brain: what clients do comes in, what the controller does about it goes out; all is pure.
+"""The virtual controller's core: a state machine without I/O.
 
-Connections, logins and the order of requests and replies live here. Every frame comes in through
-`Brain.handle` and goes out through `Brain.emit`; in between, the method that bears its command's
-name acts (see `behaviour`). Sockets, files and clocks are the shell's: it passes the time in, in
-seconds of any monotonic clock that is the plant's too, and performs the actions it gets back.
+It contains the connections, the logins and the order of requests and replies. Every frame enters
+through `ControllerCore.handle` and leaves through `ControllerCore.emit`. The method with the name
+of the command does the work (see `behaviour`). The server owns sockets, files and clocks: it passes
+the time in, in seconds of a monotonic clock that the plant also uses, and performs the actions
+that the core returns.
 """
 
 import math
@@ -37,11 +38,11 @@ def _ignore(_connection: int, _seen: StreamItem) -> None:
     """Watch nothing."""
 
 
-class Brain(Behaviour):
+class ControllerCore(Behaviour):
     """The virtual controller as a state machine.
 
     Args:
-        plant: The physical robot; its clock is the brain's.
+        plant: The physical robot; its clock is the core's.
         store: Programs and settings.
         dialect: One reading of every open point.
         watch: Told of every frame and every run of skipped bytes, with its connection.

@@ -163,7 +163,7 @@ _fuzzed = settings(max_examples=150, suppress_health_check=[HealthCheck.function
 
 def _is_up(bench: Any) -> bool:
     """Whether a new client is served, unless the robot was switched off on purpose."""
-    return not bench.brain.powered or bench.client().ask("get_status") is not None
+    return not bench.core.powered or bench.client().ask("get_status") is not None
 
 
 @_fuzzed
@@ -194,7 +194,7 @@ def test_no_sequence_of_requests_stops_the_controller(
         if client.ending is None:
             client.link.send(piece)
             client.hear(pauses_s[index % len(pauses_s)])
-    if bench.brain.powered:
+    if bench.core.powered:
         bench.pass_s(100.0)
         bench.store.save(bench.store.settings)
         client = bench.stranger()

@@ -52,7 +52,7 @@ def test_the_status_says_what_the_robot_is_doing(busy_of: Any, activity: str, st
     assert client.result(activity) == b"11"
     assert client.ask("get_status") == b"00"
     assert client.hear(60.0) == []
-    assert bench.brain.next_event_s is None
+    assert bench.core.next_event_s is None
 
 
 @pytest.mark.parametrize("asked", [name for name in _TWO_STAGE if name != "emergency_stop"])
@@ -428,15 +428,15 @@ def test_what_waits_for_a_jog_begins_when_the_jogger_leaves(busy_of: Any) -> Non
 @pytest.mark.parametrize("happening", ["open", "receive", "close", "advance"])
 def test_what_is_due_happens_before_whatever_comes(bench: Any, happening: str) -> None:
     """A shell may be late: the result of a move that is over comes first."""
-    brain = bench.brain
-    brain.open(1, 0.0, "serial")
-    (reply,) = brain.receive(1, b"\xaa\x39\x1399|300|10|250|0|0|0\xcc", 0.0)
+    core = bench.core
+    core.open(1, 0.0, "serial")
+    (reply,) = core.receive(1, b"\xaa\x39\x1399|300|10|250|0|0|0\xcc", 0.0)
     assert reply.data == b"\xcc\x39\x011\xaa"
     late_s = bench.plant.motion_ends_s + 1.0
     arguments = {"open": (2, late_s, "serial"), "receive": (1, b"", late_s), "advance": (late_s,)}
     if happening == "close":
-        brain.open(2, 0.0, "serial")
-    actions = getattr(brain, happening)(*arguments.get(happening, (2, late_s)))
+        core.open(2, 0.0, "serial")
+    actions = getattr(core, happening)(*arguments.get(happening, (2, late_s)))
     assert actions[0] == (1, b"\xcc\x90\x39\x0211\xaa")
 
 

@@ -41,7 +41,7 @@ def test_before_the_login_nothing_is_answered_and_nothing_done(bench: Any) -> No
     for row in COMMANDS:
         if row.name != "login":
             assert stranger.ask(row.name, b"") is None
-    assert bench.brain.powered
+    assert bench.core.powered
     assert bench.client().ask("get_status") == b"00"
 
 
@@ -187,8 +187,8 @@ def test_shutdown_answers_then_closes_everything(bench: Any) -> None:
     assert (other.hear(), other.ending) == ([], Ending.CLOSED)
     late = bench.stranger()
     assert (late.hear(), late.ending) == ([], Ending.CLOSED)
-    assert not bench.brain.powered
-    assert bench.brain.next_event_s is None
+    assert not bench.core.powered
+    assert bench.core.next_event_s is None
 
 
 def test_shutdown_is_refused_while_a_command_executes(bench: Any) -> None:

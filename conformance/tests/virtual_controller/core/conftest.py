@@ -1,4 +1,4 @@
-"""A bench: a brain on a memory network, and clients that speak frames to it in fake time."""
+"""A bench: a core on a memory network, and clients that speak frames to it in fake time."""
 
 from collections.abc import Callable
 from datetime import datetime
@@ -13,7 +13,7 @@ from scaraspec.protocol.program_files import Node, NodeType, Program, WaitSecond
 from scaraspec.protocol.readings import Dialect
 from scaraspec.transports.link import Ending
 from scaraspec.transports.memory import MemoryLink, MemoryNetwork
-from scaraspec.virtual_controller.brain import Brain
+from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.store import Store
 
@@ -77,13 +77,13 @@ class Client:
 
 
 class Bench:
-    """A brain, what it works on, and its clients."""
+    """A core, what it works on, and its clients."""
 
     def __init__(self, readings: dict[str, str]) -> None:
         self.plant = Plant(datetime(2014, 12, 22, 14, 30), now_s=0.0)  # noqa: DTZ001 - the document names no zone (L172)
         self.store = Store()
-        self.brain = Brain(self.plant, self.store, Dialect.of(**readings))
-        self.network = MemoryNetwork(self.brain)
+        self.core = ControllerCore(self.plant, self.store, Dialect.of(**readings))
+        self.network = MemoryNetwork(self.core)
 
     def stranger(self, link: Literal["tcp", "serial"] = "tcp") -> Client:
         """A client that has just connected."""
@@ -96,7 +96,7 @@ class Bench:
         return client
 
     def break_motor(self, code: str, *, lasting: bool = False) -> None:
-        """Let a fault happen, and the brain see it."""
+        """Let a fault happen, and the core see it."""
         self.plant.fail(code, self.network.now_s, lasting=lasting)
         self.network.run_until(self.network.now_s + 0.01)
 
