@@ -15,7 +15,14 @@ from rich.progress import Progress
 from scaraspec.cli.options import DEFAULT_PASSWORD, Real, password_option
 from scaraspec.cli.problems import Problem
 from scaraspec.client import Client, ClientError, LinkLost, ReplyTimeout
-from scaraspec.client.words import OPERATIONS, TRANSFERS, arguments, json_of, json_of_error, lines
+from scaraspec.client.text_interface import (
+    OPERATIONS,
+    TRANSFERS,
+    error_to_json,
+    format_result,
+    parse_arguments,
+    to_json,
+)
 from scaraspec.judge.verdicts import ExitStatus
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import PayloadError
@@ -76,19 +83,19 @@ def command(  # noqa: PLR0913, PLR0917 - a command line's options are its argume
         status = _status(error)
         if not as_json:
             raise Problem(_sentence(error), status) from None
-        answer = {"ok": False, "command": name, "error": json_of_error(error)}
+        answer = {"ok": False, "command": name, "error": error_to_json(error)}
         click.echo(json.dumps(answer))
         raise SystemExit(status) from None
     if as_json:
-        click.echo(json.dumps({"ok": True, "command": name, "result": json_of(result)}))
+        click.echo(json.dumps({"ok": True, "command": name, "result": to_json(result)}))
     else:
-        click.echo("\n".join(lines(name, result)))
+        click.echo("\n".join(format_result(name, result)))
 
 
 def _carry_out(
     url: str, name: str, texts: tuple[str, ...], password: str | None, timeout_s: float | None
 ) -> Any:
-    values = arguments(name, texts)
+    values = parse_arguments(name, texts)
     if name == "login":
         password = None  # it logs in itself
     elif password is None and isinstance(parse(url), Tcp):

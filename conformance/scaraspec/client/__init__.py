@@ -1,13 +1,13 @@
 """The reference client: `Client` and `AsyncClient`, and what can keep them from their task.
 
-`core` is the client without a link and a clock; `exchange`, `transfer` and `replies` are its
+`core` is the client without a link and a clock; `operation`, `transfer` and `replies` are its
 parts. `operations` has one method for each row of the table; `blocking` and `aio` carry them out.
 """
 
 from scaraspec.client.aio import AsyncClient, AsyncPending
 from scaraspec.client.blocking import Client, Pending
 from scaraspec.client.core import ClientCore
-from scaraspec.client.problems import (
+from scaraspec.client.errors import (
     ClientError,
     Failed,
     Interrupted,

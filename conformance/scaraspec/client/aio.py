@@ -8,11 +8,17 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import ClassVar, Self, TypeVar
 
+from scaraspec.client.base import (
+    CLOSED_LOCALLY,
+    LINK_LOST_REASONS,
+    NOT_CONNECTED,
+    ClientBase,
+    PendingBase,
+)
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.errors import LinkLost, Refused
 from scaraspec.client.operations import Call, Text
-from scaraspec.client.problems import LinkLost, Refused
-from scaraspec.client.shell import CLOSED_HERE, LOST_BY, NOT_CONNECTED, Begun, Shell
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S
 from scaraspec.transports.link import Ending
@@ -22,21 +28,21 @@ from scaraspec.user_message import UserMessage
 T = TypeVar("T")
 
 
-class AsyncPending(Begun):
+class AsyncPending(PendingBase):
     """A two-stage command under way; made by the ``start_`` methods of an `AsyncClient`."""
 
-    def __init__(self, client: "AsyncClient", exchange: PendingOperation) -> None:
-        super().__init__(exchange)
+    def __init__(self, client: "AsyncClient", operation: PendingOperation) -> None:
+        super().__init__(operation)
         self._client = client
 
     async def wait(self, timeout_s: float | None = None) -> None:
         """Wait for the final result, as `Pending.wait` does."""
-        if not await self._client.wait_for(lambda: self._exchange.settled, timeout_s):
+        if not await self._client.wait_for(lambda: self._operation.settled, timeout_s):
             raise self._no_result(timeout_s)
-        self._exchange.outcome()
+        self._operation.outcome()
 
 
-class AsyncClient(Shell):
+class AsyncClient(ClientBase):
     """A client of one controller on the network, for asyncio.
 
     ``async with AsyncClient("tcp://192.168.1.2", password="password") as client:`` connects, logs
@@ -87,7 +93,7 @@ class AsyncClient(Shell):
         try:
             async with asyncio.timeout(self._connect_timeout_s):
                 self._transport, _ = await loop.create_connection(
-                    lambda: _Wire(self._hear, self._lose), *self._address
+                    lambda: _Wire(self._data_received, self._connection_lost), *self._address
                 )
         except (OSError, UnicodeError) as error:
             if isinstance(error, TimeoutError):
@@ -102,7 +108,7 @@ class AsyncClient(Shell):
 
     async def close(self) -> None:
         """Close the link; calls that wait end with `LinkLost`."""
-        self._lose(CLOSED_HERE)
+        self._connection_lost(CLOSED_LOCALLY)
         if self._transport is not None:
             self._transport.close()
 
@@ -120,25 +126,25 @@ class AsyncClient(Shell):
 
     async def perform(self, call: Call[T]) -> T:
         """Carry out an operation to its end; used by its method."""
-        exchange = await self._begin(call)
+        operation = await self._begin(call)
         try:
-            while not exchange.settled:
-                await self.wait_for(lambda: exchange.settled or exchange.has_news)
-                exchange.report(call.progress)
+            while not operation.settled:
+                await self.wait_for(lambda: operation.settled or operation.has_progress)
+                operation.report(call.progress)
         except BaseException:
-            exchange.abort()
+            operation.abort()
             raise
-        return call.tell(exchange.outcome())
+        return call.convert(operation.outcome())
 
     async def start(self, call: Call[None]) -> AsyncPending:
         """Carry out an operation up to its first reply; used by its ``start_`` method."""
-        exchange = await self._begin(call)
-        await self.wait_for(lambda: exchange.accepted is not None or exchange.settled)
-        if not exchange.accepted and not isinstance(exchange.problem, Refused):
-            exchange.outcome()
-        return AsyncPending(self, exchange)
+        operation = await self._begin(call)
+        await self.wait_for(lambda: operation.accepted is not None or operation.settled)
+        if not operation.accepted and not isinstance(operation.error, Refused):
+            operation.outcome()
+        return AsyncPending(self, operation)
 
-    async def wait_for(self, reached: Callable[[], bool], timeout_s: float | None = None) -> bool:
+    async def wait_for(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
         """Wait until something is so.
 
         Returns:
@@ -146,7 +152,7 @@ class AsyncClient(Shell):
         """
         try:
             async with asyncio.timeout(timeout_s):
-                while not reached():
+                while not condition():
                     waiter = asyncio.get_running_loop().create_future()
                     self._waiters.add(waiter)
                     await waiter
@@ -166,25 +172,25 @@ class AsyncClient(Shell):
     async def _begin(self, call: Call[T]) -> PendingOperation:
         if self._transport is None:
             raise LinkLost(NOT_CONNECTED)
-        exchange = call.prepare(self._core)
-        await self.wait_for(lambda: self._core.is_free(exchange.slot))
-        self._core.begin(exchange, _now_s())
-        self._stir()
-        return exchange
+        operation = call.prepare(self._core)
+        await self.wait_for(lambda: self._core.is_free(operation.slot))
+        self._core.begin(operation, _now_s())
+        self._update()
+        return operation
 
-    def _hear(self, data: bytes) -> None:
+    def _data_received(self, data: bytes) -> None:
         self._core.feed(data, _now_s())
-        self._stir()
+        self._update()
 
-    def _lose(self, reason: str) -> None:
-        self._core.lose(reason, _now_s())
-        self._stir()
+    def _connection_lost(self, reason: str) -> None:
+        self._core.connection_lost(reason, _now_s())
+        self._update()
 
     def _tick(self, due_s: float) -> None:
         self._core.tick(max(due_s, _now_s()))  # alarms may come early by the clock's resolution
-        self._stir()
+        self._update()
 
-    def _stir(self) -> None:
+    def _update(self) -> None:
         """The core has moved: send what it wants sent, set its alarm, wake who waits."""
         if self._transport is not None:
             self._transport.write(self._core.bytes_to_send())
@@ -204,17 +210,19 @@ class AsyncClient(Shell):
 class _Wire(asyncio.Protocol):
     """Where asyncio brings the bytes."""
 
-    def __init__(self, hear: Callable[[bytes], None], lose: Callable[[str], None]) -> None:
-        self._hear = hear
-        self._lose = lose
+    def __init__(
+        self, hear: Callable[[bytes], None], connection_lost: Callable[[str], None]
+    ) -> None:
+        self._data_received = hear
+        self._connection_lost = connection_lost
 
     def data_received(self, data: bytes) -> None:
         """Tell what has arrived."""
-        self._hear(data)
+        self._data_received(data)
 
     def connection_lost(self, error: Exception | None) -> None:
         """Tell that the link has ended."""
-        self._lose(LOST_BY[Ending.RESET if error else Ending.CLOSED])
+        self._connection_lost(LINK_LOST_REASONS[Ending.RESET if error else Ending.CLOSED])
 
 
 def _now_s() -> float:

@@ -10,11 +10,17 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Self, TypeVar
 
+from scaraspec.client.base import (
+    CLOSED_LOCALLY,
+    LINK_LOST_REASONS,
+    NOT_CONNECTED,
+    ClientBase,
+    PendingBase,
+)
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.errors import ClientError, LinkLost, Refused
 from scaraspec.client.operations import Call, Text
-from scaraspec.client.problems import ClientError, LinkLost, Refused
-from scaraspec.client.shell import CLOSED_HERE, LOST_BY, NOT_CONNECTED, Begun, Shell
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.transfer import FileTransfer
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.transports.connect import CONNECT_TIMEOUT_S, connect
@@ -26,11 +32,11 @@ T = TypeVar("T")
 _LISTEN_S = 0.25  # for how long a listener may miss that another thread has closed the client
 
 
-class Pending(Begun):
+class Pending(PendingBase):
     """A two-stage command under way; made by the ``start_`` methods of a `Client`."""
 
-    def __init__(self, client: "Client", exchange: PendingOperation) -> None:
-        super().__init__(exchange)
+    def __init__(self, client: "Client", operation: PendingOperation) -> None:
+        super().__init__(operation)
         self._client = client
 
     def wait(self, timeout_s: float | None = None) -> None:
@@ -47,12 +53,12 @@ class Pending(Begun):
             LinkLost: The link ended before.
             ProtocolError: The result makes no sense.
         """
-        if not self._client.wait_for(lambda: self._exchange.settled, timeout_s):
+        if not self._client.wait_for(lambda: self._operation.settled, timeout_s):
             raise self._no_result(timeout_s)
-        self._exchange.outcome()
+        self._operation.outcome()
 
 
-class Client(Shell):
+class Client(ClientBase):
     """A client of one controller.
 
     ``with Client("tcp://192.168.1.2", password="password") as client:`` connects, logs in, and
@@ -112,7 +118,7 @@ class Client(Shell):
             if self._open_link is None or self._closed:
                 return
             self._closed = True
-            self._core.lose(CLOSED_HERE, self._open_link.now_s)
+            self._core.connection_lost(CLOSED_LOCALLY, self._open_link.now_s)
             if not self._listening:  # else the listener closes it, which alone may touch it now
                 self._open_link.close()
             self._turn.notify_all()
@@ -131,35 +137,35 @@ class Client(Shell):
 
     def perform(self, call: Call[T]) -> T:
         """Carry out an operation to its end; used by its method."""
-        exchange = self._begin(call)
+        operation = self._begin(call)
         try:
-            while not exchange.settled:
-                self.wait_for(lambda: exchange.settled or exchange.has_news)
-                exchange.report(call.progress)
+            while not operation.settled:
+                self.wait_for(lambda: operation.settled or operation.has_progress)
+                operation.report(call.progress)
         except BaseException:
-            exchange.abort()
-            if isinstance(exchange, FileTransfer):
+            operation.abort()
+            if isinstance(operation, FileTransfer):
                 with contextlib.suppress(ClientError):
-                    self.wait_for(lambda: exchange.settled, self.dialect.seconds("reply_timeout"))
+                    self.wait_for(lambda: operation.settled, self.dialect.seconds("reply_timeout"))
             raise
-        return call.tell(exchange.outcome())
+        return call.convert(operation.outcome())
 
     def start(self, call: Call[None]) -> Pending:
         """Carry out an operation up to its first reply; used by its ``start_`` method."""
-        exchange = self._begin(call)
-        self.wait_for(lambda: exchange.accepted is not None or exchange.settled)
-        if not exchange.accepted and not isinstance(exchange.problem, Refused):
-            exchange.outcome()
-        return Pending(self, exchange)
+        operation = self._begin(call)
+        self.wait_for(lambda: operation.accepted is not None or operation.settled)
+        if not operation.accepted and not isinstance(operation.error, Refused):
+            operation.outcome()
+        return Pending(self, operation)
 
-    def wait_for(self, reached: Callable[[], bool], timeout_s: float | None = None) -> bool:
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float | None = None) -> bool:
         """Listen, or wait for a thread that listens, until something is so.
 
         Returns:
             Whether it is; False when `timeout_s` have passed without.
         """
         with self._turn:
-            return self._wait_for(reached, timeout_s)
+            return self._wait_for(condition, timeout_s)
 
     @property
     def _link(self) -> Link:
@@ -168,17 +174,17 @@ class Client(Shell):
         return self._open_link
 
     def _begin(self, call: Call[T]) -> PendingOperation:
-        exchange = call.prepare(self._core)
+        operation = call.prepare(self._core)
         with self._turn:
-            self._wait_for(lambda: self._core.is_free(exchange.slot), None)
-            self._core.begin(exchange, self._link.now_s)
+            self._wait_for(lambda: self._core.is_free(operation.slot), None)
+            self._core.begin(operation, self._link.now_s)
             self._flush()
-        return exchange
+        return operation
 
-    def _wait_for(self, reached: Callable[[], bool], timeout_s: float | None) -> bool:
+    def _wait_for(self, condition: Callable[[], bool], timeout_s: float | None) -> bool:
         """Do as `wait_for` does, in a thread that holds the turn."""
         limit_s = None if timeout_s is None else self._link.now_s + timeout_s
-        while not reached():
+        while not condition():
             now_s = self._link.now_s
             if limit_s is not None and now_s >= limit_s:
                 return False
@@ -206,7 +212,7 @@ class Client(Shell):
         if arrival is None:
             self._core.tick(now_s)
         elif isinstance(arrival.what, Ending):
-            self._core.lose(LOST_BY[arrival.what], now_s)
+            self._core.connection_lost(LINK_LOST_REASONS[arrival.what], now_s)
         else:
             self._core.feed(arrival.what, now_s)
         self._flush()
@@ -218,4 +224,4 @@ class Client(Shell):
         try:
             self._link.send(data)
         except LinkError as error:
-            self._core.lose(str(error), self._link.now_s)
+            self._core.connection_lost(str(error), self._link.now_s)

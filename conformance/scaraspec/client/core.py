@@ -2,16 +2,22 @@
 
 Requests go in and bytes come out; bytes come in and events come out. Here frames are given to the
 exchanges that await them, and time to those that have waited long enough. What an exchange makes
-of a frame stands in `exchange` and `transfer`; how bytes get to the wire in `blocking` and `aio`.
+of a frame stands in `operation` and `transfer`; how bytes get to the wire in `blocking` and `aio`.
 """
 
 from collections import deque
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
-from scaraspec.client.exchange import Login, PendingOperation, Stage, TwoStage, exchange_for
-from scaraspec.client.problems import ClientError, LinkLost, LoginFailed
-from scaraspec.client.transfer import Download, Upload, answer_to_chunk
+from scaraspec.client.errors import ClientError, LinkLost, LoginFailed
+from scaraspec.client.pending_operation import (
+    Login,
+    PendingOperation,
+    Stage,
+    TwoStage,
+    create_operation,
+)
+from scaraspec.client.transfer import Download, Upload, chunk_reply
 from scaraspec.protocol.commands import BY_NAME, Parsed, read
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer, Skipped, StreamItem
@@ -33,26 +39,26 @@ _ENDS_LINK: Final = ("set_network", "shutdown")
 _STOP: Final = "emergency_stop"
 
 
-class Taken(NamedTuple):
+class FrameAccepted(NamedTuple):
     """A frame was given to the exchange that awaited it."""
 
-    exchange: PendingOperation
+    operation: PendingOperation
     frame: Frame
 
 
-class Settled(NamedTuple):
+class OperationSettled(NamedTuple):
     """An exchange is over."""
 
-    exchange: PendingOperation
+    operation: PendingOperation
 
 
-class Unexpected(NamedTuple):
+class UnexpectedFrame(NamedTuple):
     """A frame that nothing awaited; it was ignored (3/22, 3/33)."""
 
     frame: Frame
 
 
-Event = Taken | Settled | Unexpected | Skipped
+Event = FrameAccepted | OperationSettled | UnexpectedFrame | Skipped
 
 
 class ClientCore:
@@ -81,9 +87,9 @@ class ClientCore:
         self._framer = Framer(C2A)
         self._open: list[PendingOperation] = []
         self._outbox = bytearray()
-        self._lost: str | None = None
-        self._may_end = ""
-        self._heard_s = 0.0
+        self._lost_reason: str | None = None
+        self._expected_link_end = ""
+        self._last_received_s = 0.0
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         """A command of the table, to be sent by `begin`.
@@ -95,7 +101,7 @@ class ClientCore:
         Raises:
             PayloadError: The document forbids to send the value.
         """
-        return exchange_for(BY_NAME[name], value, self.dialect)
+        return create_operation(BY_NAME[name], value, self.dialect)
 
     def upload(self, name: bytes, content: bytes) -> Upload:
         """A file to the controller (5.2), to be sent by `begin`; raises as `command` does."""
@@ -105,7 +111,7 @@ class ClientCore:
         """A file from the controller (5.3), to be sent by `begin`; raises as `command` does."""
         return Download(name, limit_bytes, self.dialect)
 
-    def begin(self, exchange: PendingOperation, now_s: float) -> None:
+    def begin(self, operation: PendingOperation, now_s: float) -> None:
         """Send the request of an exchange.
 
         Raises:
@@ -113,19 +119,19 @@ class ClientCore:
             LinkLost: The link has ended.
             ClientError: The slot is not free (3/25).
         """
-        name = exchange.command.name
-        if self._lost is not None:
-            raise LinkLost(f"{name} is not sent: {self._lost}")
-        if not self.logged_in and not isinstance(exchange, Login):
+        name = operation.command.name
+        if self._lost_reason is not None:
+            raise LinkLost(f"{name} is not sent: {self._lost_reason}")
+        if not self.logged_in and not isinstance(operation, Login):
             raise LoginFailed(f"{name} is not sent: a login has to succeed first (4.1, L104)")
-        if not self.is_free(exchange.slot):
+        if not self.is_free(operation.slot):
             raise ClientError(
                 UserMessage(
                     "{name} is not sent: one like it is still unanswered (A-3-14)", name=name
                 )
             )
-        self._open.append(exchange)
-        self._send(exchange.begin(now_s))
+        self._open.append(operation)
+        self._send(operation.begin(now_s))
 
     def is_free(self, slot: str) -> bool:
         """Whether a request may be sent: at most one per opcode is unanswered (3/25)."""
@@ -147,29 +153,35 @@ class ClientCore:
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         """Take what arrived."""
-        self._heard_s = now_s
-        return self._digest(self._framer.feed(data), now_s)
+        self._last_received_s = now_s
+        return self._process_items(self._framer.feed(data), now_s)
 
     def tick(self, now_s: float) -> list[Event]:
         """Let time pass: nothing more has arrived until now."""
         events: list[Event] = []
         if self._partial_until_s is not None and now_s >= self._partial_until_s:
-            events += self._digest(self._framer.finish(), now_s)
-        for exchange in tuple(self._open):
-            if exchange.deadline_s is not None and now_s >= self._due_s(exchange.deadline_s):
-                self._send(exchange.expire(now_s))
-                events += self._follow(exchange, now_s)
+            events += self._process_items(self._framer.finish(), now_s)
+        for operation in tuple(self._open):
+            if operation.deadline_s is not None and now_s >= self._due_s(operation.deadline_s):
+                self._send(operation.expire(now_s))
+                events += self._after_step(operation, now_s)
         return events
 
-    def lose(self, reason: str, now_s: float) -> list[Event]:
+    def connection_lost(self, reason: str, now_s: float) -> list[Event]:
         """The link has ended: nothing that is open can be settled any more."""
-        if self._lost is not None:
+        if self._lost_reason is not None:
             return []
-        events = self._digest(self._framer.finish(), now_s)
-        self._lost = f"the link ended, as it may after {self._may_end}" if self._may_end else reason
-        for exchange in tuple(self._open):
-            exchange.fail(LinkLost(f"{exchange.command.name} was not finished: {self._lost}"))
-            events += self._follow(exchange, now_s)
+        events = self._process_items(self._framer.finish(), now_s)
+        self._lost_reason = (
+            f"the link ended, as it may after {self._expected_link_end}"
+            if self._expected_link_end
+            else reason
+        )
+        for operation in tuple(self._open):
+            operation.fail(
+                LinkLost(f"{operation.command.name} was not finished: {self._lost_reason}")
+            )
+            events += self._after_step(operation, now_s)
         return events
 
     @property
@@ -178,7 +190,7 @@ class ClientCore:
         seconds = self.dialect.seconds("partial_timeout")
         if not self._framer.held_bytes or seconds is None:
             return None
-        return self._heard_s + seconds
+        return self._last_received_s + seconds
 
     def _due_s(self, deadline_s: float) -> float:
         """When silence is too long: as long as a frame is arriving, it may be the one awaited."""
@@ -191,7 +203,7 @@ class ClientCore:
         for frame in frames:
             self._outbox += frame.encode()
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         events: list[Event] = []
         for item in found:
             if isinstance(item, Skipped):
@@ -205,14 +217,14 @@ class ClientCore:
         """Give a frame to the first exchange that awaits it."""
         parsed = read(frame)
         if parsed is not None:
-            for exchange in self._open:
-                if exchange.awaits(frame, parsed):
-                    self._note(frame, parsed)
-                    self._send(exchange.take(parsed, frame.data, now_s))
-                    return [Taken(exchange, frame), *self._follow(exchange, now_s)]
+            for operation in self._open:
+                if operation.expects(frame, parsed):
+                    self._record_readings(frame, parsed)
+                    self._send(operation.take(parsed, frame.data, now_s))
+                    return [FrameAccepted(operation, frame), *self._after_step(operation, now_s)]
             self._refuse_stray_chunk(parsed)
         self.remarks.append(f"nothing awaited this frame: {frame}")
-        return [Unexpected(frame)]
+        return [UnexpectedFrame(frame)]
 
     def _refuse_stray_chunk(self, parsed: Parsed) -> None:
         """Answer a chunk of no transfer with ``0``: each is answered once (5.3/5).
@@ -220,9 +232,9 @@ class ClientCore:
         The error signal of length 0 gets no answer (A-5-10).
         """
         if parsed.part == "request" and parsed.decoded.value and parsed.decoded.value.length:
-            self._send([answer_to_chunk(accepted=False, dialect=self.dialect)])
+            self._send([chunk_reply(accepted=False, dialect=self.dialect)])
 
-    def _note(self, frame: Frame, parsed: Parsed) -> None:
+    def _record_readings(self, frame: Frame, parsed: Parsed) -> None:
         """Keep what a frame says about the controller besides its value."""
         for key, option in parsed.decoded.readings:
             self._observe(key, option)
@@ -240,29 +252,31 @@ class ClientCore:
         if key in _LEARNED:
             self.dialect = self.dialect.replace(**{key: option})
 
-    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
+    def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
         """Draw the consequences of a step of an exchange."""
-        for key, option in exchange.observed.items():
+        for key, option in operation.observed.items():
             self._observe(key, option)
-        ended = self._follow_two_stage(exchange, now_s) if isinstance(exchange, TwoStage) else []
-        if not exchange.settled:
+        ended = (
+            self._after_two_stage_step(operation, now_s) if isinstance(operation, TwoStage) else []
+        )
+        if not operation.settled:
             return ended
-        self._open.remove(exchange)
-        if isinstance(exchange, Login):
-            self.logged_in = exchange.problem is None
-        elif exchange.command.name in _ENDS_LINK and exchange.problem is None:
-            self._may_end = exchange.command.name
-        return [*ended, Settled(exchange)]
+        self._open.remove(operation)
+        if isinstance(operation, Login):
+            self.logged_in = operation.error is None
+        elif operation.command.name in _ENDS_LINK and operation.error is None:
+            self._expected_link_end = operation.command.name
+        return [*ended, OperationSettled(operation)]
 
-    def _follow_two_stage(self, exchange: TwoStage, now_s: float) -> list[Event]:
+    def _after_two_stage_step(self, operation: TwoStage, now_s: float) -> list[Event]:
         """What one two-stage command says about others that execute."""
         events: list[Event] = []
-        if exchange.stage is Stage.EXECUTING:
-            for other in self._executing(exchange.command.name):
-                if other is not exchange:  # while one executes none is accepted (A-4-2)
+        if operation.stage is Stage.EXECUTING:
+            for other in self._executing(operation.command.name):
+                if other is not operation:  # while one executes none is accepted (A-4-2)
                     other.give_up("it was begun anew before a result of its own came")
-                    events += self._follow(other, now_s)
-        elif exchange.command.name == _STOP and exchange.problem is None:
+                    events += self._after_step(other, now_s)
+        elif operation.command.name == _STOP and operation.error is None:
             for other in self._executing():
                 other.stopped(now_s)
         return events

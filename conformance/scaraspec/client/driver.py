@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from scaraspec.client.aio import AsyncClient
-from scaraspec.client.operations import direction_of
-from scaraspec.client.problems import ClientError, Failed, Refused
+from scaraspec.client.errors import ClientError, Failed, Refused
+from scaraspec.client.operations import parse_direction
 from scaraspec.client.results import Status
-from scaraspec.client.words import OPERATIONS, TRANSFERS, json_of
+from scaraspec.client.text_interface import OPERATIONS, TRANSFERS, to_json
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.port import DEFAULT_PORT
@@ -125,7 +125,7 @@ def _arguments(name: str, values: Mapping[str, Any]) -> list[Any]:
     if name in TRANSFERS:
         return [values[parameter] for parameter in takes]
     if takes == ["direction"]:
-        return [direction_of(values["direction"])]
+        return [parse_direction(values["direction"])]
     return [values[field.name] for field in BY_NAME[name].request.fields]
 
 
@@ -137,7 +137,7 @@ def _told(name: str, result: Any) -> Any:
         return result.code
     if name in TRANSFERS or isinstance(result, Path):
         return None
-    return json_of(result)
+    return to_json(result)
 
 
 async def serve(make: MakeClient) -> None:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import PendingOperation, Progress
-from scaraspec.client.files import check_new, write_new
+from scaraspec.client.local_files import check_new, write_new
+from scaraspec.client.pending_operation import PendingOperation, Progress
 from scaraspec.client.results import RunningProgram, Status
 from scaraspec.protocol.commands import (
     JointValues,
@@ -51,7 +51,7 @@ class Call(Generic[T]):
     """An operation with its arguments: what to ask of the core, and what to tell the caller."""
 
     prepare: Callable[[ClientCore], PendingOperation]
-    tell: Callable[[Any], T]
+    convert: Callable[[Any], T]
     progress: Progress | None = None
 
 
@@ -77,7 +77,7 @@ class operation(Generic[P, T]):  # noqa: N801 - a decorator
         return lambda *args, **kwargs: shell.perform(self.describe(shell, *args, **kwargs))
 
 
-class started(Generic[P]):  # noqa: N801 - a decorator
+class start_method(Generic[P]):  # noqa: N801 - a decorator
     """The other form of a two-stage operation: it ends with the first reply.
 
     What it returns is waited for separately (`Pending`, `AsyncPending`); a refusal shows there.
@@ -88,7 +88,7 @@ class started(Generic[P]):  # noqa: N801 - a decorator
         self.__doc__ = whole.__doc__
 
     @overload
-    def __get__(self, shell: None, owner: type) -> "started[P]": ...
+    def __get__(self, shell: None, owner: type) -> "start_method[P]": ...
     @overload
     def __get__(self, shell: "Client", owner: type) -> "Callable[P, Pending]": ...
     @overload
@@ -102,11 +102,11 @@ class started(Generic[P]):  # noqa: N801 - a decorator
         return lambda *args, **kwargs: shell.start(self.describe(shell, *args, **kwargs))
 
 
-def _ask(
-    name: str, value: Any = None, tell: Callable[[Any], Any] = lambda value: value
+def _command_call(
+    name: str, value: Any = None, convert: Callable[[Any], Any] = lambda value: value
 ) -> Call[Any]:
     """The call of a command of the table."""
-    return Call(lambda core: core.command(name, value), tell)
+    return Call(lambda core: core.command(name, value), convert)
 
 
 class Operations(ABC):
@@ -135,22 +135,22 @@ class Operations(ABC):
     @operation
     def login(self, password: Text) -> Call[None]:
         """Log in; nothing else is sent before that has succeeded (4.1, L104)."""
-        return _ask("login", self._bytes(password))
+        return _command_call("login", self._bytes(password))
 
     @operation
     def set_password(self, old: Text, new: Text) -> Call[None]:
         """Replace the password (4.2, L123-125)."""
-        return _ask("set_password", PasswordChange(self._bytes(old), self._bytes(new)))
+        return _command_call("set_password", PasswordChange(self._bytes(old), self._bytes(new)))
 
     @operation
     def get_network(self) -> Call[Network]:
         """The controller's address, mask and gateway (4.3, L145-153)."""
-        return _ask("get_network")
+        return _command_call("get_network")
 
     @operation
     def set_network(self, ip: str, mask: str, gateway: str) -> Call[None]:
         """Set address, mask and gateway; the link may end after that (4.4, L157-162)."""
-        return _ask("set_network", Network(ip, mask, gateway))
+        return _command_call("set_network", Network(ip, mask, gateway))
 
     @operation
     def set_time(self, time: datetime | str) -> Call[None]:
@@ -159,71 +159,71 @@ class Operations(ABC):
         Args:
             time: A time, or its text as YYYYMMDDHHMMSS.
         """
-        return _ask("set_time", time if isinstance(time, datetime) else _time(time))
+        return _command_call("set_time", time if isinstance(time, datetime) else _time(time))
 
     @operation
     def get_time(self) -> Call[datetime]:
         """The controller's clock, without a time zone (4.6, L181-189)."""
-        return _ask("get_time")
+        return _command_call("get_time")
 
     @operation
     def get_version(self) -> Call[str]:
         """The version of the controller's software (4.7, L193-203)."""
-        return _ask("get_version")
+        return _command_call("get_version")
 
     @operation
     def get_status(self) -> Call[Status]:
         """Whether the robot is idle, running or in error, and why (4.8, L207-217)."""
-        return _ask("get_status", tell=Status.of)
+        return _command_call("get_status", convert=Status.of)
 
     # 4.9 - 4.16: programs
 
     @operation
     def get_running_program(self) -> Call[RunningProgram | None]:
         """The program that runs and since when; None if none runs (4.9, L221-237)."""
-        return _ask(
+        return _command_call(
             "get_running_program",
-            tell=lambda run: run and RunningProgram(self._text(run.name), run.run_time_s),
+            convert=lambda run: run and RunningProgram(self._text(run.name), run.run_time_s),
         )
 
     @operation
     def list_programs(self) -> Call[tuple[str, ...]]:
         """The names of all programs, in the controller's order (4.10, L241-251)."""
-        return _ask("list_programs", tell=lambda names: tuple(map(self._text, names)))
+        return _command_call("list_programs", convert=lambda names: tuple(map(self._text, names)))
 
     @operation
     def delete_program(self, name: Text) -> Call[None]:
         """Delete a program (4.11, L255-263)."""
-        return _ask("delete_program", self._bytes(name))
+        return _command_call("delete_program", self._bytes(name))
 
     @operation
     def get_default_program(self) -> Call[str | None]:
         """The default program's name; None if none is set (4.12, L267-275)."""
-        return _ask("get_default_program", tell=lambda name: self._text(name) or None)
+        return _command_call("get_default_program", convert=lambda name: self._text(name) or None)
 
     @operation
     def set_default_program(self, name: Text) -> Call[None]:
         """Set the default program, which may act at the next power-on (4.13; A-4.12-3)."""
-        return _ask("set_default_program", self._bytes(name))
+        return _command_call("set_default_program", self._bytes(name))
 
     @operation
     def get_motor_temperatures(self) -> Call[JointValues]:
         """The temperatures of the four motors, in °C (4.14, L291-302)."""
-        return _ask("get_motor_temperatures")
+        return _command_call("get_motor_temperatures")
 
     @operation
     def run_program(self, name: Text) -> Call[None]:
         """Run a program to its end (4.15, L306-328)."""
-        return _ask("run_program", self._bytes(name))
+        return _command_call("run_program", self._bytes(name))
 
-    start_run_program = started(run_program)
+    start_run_program = start_method(run_program)
 
     @operation
     def simulate_program(self, name: Text) -> Call[None]:
         """Simulate a program to its end; the arm may move all the same (4.16; A-4.16-1)."""
-        return _ask("simulate_program", self._bytes(name))
+        return _command_call("simulate_program", self._bytes(name))
 
-    start_simulate_program = started(simulate_program)
+    start_simulate_program = start_method(simulate_program)
 
     # 4.17 - 4.28: motion
 
@@ -234,43 +234,43 @@ class Operations(ABC):
         May be called while other calls wait, from another thread or task. Where nothing has to
         be stopped the controller refuses it (L363).
         """
-        return _ask("emergency_stop")
+        return _command_call("emergency_stop")
 
-    start_emergency_stop = started(emergency_stop)
+    start_emergency_stop = start_method(emergency_stop)
 
     @operation
     def reset(self) -> Call[None]:
         """Reset the robot, which may move it (4.18, L387-419; A-4.18-3)."""
-        return _ask("reset")
+        return _command_call("reset")
 
-    start_reset = started(reset)
+    start_reset = start_method(reset)
 
     @operation
     def get_gripper_center(self) -> Call[Point]:
         """The gripper's working point relative to the tool, in mm (4.19, L423-431)."""
-        return _ask("get_gripper_center")
+        return _command_call("get_gripper_center")
 
     @operation
     def set_gripper_center(self, x: float, y: float, z: float) -> Call[None]:
         """Set the gripper's working point relative to the tool, in mm (4.20, L435-443)."""
-        return _ask("set_gripper_center", Point(x, y, z))
+        return _command_call("set_gripper_center", Point(x, y, z))
 
     @operation
     def set_initial_tool_position(  # noqa: PLR0913, PLR0917 - the six fields of L447
         self, x: float, y: float, z: float, theta_x: float, theta_y: float, theta_z: float
     ) -> Call[None]:
         """Store the initial tool position, in mm and degrees (4.21, L447-455)."""
-        return _ask("set_initial_tool_position", Pose(x, y, z, theta_x, theta_y, theta_z))
+        return _command_call("set_initial_tool_position", Pose(x, y, z, theta_x, theta_y, theta_z))
 
     @operation
     def get_initial_tool_position(self) -> Call[Pose]:
         """The initial tool position; thetaY and thetaZ mean nothing (4.22, L459-467; L1006)."""
-        return _ask("get_initial_tool_position")
+        return _command_call("get_initial_tool_position")
 
     @operation
     def get_tool_coordinates(self) -> Call[Pose]:
         """Where the tool is; thetaY and thetaZ mean nothing (4.23, L471-479; L1006)."""
-        return _ask("get_tool_coordinates")
+        return _command_call("get_tool_coordinates")
 
     @operation
     def set_tool_coordinates(  # noqa: PLR0913, PLR0917 - the seven fields of L483
@@ -285,28 +285,28 @@ class Operations(ABC):
     ) -> Call[None]:
         """Move the tool there, in mm and degrees, at 1 to 100 % of full speed (4.24, L483-516)."""
         target = MoveTarget(speed, x, y, z, theta_x, theta_y, theta_z)
-        return _ask("set_tool_coordinates", target)
+        return _command_call("set_tool_coordinates", target)
 
-    start_set_tool_coordinates = started(set_tool_coordinates)
+    start_set_tool_coordinates = start_method(set_tool_coordinates)
 
     @operation
     def release_joints(self) -> Call[None]:
         """Release all joints, so that they move freely; the wrist may fall (4.25, L520-549)."""
-        return _ask("release_joints")
+        return _command_call("release_joints")
 
-    start_release_joints = started(release_joints)
+    start_release_joints = start_method(release_joints)
 
     @operation
     def lock_joints(self) -> Call[None]:
         """Lock all joints (4.26, L553-582)."""
-        return _ask("lock_joints")
+        return _command_call("lock_joints")
 
-    start_lock_joints = started(lock_joints)
+    start_lock_joints = start_method(lock_joints)
 
     @operation
     def get_joint_angles(self) -> Call[JointValues]:
         """The four joints in degrees, the wrist in mm (4.27, L586-594; A-4.27-3)."""
-        return _ask("get_joint_angles")
+        return _command_call("get_joint_angles")
 
     @operation
     def jog(self, direction: JogDirection | str) -> Call[None]:
@@ -314,36 +314,36 @@ class Operations(ABC):
 
         The document names no way to stop it; `emergency_stop` does (A-4.28-3).
         """
-        return _ask("jog", direction_of(direction))
+        return _command_call("jog", parse_direction(direction))
 
-    start_jog = started(jog)
+    start_jog = start_method(jog)
 
     # 4.31 - 4.35: inputs, outputs, power
 
     @operation
     def get_digital_inputs(self) -> Call[str]:
         """The digital inputs, a digit each, port 8 leftmost (4.31, L641-651)."""
-        return _ask("get_digital_inputs")
+        return _command_call("get_digital_inputs")
 
     @operation
     def set_digital_output(self, port: int, value: int) -> Call[None]:
         """Set a digital output to 0 or 1 (4.32, L655-663)."""
-        return _ask("set_digital_output", PortValue(port, value))
+        return _command_call("set_digital_output", PortValue(port, value))
 
     @operation
     def get_analog_input(self, port: int) -> Call[float]:
         """The value of an analog input, on a scale that is not told (4.33, L667-675; A-4.33-1)."""
-        return _ask("get_analog_input", port)
+        return _command_call("get_analog_input", port)
 
     @operation
     def get_digital_outputs(self) -> Call[str]:
         """The digital outputs, a digit each, port 16 leftmost (4.34, L679-687)."""
-        return _ask("get_digital_outputs")
+        return _command_call("get_digital_outputs")
 
     @operation
     def shutdown(self) -> Call[None]:
         """Shut the robot down; the link may end after that (4.35, L691-706)."""
-        return _ask("shutdown")
+        return _command_call("shutdown")
 
     # 5: files
 
@@ -451,7 +451,7 @@ def _time(text: str) -> datetime:
     return time
 
 
-def direction_of(direction: JogDirection | str) -> JogDirection:
+def parse_direction(direction: JogDirection | str) -> JogDirection:
     """The direction of a jog by its name, ``+y``, ``-y``, ``+x`` or ``-x`` (L605-608).
 
     Raises:

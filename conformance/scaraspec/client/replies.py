@@ -1,11 +1,11 @@
 """Replies: what a decoded reply or final result amounts to, as a value or as an error.
 
-The one place where a yes is told from a no. Who may reply, and when, stands in `exchange`.
+The one place where a yes is told from a no. Who may reply, and when, stands in `operation`.
 """
 
 from typing import Any, Final
 
-from scaraspec.client.problems import Failed, Interrupted, ProtocolError, Refused
+from scaraspec.client.errors import Failed, Interrupted, ProtocolError, Refused
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import Command, Parsed
 from scaraspec.protocol.fields import Defect, show
@@ -16,7 +16,7 @@ _SPELLING: Final = frozenset({Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY}
 _CODE_LENGTH: Final = 2
 
 
-def value_of(parsed: Parsed, data: bytes) -> Any:
+def interpret_reply(parsed: Parsed, data: bytes) -> Any:
     """The value that a reply or a final result gives; None for a plain success.
 
     A yes must stand as it is drawn, but for a trailing NUL (A-T-3): anything else is no yes
@@ -67,7 +67,7 @@ def _value_of_none(parsed: Parsed, data: bytes, wrong: set[Defect]) -> str | Non
     raise _unreadable(parsed, data)
 
 
-def code_of(text: str) -> errors.Code:
+def lookup_code(text: str) -> errors.Code:
     """The row of table 8-1 for `text`, or one that says that there is none."""
     return errors.lookup(text) or errors.Code(
         text, "a code that table 8-1 lacks", "", 0, errors.Kind.RESERVED
@@ -76,7 +76,7 @@ def code_of(text: str) -> errors.Code:
 
 def _code(text: str | None, raw: bytes) -> errors.Code | None:
     """The code that was understood, else the raw one, else None where none was sent."""
-    return code_of(text or show(raw)) if text or raw else None
+    return lookup_code(text or show(raw)) if text or raw else None
 
 
 def _unreadable(parsed: Parsed, data: bytes) -> ProtocolError:

@@ -6,7 +6,7 @@ The rest (`Network`, `Point`, `Pose`, `JointValues`) is returned as the table ha
 from enum import Enum
 from typing import NamedTuple
 
-from scaraspec.client.replies import code_of
+from scaraspec.client.replies import lookup_code
 from scaraspec.protocol.errors import Joint, Kind
 
 
@@ -35,7 +35,7 @@ class Status(NamedTuple):
     @classmethod
     def of(cls, text: str) -> "Status":
         """The status behind two characters."""
-        code = code_of(text)
+        code = lookup_code(text)
         return cls(_STATES.get(code.kind, State.ERROR), code.text, code.meaning, code.joints)
 
 

@@ -6,9 +6,9 @@ the file on this side in `files`.
 
 from typing import ClassVar, Final
 
-from scaraspec.client.exchange import PendingOperation, Progress, Stage
-from scaraspec.client.problems import ClientError, Refused, TransferFailed
-from scaraspec.client.replies import value_of
+from scaraspec.client.errors import ClientError, Refused, TransferFailed
+from scaraspec.client.pending_operation import PendingOperation, Progress, Stage
+from scaraspec.client.replies import interpret_reply
 from scaraspec.protocol.commands import BY_NAME, Command, Parsed
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError, show
@@ -25,7 +25,7 @@ _BEYOND_S: Final = 0.001
 """等待时间超过 30 秒: given up not at the limit but beyond it (L795)."""
 
 
-def answer_to_chunk(*, accepted: bool, dialect: Dialect) -> Frame:
+def chunk_reply(*, accepted: bool, dialect: Dialect) -> Frame:
     """The answer to a chunk of a download (L782-785)."""
     data = _DOWNLOAD_CHUNK.reply.encode(accepted, dialect)
     return Frame(A2C, _DOWNLOAD_CHUNK.opcode, data)
@@ -43,7 +43,7 @@ class FileTransfer(PendingOperation):
         super().__init__(command, name, dialect)
         self.moved_bytes = 0
         self.total_bytes: int | None = None
-        self._told_bytes = 0
+        self._reported_bytes = 0
         self._what = f"{command.name.removesuffix('_name')} of {show(name)!r}"
         self._aborted = False
 
@@ -53,38 +53,38 @@ class FileTransfer(PendingOperation):
         return "transfer"
 
     @property
-    def has_news(self) -> bool:
+    def has_progress(self) -> bool:
         """Whether bytes have moved that nobody was told of."""
-        return self.moved_bytes > self._told_bytes
+        return self.moved_bytes > self._reported_bytes
 
     def report(self, progress: Progress | None) -> None:
         """Tell how far it is, if that has changed."""
-        if self.has_news:
-            self._told_bytes = self.moved_bytes
+        if self.has_progress:
+            self._reported_bytes = self.moved_bytes
             if progress is not None:
                 progress(self.moved_bytes, self.total_bytes)
 
     def expire(self, now_s: float) -> list[Frame]:  # noqa: ARG002 - nothing is asked again
         """Give up; the link stays usable (5.4/6)."""
         seconds = self._dialect.seconds("xfer_timeout")
-        self._give_up(f"nothing heard for {seconds:g} s (L763, L795)")
+        self._fail_transfer(f"nothing heard for {seconds:g} s (L763, L795)")
         return []
 
     def abort(self) -> None:
         """End it at the next frame, which is the first occasion to say so."""
         self._aborted = True
 
-    def _ask(self, now_s: float) -> list[Frame]:
-        self._be_patient(now_s)
+    def _send_request(self, now_s: float) -> list[Frame]:
+        self._restart_timeout(now_s)
         return [self._request]
 
-    def _be_patient(self, now_s: float) -> None:
+    def _restart_timeout(self, now_s: float) -> None:
         """Wait for the next frame; the 30 s hold for the answer to the name too (L763)."""
-        self._wait("xfer_timeout", now_s)
+        self._start_timeout("xfer_timeout", now_s)
         if self.deadline_s is not None:
             self.deadline_s += _BEYOND_S
 
-    def _give_up(self, reason: str) -> None:
+    def _fail_transfer(self, reason: str) -> None:
         self.fail(TransferFailed(self._what, reason))
 
 
@@ -113,26 +113,26 @@ class Upload(FileTransfer):
         self._content = content
         self._sender: Sender | None = None
 
-    def awaits(self, frame: Frame, parsed: Parsed) -> bool:  # noqa: ARG002 - the table tells it
+    def expects(self, frame: Frame, parsed: Parsed) -> bool:  # noqa: ARG002 - the table tells it
         """The answer to the name, then to each chunk."""
-        awaited = _UPLOAD_NAME if self.stage is Stage.ASKED else _UPLOAD_CHUNK
+        awaited = _UPLOAD_NAME if self.stage is Stage.REQUESTED else _UPLOAD_CHUNK
         return parsed.part == "reply" and parsed.command is awaited
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         """Send the next chunk after a ``1``; stop after anything else (A-5-14)."""
         try:
-            value_of(parsed, data)
+            interpret_reply(parsed, data)
         except Refused:
-            self._give_up(
+            self._fail_transfer(
                 "the controller refused its name; perhaps it has such a file (L748)"
-                if self.stage is Stage.ASKED
+                if self.stage is Stage.REQUESTED
                 else f"the controller refused the chunk at {self.moved_bytes} (L758)"
             )
-        except ClientError as problem:
-            self._give_up(str(problem))
+        except ClientError as error:
+            self._fail_transfer(str(error))
         else:
-            self._be_patient(now_s)
-            chunk = self._next(now_s) if self._content else self._next_of_nothing()
+            self._restart_timeout(now_s)
+            chunk = self._next(now_s) if self._content else self._next_of_empty_file()
             if chunk is not None:
                 data = _UPLOAD_CHUNK.request.encode(chunk, self._dialect)
                 return [Frame(A2C, _UPLOAD_CHUNK.opcode, data)]
@@ -150,13 +150,13 @@ class Upload(FileTransfer):
             self.settle(None)
             return None
         if self._aborted:
-            self._give_up("it was aborted")
+            self._fail_transfer("it was aborted")
             return Chunk(len(self._content), self.moved_bytes, 0, b"")  # the error signal (L787)
         return self._sender.next_chunk()
 
-    def _next_of_nothing(self) -> Chunk | None:
+    def _next_of_empty_file(self) -> Chunk | None:
         """The same for an empty file: a name alone, or one chunk of length 0 (A-5-10)."""
-        if self.stage is Stage.ASKED and self._dialect["empty_file"] == "chunk":
+        if self.stage is Stage.REQUESTED and self._dialect["empty_file"] == "chunk":
             self.accepted, self.stage = True, Stage.EXECUTING
             return Chunk(0, 0, 0, b"")
         self.settle(None)
@@ -183,18 +183,18 @@ class Download(FileTransfer):
         self._limit_bytes = limit_bytes
         self._receiver: Receiver | None = None
 
-    def awaits(self, frame: Frame, parsed: Parsed) -> bool:
+    def expects(self, frame: Frame, parsed: Parsed) -> bool:
         """The answer to the name, then each chunk, which is the controller's request (A-5-19)."""
         if self._receiver is None:
-            return super().awaits(frame, parsed)
+            return super().expects(frame, parsed)
         return parsed.part == "request" and parsed.command is _DOWNLOAD_CHUNK
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         """Take the answer to the name, or answer a chunk, once each (5.3/5)."""
-        self._be_patient(now_s)
+        self._restart_timeout(now_s)
         receiver = self._receiver
         if receiver is None:
-            self._take_answer(parsed, data, now_s)
+            self._take_name_reply(parsed, data, now_s)
             return []
         if self._aborted:
             receiver.fail("it was aborted")
@@ -205,18 +205,18 @@ class Download(FileTransfer):
         if receiver.state is State.DONE:
             self.settle(receiver.content)
         elif receiver.state is State.FAILED:
-            self._give_up(receiver.reason)
+            self._fail_transfer(receiver.reason)
         if accepted is None:
             return []
-        return [answer_to_chunk(accepted=accepted, dialect=self._dialect)]
+        return [chunk_reply(accepted=accepted, dialect=self._dialect)]
 
-    def _take_answer(self, parsed: Parsed, data: bytes, now_s: float) -> None:
+    def _take_name_reply(self, parsed: Parsed, data: bytes, now_s: float) -> None:
         try:
-            value_of(parsed, data)
+            interpret_reply(parsed, data)
         except Refused:
-            self._give_up("the controller cannot send it; perhaps it has no such file (L772)")
-        except ClientError as problem:
-            self._give_up(str(problem))
+            self._fail_transfer("the controller cannot send it; perhaps it has no such file (L772)")
+        except ClientError as error:
+            self._fail_transfer(str(error))
         else:
             self.accepted, self.stage = True, Stage.EXECUTING
             self._receiver = self.receiver(now_s, self._dialect, limit_bytes=self._limit_bytes)

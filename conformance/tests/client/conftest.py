@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer, Skipped
 from scaraspec.protocol.readings import DEFAULT, Dialect
@@ -34,10 +34,10 @@ class Play:
         """The user gives a command."""
         return self.begin(self.core.command(name, value))
 
-    def begin(self, exchange: PendingOperation) -> PendingOperation:
+    def begin(self, operation: PendingOperation) -> PendingOperation:
         """The user gives a command that was prepared."""
-        self.core.begin(exchange, self.now_s)
-        return exchange
+        self.core.begin(operation, self.now_s)
+        return operation
 
     def sent(self) -> list[tuple[int, bytes]]:
         """What the client has sent since the last look, as opcode and data."""

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from scaraspec.cli.main import group
 from scaraspec.cli.problems import Problem
 from scaraspec.client import Pending
-from scaraspec.client.words import OPERATIONS
+from scaraspec.client.text_interface import OPERATIONS
 from scaraspec.protocol.program_files import Node, NodeType, Program, WaitSeconds, build
 
 SCARASPEC = str(Path(sys.executable).with_name("scaraspec"))

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.client.core import MAX_REMARKS, Settled, Taken, Unexpected
-from scaraspec.client.exchange import MAX_LIST_PARTS
-from scaraspec.client.problems import (
+from scaraspec.client.core import MAX_REMARKS, FrameAccepted, OperationSettled, UnexpectedFrame
+from scaraspec.client.errors import (
     ClientError,
     LinkLost,
     LoginFailed,
@@ -18,6 +17,7 @@ from scaraspec.client.problems import (
     Refused,
     ReplyTimeout,
 )
+from scaraspec.client.pending_operation import MAX_LIST_PARTS
 from scaraspec.protocol.commands import (
     COMMANDS,
     JointValues,
@@ -56,18 +56,18 @@ def test_a_request_waits_for_the_reply_with_its_opcode(play: Any) -> None:
     """3/33: a reply to something else settles nothing; the one to it does."""
     time = play.ask("get_time")
     assert play.sent() == [(0x07, b"")]
-    assert play.says(0x08, b"1.0.0") == [Unexpected(Frame(C2A, 0x08, b"1.0.0"))]
+    assert play.says(0x08, b"1.0.0") == [UnexpectedFrame(Frame(C2A, 0x08, b"1.0.0"))]
     assert not time.settled
     reply = Frame(C2A, 0x07, TIME)
-    assert play.hears(reply.encode()) == [Taken(time, reply), Settled(time)]
+    assert play.hears(reply.encode()) == [FrameAccepted(time, reply), OperationSettled(time)]
     assert time.outcome() == NOON
 
 
 def test_a_tagged_frame_is_no_reply(play: Any) -> None:
     """4/9, 3/33: neither for a one-stage command nor as the first reply of a two-stage one."""
     time, run = play.ask("get_time"), play.ask("run_program", b"a.rob")
-    assert isinstance(play.says(0x07, TIME, tagged=True)[0], Unexpected)
-    assert isinstance(play.says(0x30, b"11", tagged=True)[0], Unexpected)
+    assert isinstance(play.says(0x07, TIME, tagged=True)[0], UnexpectedFrame)
+    assert isinstance(play.says(0x30, b"11", tagged=True)[0], UnexpectedFrame)
     assert not time.settled
     assert run.accepted is None
 
@@ -125,11 +125,11 @@ def test_any_split_of_the_stream_gives_the_same_events(new_play: Any, data: st.D
             for event in play.hears(stream[start:stop]):
                 if isinstance(event, Skipped):
                     skipped += event.data
-                elif isinstance(event, Unexpected):
+                elif isinstance(event, UnexpectedFrame):
                     events.append(event)
                 else:
-                    events.append((type(event), names[event.exchange], *event[1:]))
-        told.append((events, skipped, [(e.value, str(e.problem)) for e in names]))
+                    events.append((type(event), names[event.operation], *event[1:]))
+        told.append((events, skipped, [(e.value, str(e.error)) for e in names]))
     assert told[0] == told[1]
     assert [value for value, _ in told[0][2]] == [(b"a.rob", b"b.rob", b"c.rob"), None, NOON]
 
@@ -156,10 +156,10 @@ def test_nothing_that_arrives_raises(new_play: Any, happenings: list[bytes | flo
             play.waits(happening)
         play.sent()
     play.waits(1000)
-    for exchange in exchanges:
-        assert exchange.settled or exchange.command.two_stage
-    play.core.lose("the cable is out", play.now_s)
-    assert all(exchange.settled for exchange in exchanges)
+    for operation in exchanges:
+        assert operation.settled or operation.command.two_stage
+    play.core.connection_lost("the cable is out", play.now_s)
+    assert all(operation.settled for operation in exchanges)
     assert play.core.deadline_s is None
 
 
@@ -211,7 +211,7 @@ def test_silence_is_a_time_out(play: Any) -> None:
     play.waits(0.2)
     with pytest.raises(ReplyTimeout, match="get_time got no reply within 5 s"):
         time.outcome()
-    assert isinstance(play.says(0x07, TIME)[0], Unexpected)
+    assert isinstance(play.says(0x07, TIME)[0], UnexpectedFrame)
     again = play.ask("get_time")
     play.says(0x07, TIME)
     assert again.outcome() == NOON
@@ -228,7 +228,7 @@ def test_a_reply_that_is_arriving_is_waited_for(play: Any) -> None:
     for _ in range(300):
         play.hears(b"\xcc")
         play.waits(1)
-    assert isinstance(time.problem, ReplyTimeout)
+    assert isinstance(time.error, ReplyTimeout)
 
 
 def test_a_late_frame_is_not_timed_out_by_a_busy_caller(play: Any) -> None:
@@ -285,9 +285,9 @@ def test_no_other_command_takes_anything_else_for_a_yes(play: Any, data: bytes) 
     done, begun = play.ask("set_default_program", b"a"), play.ask("reset")
     play.says(0x0E, data)
     play.says(0x33, data)
-    for exchange in (done, begun):
+    for operation in (done, begun):
         with pytest.raises(ProtocolError, match="cannot be understood"):
-            exchange.outcome()
+            operation.outcome()
 
 
 def test_a_flag_of_zero_is_a_refusal(play: Any) -> None:
@@ -339,9 +339,9 @@ def test_every_tolerated_form_is_understood(
     play: Any, name: str, opcode: int, data: bytes, value: Any
 ) -> None:
     """T/9 and the register's readings: the value is the same however it is written."""
-    exchange = play.ask(name, 8 if name == "get_analog_input" else None)
+    operation = play.ask(name, 8 if name == "get_analog_input" else None)
     play.says(opcode, data)
-    assert exchange.outcome() == value
+    assert operation.outcome() == value
 
 
 UNREADABLE = [
@@ -365,10 +365,10 @@ UNREADABLE = [
 @pytest.mark.parametrize(("name", "opcode", "data"), UNREADABLE)
 def test_nonsense_is_a_problem_and_no_value(play: Any, name: str, opcode: int, data: bytes) -> None:
     """A reply that says nothing is told as such; the client goes on."""
-    exchange = play.ask(name, 8 if name == "get_analog_input" else None)
+    operation = play.ask(name, 8 if name == "get_analog_input" else None)
     play.says(opcode, data)
     with pytest.raises(ProtocolError, match=f"reply of {name} cannot be understood: ."):
-        exchange.outcome()
+        operation.outcome()
     version = play.ask("get_version")
     play.says(0x08, b"1.0.0")
     assert version.outcome() == "1.0.0"
@@ -377,10 +377,10 @@ def test_nonsense_is_a_problem_and_no_value(play: Any, name: str, opcode: int, d
 @pytest.mark.parametrize("name", ["get_digital_inputs", "get_analog_input", "get_digital_outputs"])
 def test_an_answer_of_zero_is_an_error_and_no_value(play: Any, name: str) -> None:
     """4.33/4: ``0`` is no ``1|0``."""
-    exchange = play.ask(name, 8 if name == "get_analog_input" else None)
-    play.says(exchange.command.opcode, b"0")
+    operation = play.ask(name, 8 if name == "get_analog_input" else None)
+    play.says(operation.command.opcode, b"0")
     with pytest.raises(Refused):
-        exchange.outcome()
+        operation.outcome()
 
 
 def test_readings_are_observed(play: Any) -> None:
@@ -410,20 +410,20 @@ def test_temperatures_and_the_default_program_are_not_mistaken(play: Any) -> Non
     play.says(0x0E, b"20|38|34|22")
     assert temperatures.outcome() == JointValues(20, 38, 34, 22)
     late = play.ask("set_default_program", b"a")
-    assert isinstance(play.says(0x0E, b"20|38|34|22")[0], Unexpected)
+    assert isinstance(play.says(0x0E, b"20|38|34|22")[0], UnexpectedFrame)
     assert not late.settled
 
 
 def test_the_default_program_is_asked_for_twice(play: Any) -> None:
     """A-4.12-1: 0x0D, on silence 0x13; what was found out holds from then on."""
     first = play.ask("get_default_program")
-    assert isinstance(play.says(0x13, b"a.rob")[0], Unexpected)  # not asked for yet
+    assert isinstance(play.says(0x13, b"a.rob")[0], UnexpectedFrame)  # not asked for yet
     play.waits(5)
     play.says(0x13, b"a.rob")
     assert first.outcome() == b"a.rob"
     second = play.ask("get_default_program")
     play.waits(5)
-    assert isinstance(second.problem, ReplyTimeout)
+    assert isinstance(second.error, ReplyTimeout)
     assert play.sent() == [(0x0D, b""), (0x13, b""), (0x13, b"")]
     assert play.core.observed_readings["op_get_default"] == {"0x13"}
     assert play.core.dialect["op_get_default"] == "0x13"
@@ -431,18 +431,18 @@ def test_the_default_program_is_asked_for_twice(play: Any) -> None:
 
 def test_a_late_reply_under_the_first_opcode_counts(play: Any) -> None:
     """Both were asked, so either may answer."""
-    exchange = play.ask("get_default_program")
+    operation = play.ask("get_default_program")
     play.waits(6)
     play.says(0x0D, b"a.rob")
-    assert exchange.outcome() == b"a.rob"
+    assert operation.outcome() == b"a.rob"
 
 
 def test_silence_may_mean_that_there_is_no_default_program(new_play: Any) -> None:
     """A-4.12-2, reading (c), where the dialect says so."""
     play = new_play(Dialect.of(default_none="silence"))
-    exchange = play.ask("get_default_program")
+    operation = play.ask("get_default_program")
     play.waits(10)
-    assert exchange.outcome() == b""
+    assert operation.outcome() == b""
 
 
 def test_a_pushed_list_is_joined(play: Any) -> None:
@@ -536,11 +536,11 @@ def test_a_lost_link_settles_everything(play: Any) -> None:
     """Nothing waits for ever, and nothing is sent any more."""
     time, run = play.ask("get_time"), play.ask("run_program", b"a")
     play.says(0x30, b"1")
-    play.core.lose("the cable is out", play.now_s)
-    assert play.core.lose("again", play.now_s) == []
-    for exchange in (time, run):
+    play.core.connection_lost("the cable is out", play.now_s)
+    assert play.core.connection_lost("again", play.now_s) == []
+    for operation in (time, run):
         with pytest.raises(LinkLost, match="was not finished: the cable is out"):
-            exchange.outcome()
+            operation.outcome()
     with pytest.raises(LinkLost, match="is not sent: the cable is out"):
         play.ask("get_time")
 
@@ -549,7 +549,7 @@ def test_a_frame_hidden_in_an_unfinished_one_counts_when_the_link_ends(play: Any
     """3/20: what is held back is searched once more."""
     time = play.ask("get_time")
     play.hears(b"\xcc\x08\xff" + Frame(C2A, 0x07, TIME).encode())
-    play.core.lose("it ended", play.now_s)
+    play.core.connection_lost("it ended", play.now_s)
     assert time.outcome() == NOON
 
 
@@ -561,9 +561,9 @@ def test_the_link_may_end_after_some_commands(
     play: Any, name: str, value: Any, opcode: int
 ) -> None:
     """4.4/6, 4.35/6: the command is done; what comes after is told why it cannot be sent."""
-    exchange = play.ask(name, value)
+    operation = play.ask(name, value)
     play.says(opcode, b"1")
-    play.core.lose("cut", play.now_s)
-    assert exchange.outcome() is None
+    play.core.connection_lost("cut", play.now_s)
+    assert operation.outcome() is None
     with pytest.raises(LinkLost, match=f"as it may after {name}"):
         play.ask("get_time")

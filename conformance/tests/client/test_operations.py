@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from scaraspec.client import Client, RunningProgram, State, Status
-from scaraspec.client.operations import Operations, operation, started
-from scaraspec.client.words import OPERATIONS, TRANSFERS, parameters
+from scaraspec.client.operations import Operations, operation, start_method
+from scaraspec.client.text_interface import OPERATIONS, TRANSFERS, parameter_names
 from scaraspec.protocol.commands import COMMANDS, JointValues, Network, Point, Pose
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.errors import TABLE_8_1, Joint, Kind
@@ -94,10 +94,10 @@ def test_arguments_are_those_of_the_table(command: Any) -> None:
     if command.clause[0] == "5":
         return
     method = vars(Operations)[command.name]
-    assert list(inspect.signature(method.describe).parameters)[1:] == list(parameters(command))
+    assert list(inspect.signature(method.describe).parameters)[1:] == list(parameter_names(command))
     assert method.__doc__
     start = vars(Operations).get(f"start_{command.name}")
-    assert isinstance(start, started) == command.two_stage
+    assert isinstance(start, start_method) == command.two_stage
 
 
 @pytest.mark.parametrize("name", CALLS)
@@ -105,9 +105,9 @@ def test_an_operation_sends_its_request_and_returns_its_result(
     scripted_link: Any, name: str
 ) -> None:
     """T/9, T/10: values in the documented order, unchanged, both ways."""
-    arguments, request, reply, result = CALLS[name]
+    parse_arguments, request, reply, result = CALLS[name]
     client, link = talk(scripted_link, reply)
-    assert getattr(client, name)(*arguments) == result
+    assert getattr(client, name)(*parse_arguments) == result
     opcode = next(c.opcode for c in COMMANDS if c.name == name)
     assert link.asked == [(opcode, request)]
 

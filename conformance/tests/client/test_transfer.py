@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from scaraspec.client.problems import LinkLost, TransferFailed
+from scaraspec.client.errors import LinkLost, TransferFailed
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State, chunks_of
@@ -30,9 +30,9 @@ def upload(play: Any, content: bytes, name: bytes = b"a.rob") -> Any:
 
 def download(play: Any, name: bytes = b"a.rob", **options: int) -> Any:
     """A download that was granted."""
-    exchange = play.begin(play.core.download(name, **options))
+    operation = play.begin(play.core.download(name, **options))
     play.says(DOWN, b"1")
-    return exchange
+    return operation
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -101,7 +101,7 @@ def test_an_upload_ends_with_a_chunk_that_was_not_taken(play: Any, answer: bytes
     play.sent()
     play.says(UP_CHUNK, answer)
     assert play.sent() == []
-    assert isinstance(transfer.problem, TransferFailed)
+    assert isinstance(transfer.error, TransferFailed)
     assert play.core.is_free("transfer")
 
 
@@ -135,7 +135,7 @@ def test_a_download_survives_25_s_and_not_60(play: Any, granted: bool) -> None: 
     play.waits(30)
     assert not transfer.settled
     play.waits(5)
-    assert isinstance(transfer.problem, TransferFailed)
+    assert isinstance(transfer.error, TransferFailed)
     version = play.ask("get_version")
     play.says(0x08, b"1.0.0")
     assert version.settled
@@ -176,7 +176,7 @@ def test_a_bad_chunk_is_rejected_once(play: Any, bad: bytes) -> None:
     play.sent()
     play.says(DOWN_CHUNK, bad)
     assert play.sent() == [(DOWN_CHUNK, b"0")]
-    assert isinstance(transfer.problem, TransferFailed)
+    assert isinstance(transfer.error, TransferFailed)
 
 
 @pytest.mark.parametrize("signal", [b"", chunk(300, 0, 0), chunk(0, 0, 0), chunk(300, 200, 0)])
@@ -203,7 +203,7 @@ def test_a_file_that_is_too_large_is_refused_at_once(play: Any) -> None:
     play.sent()
     play.says(DOWN_CHUNK, chunk(1001, 0, 200, content_of(200)))
     assert play.sent() == [(DOWN_CHUNK, b"0")]
-    assert isinstance(transfer.problem, TransferFailed)
+    assert isinstance(transfer.error, TransferFailed)
 
 
 def test_chunks_in_any_order_where_the_dialect_takes_them(new_play: Any) -> None:
@@ -309,6 +309,6 @@ def test_an_aborted_download_is_refused_at_the_next_chunk(play: Any) -> None:
 def test_a_lost_link_ends_a_transfer(play: Any) -> None:
     """5.2/19: not done."""
     transfer = upload(play, b"content")
-    play.core.lose("the cable is out", play.now_s)
+    play.core.connection_lost("the cable is out", play.now_s)
     with pytest.raises(LinkLost):
         transfer.outcome()

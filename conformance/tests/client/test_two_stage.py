@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from scaraspec.client.core import Unexpected
-from scaraspec.client.problems import Failed, Interrupted, ProtocolError, Refused, ReplyTimeout
+from scaraspec.client.core import UnexpectedFrame
+from scaraspec.client.errors import Failed, Interrupted, ProtocolError, Refused, ReplyTimeout
 from scaraspec.protocol.commands import BY_NAME, COMMANDS
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.errors import TABLE_8_1, Joint
@@ -30,53 +30,53 @@ def command(request: pytest.FixtureRequest) -> Any:
 
 def test_it_is_done_with_the_final_result(play: Any, command: Any) -> None:
     """A-3-7: accepted by the first reply, which is not the end; done by the tagged frame."""
-    exchange = play.ask(command.name, VALUES.get(command.name))
+    operation = play.ask(command.name, VALUES.get(command.name))
     play.says(command.opcode, b"1")
-    assert exchange.accepted
-    assert not exchange.settled
+    assert operation.accepted
+    assert not operation.settled
     play.says(command.opcode, b"11", tagged=True)
-    assert exchange.outcome() is None
+    assert operation.outcome() is None
 
 
 def test_the_result_may_share_a_segment_with_the_reply(play: Any, command: Any) -> None:
     """4/10."""
-    exchange = play.ask(command.name, VALUES.get(command.name))
+    operation = play.ask(command.name, VALUES.get(command.name))
     reply, result = Frame(C2A, command.opcode, b"1"), Frame(C2A, command.opcode, b"11", tagged=True)
     play.hears(reply.encode() + result.encode())
-    assert exchange.outcome() is None
+    assert operation.outcome() is None
 
 
 def test_the_result_may_take_hours(play: Any, command: Any) -> None:
     """4/11, A-3-15: no bound, and other commands are served meanwhile (A-4-3)."""
-    exchange = play.ask(command.name, VALUES.get(command.name))
+    operation = play.ask(command.name, VALUES.get(command.name))
     play.says(command.opcode, b"1")
     play.waits(10)
     status = play.ask("get_status")
     play.says(0x09, b"01")
     assert status.outcome() == "01"
     play.waits(36000)
-    assert not exchange.settled
+    assert not operation.settled
     play.says(command.opcode, b"11", tagged=True)
-    assert exchange.outcome() is None
+    assert operation.outcome() is None
 
 
 def test_a_first_reply_is_due_in_time(play: Any, command: Any) -> None:
     """A-3-15; and nothing is repeated by itself (4/16)."""
-    exchange = play.ask(command.name, VALUES.get(command.name))
+    operation = play.ask(command.name, VALUES.get(command.name))
     play.waits(60)
     with pytest.raises(ReplyTimeout, match="whether it took effect is not known"):
-        exchange.outcome()
+        operation.outcome()
     assert [opcode for opcode, _ in play.sent()] == [command.opcode]
 
 
 @pytest.mark.parametrize("data", [b"12", b"11|12", b"0|12", b"1", b"", b"11 "])
 def test_a_result_that_says_nothing_is_no_success(play: Any, command: Any, data: bytes) -> None:
     """A-3-8: success is the whole of ``11``."""
-    exchange = play.ask(command.name, VALUES.get(command.name))
+    operation = play.ask(command.name, VALUES.get(command.name))
     play.says(command.opcode, b"1")
     play.says(command.opcode, data, tagged=True)
     with pytest.raises(ProtocolError, match="final result of"):
-        exchange.outcome()
+        operation.outcome()
 
 
 @pytest.mark.parametrize("case", [str.upper, str.lower])
@@ -102,7 +102,7 @@ def test_joints_are_named(play: Any) -> None:
     """8/4: 1A is 2 + 8."""
     reset = play.ask("reset")
     play.says(0x33, b"0|1A")
-    assert reset.problem.code.joints == (Joint.OUTER_ARM, Joint.ROTATION)
+    assert reset.error.code.joints == (Joint.OUTER_ARM, Joint.ROTATION)
 
 
 @pytest.mark.parametrize(("data", "code"), [(b"0", None), (b"0|7f", "7f"), (b"0 12", "12")])
@@ -115,14 +115,14 @@ def test_a_refusal_is_understood_however_it_is_written(
     with pytest.raises(Refused) as caught:
         move.outcome()
     assert (caught.value.code and caught.value.code.text) == code
-    assert isinstance(play.says(0x39, b"11", tagged=True)[0], Unexpected)
+    assert isinstance(play.says(0x39, b"11", tagged=True)[0], UnexpectedFrame)
 
 
 def stop(play: Any, *, first: bool = True) -> Any:
     """An emergency stop during a run, up to its first reply."""
-    exchange = play.ask("emergency_stop")
+    operation = play.ask("emergency_stop")
     play.says(0x32, b"1" if first else b"0")
-    return exchange
+    return operation
 
 
 def test_a_stop_overtakes_an_unanswered_request(play: Any) -> None:
@@ -177,7 +177,7 @@ def test_a_stop_that_did_not_stop_ends_nothing(play: Any, result: bytes | None) 
     if result is not None:
         play.says(0x32, result, tagged=True)
     play.waits(3600)
-    assert isinstance(halt.problem, Failed if result else Refused)
+    assert isinstance(halt.error, Failed if result else Refused)
     assert not run.settled
 
 
@@ -186,7 +186,7 @@ def test_a_stop_can_be_repeated(play: Any) -> None:
     first = stop(play)
     second = stop(play)
     play.says(0x32, b"11", tagged=True)
-    assert isinstance(first.problem, Interrupted)
+    assert isinstance(first.error, Interrupted)
     assert second.outcome() is None
 
 
@@ -196,11 +196,11 @@ def test_a_command_accepted_anew_ends_the_one_before(play: Any) -> None:
     play.says(0x30, b"1")
     refused = play.ask("run_program", b"b.rob")
     play.says(0x30, b"0|01")
-    assert isinstance(refused.problem, Refused)
+    assert isinstance(refused.error, Refused)
     assert not before.settled
     after = play.ask("run_program", b"b.rob")
     play.says(0x30, b"1")
-    assert isinstance(before.problem, Interrupted)
+    assert isinstance(before.error, Interrupted)
     play.says(0x30, b"11", tagged=True)
     assert after.outcome() is None
 
@@ -212,5 +212,5 @@ def test_shutdown_has_no_final_result(play: Any) -> None:
     assert done.outcome() is None
     refused = play.ask("shutdown")
     play.says(0x60, b"0|01")
-    assert refused.problem.code.text == "01"
+    assert refused.error.code.text == "01"
     assert not BY_NAME["shutdown"].two_stage

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any, ClassVar
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import PendingOperation, TwoStage
+from scaraspec.client.pending_operation import PendingOperation, TwoStage
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.frames import Frame
 
@@ -127,11 +127,11 @@ class TakesLossForSuccess(ClientCore, ABC):
     name: ClassVar[str]
     """The command in question."""
 
-    def lose(self, reason: str, now_s: float) -> list[Event]:
+    def connection_lost(self, reason: str, now_s: float) -> list[Event]:
         """Take it for that."""
         events: list[Event] = []
-        for exchange in tuple(self._open):
-            if exchange.command.name == self.name:
-                exchange.settle(None)
-                events += self._follow(exchange, now_s)
-        return events + super().lose(reason, now_s)
+        for operation in tuple(self._open):
+            if operation.command.name == self.name:
+                operation.settle(None)
+                events += self._after_step(operation, now_s)
+        return events + super().connection_lost(reason, now_s)

@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from typing import ClassVar
 
 from scaraspec.client.aio import AsyncClient
+from scaraspec.client.base import LINK_LOST_REASONS
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Login, PendingOperation
-from scaraspec.client.problems import ClientError, LinkLost
-from scaraspec.client.shell import LOST_BY
+from scaraspec.client.errors import ClientError, LinkLost
+from scaraspec.client.pending_operation import Login, PendingOperation
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.process import memory
 from scaraspec.protocol.commands import BY_NAME, BY_OPCODE
@@ -28,10 +28,10 @@ class StaysConnectedWhenCut(AsyncClient):
         if not memory().pop("cut", False):
             await super().connect()
 
-    def _lose(self, reason: str) -> None:
-        if reason == LOST_BY[Ending.RESET]:
+    def _connection_lost(self, reason: str) -> None:
+        if reason == LINK_LOST_REASONS[Ending.RESET]:
             memory()["cut"] = True
-        super()._lose(reason)
+        super()._connection_lost(reason)
 
 
 @mutant("2/1", subtle=True)
@@ -64,11 +64,11 @@ class DialsTheNextPort(AsyncClient):
 class AsksForTheVersionFirst(ClientCore):
     """It asks for the version ahead of the login."""
 
-    def begin(self, exchange: PendingOperation, now_s: float) -> None:
+    def begin(self, operation: PendingOperation, now_s: float) -> None:
         """Ask, and begin."""
-        if isinstance(exchange, Login):
+        if isinstance(operation, Login):
             self._send([Frame(A2C, BY_NAME["get_version"].opcode)])
-        super().begin(exchange, now_s)
+        super().begin(operation, now_s)
 
 
 @mutant("2/10", subtle=True)
@@ -91,7 +91,7 @@ class TakesSegmentsForFrames(ClientCore):
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         """Take the segment alone."""
-        return [*super().feed(data, now_s), *self._digest(self._framer.finish(), now_s)]
+        return [*super().feed(data, now_s), *self._process_items(self._framer.finish(), now_s)]
 
 
 @mutant("2/5", subtle=True)
@@ -102,7 +102,7 @@ class NeedsTheHeadAtOnce(ClientCore):
         """Take what has come."""
         events = super().feed(data, now_s)
         if self._framer.held_bytes in (1, 2):
-            events += self._digest(self._framer.finish(), now_s)
+            events += self._process_items(self._framer.finish(), now_s)
         return events
 
 
@@ -122,7 +122,7 @@ class ImpatientWithinFrames(ClientCore):
 
     @property
     def _partial_until_s(self) -> float | None:
-        return self._heard_s + 0.5 if self._framer.held_bytes else None
+        return self._last_received_s + 0.5 if self._framer.held_bytes else None
 
 
 class _LosesInPieces(ClientCore):
@@ -160,10 +160,10 @@ class LosesLoginsInPieces(_LosesInPieces):
 class ForgetsPiecesWhenItAsks(ClientCore):
     """What has come of a frame is thrown away when another request is sent."""
 
-    def begin(self, exchange: PendingOperation, now_s: float) -> None:
+    def begin(self, operation: PendingOperation, now_s: float) -> None:
         """Throw it away."""
         self._framer = Framer(C2A)
-        super().begin(exchange, now_s)
+        super().begin(operation, now_s)
 
 
 # Joined
@@ -173,34 +173,34 @@ class ForgetsPiecesWhenItAsks(ClientCore):
 class ServesTheFirstOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the first is served."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        return super()._digest(list(found)[:1], now_s)
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+        return super()._process_items(list(found)[:1], now_s)
 
 
 @mutant("2/6", subtle=True)
 class ServesFourOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the first four are served."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        return super()._digest(list(found)[:4], now_s)
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+        return super()._process_items(list(found)[:4], now_s)
 
 
 @mutant("2/6", subtle=True)
 class ServesTheLastOfEachSegment(ClientCore):
     """Of the frames that one segment brings only the last is served."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        return super()._digest(list(found)[-1:], now_s)
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+        return super()._process_items(list(found)[-1:], now_s)
 
 
 @mutant("2/6", subtle=True)
 class AcceptsAtTheBeginning(ClientCore):
     """A two-stage command is accepted by the first frame of a segment only."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         heard = items[:1] + [item for item in items[1:] if not _accepts(item)]
-        return super()._digest(heard, now_s)
+        return super()._process_items(heard, now_s)
 
 
 def _accepts(item: StreamItem) -> bool:
@@ -216,10 +216,10 @@ class _DropsBehind(ClientCore):
     opcode: ClassVar[int]
     """Which."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         ends = (n for n, item in enumerate(items, 1) if self._is_it(item))
-        return super()._digest(items[: next(ends, len(items))], now_s)
+        return super()._process_items(items[: next(ends, len(items))], now_s)
 
     def _is_it(self, item: StreamItem) -> bool:
         return isinstance(item, Frame) and item.opcode == self.opcode and not item.tagged

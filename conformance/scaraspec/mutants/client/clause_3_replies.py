@@ -5,8 +5,8 @@ from collections.abc import Container, Iterable
 from typing import ClassVar
 
 from scaraspec.client.aio import AsyncClient
-from scaraspec.client.core import ClientCore, Event, Unexpected
-from scaraspec.client.exchange import PendingOperation, Stage, TwoStage
+from scaraspec.client.core import ClientCore, Event, UnexpectedFrame
+from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.process import memory
 from scaraspec.mutants.client.spoiling import GoesDeaf
@@ -73,7 +73,7 @@ class LooksIntoStrays(ClientCore):
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         events = super()._dispatch(frame, now_s)
-        if any(isinstance(event, Unexpected) for event in events):
+        if any(isinstance(event, UnexpectedFrame) for event in events):
             for found in Framer(C2A).feed(frame.data):
                 if isinstance(found, Frame):
                     events += super()._dispatch(found, now_s)
@@ -120,11 +120,11 @@ class LosesTheTagBetweenSegments(ClientCore):
 class LosesWhatFollowsResults(ClientCore):
     """A frame that comes with a tagged one ahead of it in its segment is lost."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         behind = [isinstance(item, Frame) and item.tagged for item in items[:-1]]
         kept = [item for item, lost in zip(items, [False, *behind], strict=False) if not lost]
-        return super()._digest(kept, now_s)
+        return super()._process_items(kept, now_s)
 
 
 # What nobody has defined
@@ -165,11 +165,11 @@ class GoesDeafAtUndefinedResults(GoesDeaf):
 class ImpatientForReplies(ClientCore):
     """A reply that takes more than a quarter of a second is not waited for."""
 
-    def begin(self, exchange: PendingOperation, now_s: float) -> None:
+    def begin(self, operation: PendingOperation, now_s: float) -> None:
         """Begin, and wait for a short time only."""
-        super().begin(exchange, now_s)
-        if exchange.deadline_s is not None:
-            exchange.deadline_s = now_s + 0.25
+        super().begin(operation, now_s)
+        if operation.deadline_s is not None:
+            operation.deadline_s = now_s + 0.25
 
 
 @mutant("3/27")
@@ -178,8 +178,8 @@ class ForgetsItsRequestAtResults(ClientCore):
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         if frame.tagged:
-            kept = [each for each in self._open if each.stage is not Stage.ASKED]
-            forgotten = [each for each in self._open if each.stage is Stage.ASKED]
+            kept = [each for each in self._open if each.stage is not Stage.REQUESTED]
+            forgotten = [each for each in self._open if each.stage is Stage.REQUESTED]
             self._open = kept
             for each in forgotten:
                 each.stage = Stage.EXECUTING
@@ -203,7 +203,7 @@ class TakesRepliesInOrder(ClientCore):
     """A reply is taken for that to the oldest request, whatever its opcode."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        asked = [each for each in self._open if each.stage is Stage.ASKED]
+        asked = [each for each in self._open if each.stage is Stage.REQUESTED]
         if asked and not frame.tagged:
             frame = frame._replace(opcode=asked[0].command.opcode)
         return super()._dispatch(frame, now_s)
@@ -254,7 +254,7 @@ class TakesResultsForReplies(ClientCore):
         if frame.tagged and any(
             each.command.opcode == frame.opcode
             and each.command.name in self.commands
-            and each.stage is Stage.ASKED
+            and each.stage is Stage.REQUESTED
             for each in self._open
         ):
             super()._dispatch(Frame(C2A, frame.opcode, b"1"), now_s)
@@ -277,14 +277,14 @@ class _DeafAt(GoesDeaf):
     why: ClassVar[SkipReason]
     least_bytes: ClassVar[int] = 1
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         heard = []
         for item in found:
             if isinstance(item, Skipped) and item.why is self.why:
                 self.deaf |= item.size_bytes >= self.least_bytes
             if not self.deaf:
                 heard.append(item)
-        return super()._digest(heard, now_s)
+        return super()._process_items(heard, now_s)
 
 
 @mutant("3/19")
@@ -316,7 +316,7 @@ class _LosesResultsAmong(ClientCore):
     """Their commands."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
-        if frame.tagged and any(exchange.command.name in self.names for exchange in self._open):
+        if frame.tagged and any(operation.command.name in self.names for operation in self._open):
             return []
         return super()._dispatch(frame, now_s)
 
@@ -346,8 +346,8 @@ class LosesResultsInSettings(_LosesResultsAmong):
 class OverlooksTheEnd(ClientCore):
     """The end byte of a frame is not looked at."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        return super()._digest(map(_overlooked, found), now_s)
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+        return super()._process_items(map(_overlooked, found), now_s)
 
 
 def _overlooked(item: StreamItem) -> StreamItem:
@@ -362,8 +362,8 @@ def _overlooked(item: StreamItem) -> StreamItem:
 class OverlooksTheEndOfResults(ClientCore):
     """The end byte of a tagged frame is not looked at."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
-        return super()._digest(map(_result_overlooked, found), now_s)
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+        return super()._process_items(map(_result_overlooked, found), now_s)
 
 
 def _result_overlooked(item: StreamItem) -> StreamItem:
@@ -388,10 +388,10 @@ class KeepsHalfFramesForLater(AsyncClient):
         def _partial_until_s(self) -> None:
             return None
 
-        def lose(self, reason: str, now_s: float) -> list[Event]:
+        def connection_lost(self, reason: str, now_s: float) -> list[Event]:
             """Forget everything but the buffer."""
             held, self._framer = self._framer, Framer(C2A)
-            events = super().lose(reason, now_s)
+            events = super().connection_lost(reason, now_s)
             self._framer = held
             return events
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.spoiling import SpoilsFrames
 from scaraspec.protocol.commands import BY_NAME
@@ -209,10 +209,10 @@ class _Ticking(ClientCore):
             self._rests_until_s = now_s + 0.25
         return super().tick(now_s)
 
-    def lose(self, reason: str, now_s: float) -> list[Event]:
+    def connection_lost(self, reason: str, now_s: float) -> list[Event]:
         """Beat no more."""
         self._rests_until_s = None
-        return super().lose(reason, now_s)
+        return super().connection_lost(reason, now_s)
 
 
 @mutant("3/10", subtle=True)
@@ -262,7 +262,7 @@ class AnswersTheLastAskerFirst(ClientCore):
         """Always for queries."""
         return slot == "get_status" or super().is_free(slot)
 
-    def begin(self, exchange: PendingOperation, now_s: float) -> None:
+    def begin(self, operation: PendingOperation, now_s: float) -> None:
         """The latest comes first."""
-        super().begin(exchange, now_s)
+        super().begin(operation, now_s)
         self._open.insert(0, self._open.pop())

@@ -2,8 +2,8 @@
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Login, PendingOperation
-from scaraspec.client.problems import LinkLost
+from scaraspec.client.errors import LinkLost
+from scaraspec.client.pending_operation import Login, PendingOperation
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersReplies, AltersRequests
 from scaraspec.protocol.commands import BY_NAME
@@ -53,10 +53,10 @@ class TrimsPasswords(AltersRequests):
 class AsksForTheStatusWhenRefused(ClientCore):
     """When its login was refused it asks for the status."""
 
-    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
-        if isinstance(exchange, Login) and exchange.problem:
+    def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
+        if isinstance(operation, Login) and operation.error:
             self._send([Frame(A2C, BY_NAME["get_status"].opcode)])
-        return super()._follow(exchange, now_s)
+        return super()._after_step(operation, now_s)
 
 
 @mutant("4.1/5")
@@ -66,9 +66,9 @@ class GoesOnWhenRefused(AsyncClient):
     class core(ClientCore):  # noqa: N801 - it fills in the attribute
         """Takes itself for logged in."""
 
-        def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
-            events = super()._follow(exchange, now_s)
-            self.logged_in |= isinstance(exchange, Login)
+        def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
+            events = super()._after_step(operation, now_s)
+            self.logged_in |= isinstance(operation, Login)
             return events
 
     async def _login(self) -> None:
@@ -83,11 +83,11 @@ class StopsWhenRefused(GoesOnWhenRefused):
     class core(ClientCore):  # noqa: N801 - it fills in the attribute
         """Takes itself for logged in where it is to stop."""
 
-        def begin(self, exchange: PendingOperation, now_s: float) -> None:
+        def begin(self, operation: PendingOperation, now_s: float) -> None:
             """Send it."""
             logged_in = self.logged_in
-            self.logged_in = logged_in or exchange.command.name == "emergency_stop"
-            super().begin(exchange, now_s)
+            self.logged_in = logged_in or operation.command.name == "emergency_stop"
+            super().begin(operation, now_s)
             self.logged_in = logged_in
 
 

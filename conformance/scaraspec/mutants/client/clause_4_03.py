@@ -1,7 +1,7 @@
 """Faults of 4.3 and 4.4: the network settings."""
 
 from scaraspec.client.aio import AsyncClient
-from scaraspec.client.problems import LinkLost
+from scaraspec.client.errors import LinkLost
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import (
     AltersFields,
@@ -135,9 +135,9 @@ class LossIsFailure(AsyncClient):
         if await self.wait_for(lambda: self.gone, 1.0):
             raise LinkLost("the network was lost")
 
-    def _lose(self, reason: str) -> None:
+    def _connection_lost(self, reason: str) -> None:
         self.gone = True
-        super()._lose(reason)
+        super()._connection_lost(reason)
 
 
 @mutant("T/9", subtle=True)

@@ -4,7 +4,7 @@ from typing import Any, ClassVar
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import Listing, PendingOperation
+from scaraspec.client.pending_operation import PendingOperation, ProgramListing
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersReplies, AltersRequests
 from scaraspec.protocol.commands import BY_NAME
@@ -42,7 +42,7 @@ class AsksForThePart(AltersRequests):
 class _OtherListing(ClientCore):
     """The program list is put together otherwise."""
 
-    shape: ClassVar[type[Listing]]
+    shape: ClassVar[type[ProgramListing]]
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         """Take the other way."""
@@ -55,7 +55,7 @@ class _OtherListing(ClientCore):
 class FirstPartOnly(_OtherListing):
     """Of a list only the first part is told."""
 
-    class shape(Listing):  # noqa: N801 - it fills in the attribute
+    class shape(ProgramListing):  # noqa: N801 - it fills in the attribute
         """Ends with the first."""
 
         def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
@@ -66,7 +66,7 @@ class FirstPartOnly(_OtherListing):
 class LastPartOnly(_OtherListing):
     """Of a list only the last part is told."""
 
-    class shape(Listing):  # noqa: N801 - it fills in the attribute
+    class shape(ProgramListing):  # noqa: N801 - it fills in the attribute
         """Begins anew with each."""
 
         def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
@@ -78,11 +78,11 @@ class LastPartOnly(_OtherListing):
 class LosesTheFirstOfLaterParts(_OtherListing):
     """The first name of each further part is lost, if there are others behind it."""
 
-    class shape(Listing):  # noqa: N801 - it fills in the attribute
+    class shape(ProgramListing):  # noqa: N801 - it fills in the attribute
         """Skips it."""
 
         def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
-            if self._parts and len(value.names) > 1:
+            if self._parts_received and len(value.names) > 1:
                 value = value._replace(names=value.names[1:])
             return super()._accept(value, now_s)
 
@@ -91,18 +91,19 @@ class LosesTheFirstOfLaterParts(_OtherListing):
 class SixteenParts(_OtherListing):
     """A list ends with its sixteenth part."""
 
-    class shape(Listing):  # noqa: N801 - it fills in the attribute
+    class shape(ProgramListing):  # noqa: N801 - it fills in the attribute
         """Ends there."""
 
         def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
-            return super()._accept(value._replace(more=value.more and self._parts < 15), now_s)  # noqa: PLR2004 - it is the sixteenth
+            more = value.more and self._parts_received < 15  # noqa: PLR2004 - it is the sixteenth
+            return super()._accept(value._replace(more=more), now_s)
 
 
 @mutant("4.10/10", subtle=True)
 class JoinsNamesOfParts(_OtherListing):
     """The last name of a part is taken for the beginning of the first of the next."""
 
-    class shape(Listing):  # noqa: N801 - it fills in the attribute
+    class shape(ProgramListing):  # noqa: N801 - it fills in the attribute
         """Joins them."""
 
         def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
@@ -115,11 +116,11 @@ class JoinsNamesOfParts(_OtherListing):
 class FetchesInVain(_OtherListing):
     """The further parts of a list are asked for, and the last of them is not told (A-4.10-3 b)."""
 
-    class shape(Listing):  # noqa: N801 - it fills in the attribute
+    class shape(ProgramListing):  # noqa: N801 - it fills in the attribute
         """Forgets the last."""
 
         def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
-            forgotten = self._parts and not value.more
+            forgotten = self._parts_received and not value.more
             return super()._accept(value._replace(names=()) if forgotten else value, now_s)
 
 
@@ -127,7 +128,7 @@ class FetchesInVain(_OtherListing):
 class HidesDottedNames(_OtherListing):
     """Names that begin with a dot are not told, as files that a system hides."""
 
-    class shape(Listing):  # noqa: N801 - it fills in the attribute
+    class shape(ProgramListing):  # noqa: N801 - it fills in the attribute
         """Leaves them out."""
 
         def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
@@ -150,7 +151,7 @@ class TakesTheFlagForText(AltersReplies):
 class ImpatientForParts(_OtherListing):
     """A part that takes longer than a twentieth of a second is not waited for."""
 
-    class shape(Listing):  # noqa: N801 - it fills in the attribute
+    class shape(ProgramListing):  # noqa: N801 - it fills in the attribute
         """Is content with what there is."""
 
         def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:

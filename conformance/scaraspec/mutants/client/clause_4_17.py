@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from typing import ClassVar, Final
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import PendingOperation, Stage, TwoStage
+from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersRequests
 from scaraspec.protocol.commands import BY_NAME
@@ -56,12 +56,12 @@ class InterruptedResultEndsTheStop(ClientCore):
 class StopEndsAllWell(ClientCore):
     """The success of a stop is taken for that of what it stops."""
 
-    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
-        events = super()._follow(exchange, now_s)
-        if exchange.command.name == _STOP and exchange.settled and exchange.problem is None:
+    def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
+        events = super()._after_step(operation, now_s)
+        if operation.command.name == _STOP and operation.settled and operation.error is None:
             for other in self._executing():
                 other.settle(None)
-                events += super()._follow(other, now_s)
+                events += super()._after_step(other, now_s)
         return events
 
 
@@ -71,7 +71,7 @@ class UnaskedResultEndsTheLink(ClientCore):
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         if frame.tagged and not any(e.command.opcode == frame.opcode for e in self._executing()):
-            return self.lose("an unasked result", now_s)
+            return self.connection_lost("an unasked result", now_s)
         return super()._dispatch(frame, now_s)
 
 
@@ -81,13 +81,13 @@ class _VainStopEndsEverything(ClientCore):
     accepted: ClassVar[bool]
     """Whether the stop had been accepted."""
 
-    def _follow_two_stage(self, exchange: TwoStage, now_s: float) -> list[Event]:
-        events = super()._follow_two_stage(exchange, now_s)
-        vain = exchange.command.name == _STOP and exchange.problem is not None
-        if vain and exchange.accepted is self.accepted:
+    def _after_two_stage_step(self, operation: TwoStage, now_s: float) -> list[Event]:
+        events = super()._after_two_stage_step(operation, now_s)
+        vain = operation.command.name == _STOP and operation.error is not None
+        if vain and operation.accepted is self.accepted:
             for other in self._executing():
                 other.give_up("there was a stop")
-                events += self._follow(other, now_s)
+                events += self._after_step(other, now_s)
         return events
 
 
@@ -126,7 +126,7 @@ class _HoldsTheStop(ClientCore, ABC):
     """The stop is not sent while certain other things are open."""
 
     @abstractmethod
-    def hinders(self, exchange: PendingOperation) -> bool:
+    def hinders(self, operation: PendingOperation) -> bool:
         """Whether it waits for that."""
 
     def is_free(self, slot: str) -> bool:
@@ -138,27 +138,27 @@ class _HoldsTheStop(ClientCore, ABC):
 class QueriesHoldTheStop(_HoldsTheStop):
     """The stop waits for the reply to a query."""
 
-    def hinders(self, exchange: PendingOperation) -> bool:
+    def hinders(self, operation: PendingOperation) -> bool:
         """Wait for queries."""
-        return not isinstance(exchange, TwoStage)
+        return not isinstance(operation, TwoStage)
 
 
 @mutant("4.17/10", subtle=True)
 class OrdersHoldTheStop(_HoldsTheStop):
     """The stop waits for the first reply to another order."""
 
-    def hinders(self, exchange: PendingOperation) -> bool:
+    def hinders(self, operation: PendingOperation) -> bool:
         """Wait for first replies."""
-        return isinstance(exchange, TwoStage) and exchange.stage is Stage.ASKED
+        return isinstance(operation, TwoStage) and operation.stage is Stage.REQUESTED
 
 
 @mutant("4.17/10", subtle=True)
 class ExecutionHoldsTheStop(_HoldsTheStop):
     """The stop waits until what executes has ended by itself."""
 
-    def hinders(self, exchange: PendingOperation) -> bool:
+    def hinders(self, operation: PendingOperation) -> bool:
         """Wait for final results."""
-        return isinstance(exchange, TwoStage) and exchange.stage is Stage.EXECUTING
+        return isinstance(operation, TwoStage) and operation.stage is Stage.EXECUTING
 
 
 @mutant("4.17/9", subtle=True)

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersFields, AltersRequests
 from scaraspec.protocol.commands import BY_NAME, Point

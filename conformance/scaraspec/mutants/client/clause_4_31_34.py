@@ -3,7 +3,7 @@
 from typing import Final
 
 from scaraspec.client.aio import AsyncClient
-from scaraspec.client.problems import Refused
+from scaraspec.client.errors import Refused
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import (
     AltersFields,

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import PendingOperation, TwoStage
+from scaraspec.client.pending_operation import PendingOperation, TwoStage
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersRequests, TakesLossForSuccess
 from scaraspec.protocol.commands import BY_NAME
@@ -86,13 +86,13 @@ class ShutdownNeedsTime(_OtherShutdown):
 class LostLinkEndsAllWell(ClientCore):
     """What is open when the link is lost behind a shutdown counts as done."""
 
-    def lose(self, reason: str, now_s: float) -> list[Event]:
+    def connection_lost(self, reason: str, now_s: float) -> list[Event]:
         """Take it for that."""
         events: list[Event] = []
-        for exchange in tuple(self._open) if self._may_end == _OFF else ():
-            exchange.settle(None)
-            events += self._follow(exchange, now_s)
-        return events + super().lose(reason, now_s)
+        for operation in tuple(self._open) if self._expected_link_end == _OFF else ():
+            operation.settle(None)
+            events += self._after_step(operation, now_s)
+        return events + super().connection_lost(reason, now_s)
 
 
 @mutant("T/9", subtle=True)

@@ -4,8 +4,8 @@ from abc import ABC, abstractmethod
 from dataclasses import replace
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import PendingOperation, TwoStage
-from scaraspec.client.problems import ClientError, Failed, Refused
+from scaraspec.client.errors import ClientError, Failed, Refused
+from scaraspec.client.pending_operation import PendingOperation, TwoStage
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersReplies, AltersResults, OtherTwoStage
 from scaraspec.protocol import errors
@@ -76,20 +76,18 @@ class BusyBehindRefusals(ClientCore):
         """Hold the next one back."""
         return slot != self._refused and super().is_free(slot)
 
-    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
-        if isinstance(exchange, TwoStage) and isinstance(exchange.problem, Refused):
-            self._refused = exchange.slot
-        return super()._follow(exchange, now_s)
+    def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
+        if isinstance(operation, TwoStage) and isinstance(operation.error, Refused):
+            self._refused = operation.slot
+        return super()._after_step(operation, now_s)
 
 
 class _RefusedIsFailed(TwoStage):
     """A refusal is a failure."""
 
-    def fail(self, problem: ClientError) -> None:
+    def fail(self, error: ClientError) -> None:
         """Tell it as one."""
-        super().fail(
-            Failed(self.command, problem.code) if isinstance(problem, Refused) else problem
-        )
+        super().fail(Failed(self.command, error.code) if isinstance(error, Refused) else error)
 
 
 @mutant("4/13")
@@ -109,11 +107,11 @@ class _AltersCodes(TwoStage, ABC):
     def text(self, code: str) -> str:
         """What is told in its place."""
 
-    def fail(self, problem: ClientError) -> None:
+    def fail(self, error: ClientError) -> None:
         """Tell that."""
-        if isinstance(problem, Refused | Failed) and problem.code is not None:
-            problem.code = replace(problem.code, text=self.text(problem.code.text))
-        super().fail(problem)
+        if isinstance(error, Refused | Failed) and error.code is not None:
+            error.code = replace(error.code, text=self.text(error.code.text))
+        super().fail(error)
 
 
 class _AsNumbers(_AltersCodes):
@@ -161,12 +159,12 @@ class CodeBeforeTheLast(ClientCore):
 
     _before: errors.Code | None = None
 
-    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
-        problem = exchange.problem
-        if isinstance(problem, Refused | Failed) and problem.code is not None:
-            code, problem.code = problem.code, self._before or problem.code
+    def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
+        error = operation.error
+        if isinstance(error, Refused | Failed) and error.code is not None:
+            code, error.code = error.code, self._before or error.code
             self._before = code
-        return super()._follow(exchange, now_s)
+        return super()._after_step(operation, now_s)
 
 
 @mutant("4/12", subtle=True)

@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from typing import ClassVar
 
-from scaraspec.client.core import ClientCore, Event, Settled, Taken
-from scaraspec.client.exchange import PendingOperation, Stage, TwoStage
-from scaraspec.client.problems import ReplyTimeout
+from scaraspec.client.core import ClientCore, Event, FrameAccepted, OperationSettled
+from scaraspec.client.errors import ReplyTimeout
+from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersResults, OtherTwoStage
 from scaraspec.protocol.commands import BY_OPCODE, Parsed
@@ -72,11 +72,11 @@ class FirstReplyIsTheResult(OtherTwoStage):
 class _TakesAnyResult(TwoStage):
     """Any result ends it."""
 
-    def awaits(self, frame: Frame, parsed: Parsed) -> bool:
+    def expects(self, frame: Frame, parsed: Parsed) -> bool:
         """Do not look at the opcode."""
         if self.stage is Stage.EXECUTING:
             return parsed.part == "result"
-        return super().awaits(frame, parsed)
+        return super().expects(frame, parsed)
 
 
 @mutant("4/9", "4.17/9", subtle=True)
@@ -95,9 +95,9 @@ class RefusalEndsTheFirst(ClientCore):
         first = self._executing(name) if name and not frame.tagged else []
         events = super()._dispatch(frame, now_s)
         if frame.data[:1] == b"0":
-            for exchange in first:
-                exchange.give_up("it was refused")
-                events += self._follow(exchange, now_s)
+            for operation in first:
+                operation.give_up("it was refused")
+                events += self._after_step(operation, now_s)
         return events
 
 
@@ -106,9 +106,9 @@ class RefusalEndsTheFirst(ClientCore):
 
 def _first_reply(event: Event) -> bool:
     return (
-        isinstance(event, Taken)
-        and isinstance(event.exchange, TwoStage)
-        and event.exchange.stage is Stage.EXECUTING
+        isinstance(event, FrameAccepted)
+        and isinstance(event.operation, TwoStage)
+        and event.operation.stage is Stage.EXECUTING
     )
 
 
@@ -116,10 +116,10 @@ def _first_reply(event: Event) -> bool:
 class DropsWhatFollowsTheFirstReply(ClientCore):
     """What comes in the same segment as a first reply is thrown away."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         events: list[Event] = []
         for item in found:
-            events += super()._digest([item], now_s)
+            events += super()._process_items([item], now_s)
             if any(map(_first_reply, events)):
                 break
         return events
@@ -141,12 +141,12 @@ class FlushesBehindTheFirstReply(ClientCore):
 class FailureMustComeLater(ClientCore):
     """A failure in the same segment as the first reply is not seen: only a success is so quick."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         accepted, events = False, []
         for item in found:
             if accepted and isinstance(item, Frame) and item.tagged and item.data[:2] == b"00":
                 continue
-            now = super()._digest([item], now_s)
+            now = super()._process_items([item], now_s)
             accepted = accepted or any(map(_first_reply, now))
             events += now
         return events
@@ -156,14 +156,14 @@ class FailureMustComeLater(ClientCore):
 class ResultBehindAnotherReplyIsLost(ClientCore):
     """A final result is not seen in the same segment behind the reply to something else."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         replied, events = False, []
         for item in found:
             if isinstance(item, Frame):
                 if replied and item.tagged:
                     continue
                 replied = not item.tagged and not _executes(item)
-            events += super()._digest([item], now_s)
+            events += super()._process_items([item], now_s)
         return events
 
 
@@ -182,7 +182,7 @@ class _Impatient(TwoStage):
 
     def expire(self, now_s: float) -> list[Frame]:
         """Give up, whatever executes."""
-        if self.stage is Stage.ASKED:
+        if self.stage is Stage.REQUESTED:
             return super().expire(now_s)
         return self.lost_patience()
 
@@ -255,7 +255,7 @@ class _AsksUntilAccepted(TwoStage):
         return frames
 
     def expire(self, now_s: float) -> list[Frame]:
-        return self.begin(now_s) if self.stage is Stage.ASKED else super().expire(now_s)
+        return self.begin(now_s) if self.stage is Stage.REQUESTED else super().expire(now_s)
 
 
 @mutant("4/16", subtle=True)
@@ -289,9 +289,9 @@ class AsksAgainWhenIdle(ClientCore):
             BY_OPCODE[frame.opcode].name == "get_status" if frame.opcode in BY_OPCODE else False
         )
         if status and frame.data == b"00":
-            for exchange in self._executing():
-                self._send(exchange.begin(now_s))
-                exchange.deadline_s = None
+            for operation in self._executing():
+                self._send(operation.begin(now_s))
+                operation.deadline_s = None
         return events
 
 
@@ -307,11 +307,14 @@ class AsksAgainOnTheNextLink(ClientCore):
                 self._left[:] = [frame]
             super()._send([frame])
 
-    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
-        events = super()._follow(exchange, now_s)
-        if any(isinstance(event, Settled) for event in events) and self._lost is None:
-            if isinstance(exchange, TwoStage):
+    def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
+        events = super()._after_step(operation, now_s)
+        if (
+            any(isinstance(event, OperationSettled) for event in events)
+            and self._lost_reason is None
+        ):
+            if isinstance(operation, TwoStage):
                 self._left.clear()
-            elif self.logged_in and exchange.command.name == "login":
+            elif self.logged_in and operation.command.name == "login":
                 self._send(tuple(self._left))
         return events

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, ClientCore, Event
-from scaraspec.client.exchange import Stage
+from scaraspec.client.errors import ClientError, LinkLost, TransferFailed
 from scaraspec.client.operations import Text
-from scaraspec.client.problems import ClientError, LinkLost, TransferFailed
+from scaraspec.client.pending_operation import Stage
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.transferring import (
@@ -132,7 +132,7 @@ class _Deaf(Upload):
 
 class _DeafToNames(_Deaf):
     def deaf(self, data: bytes) -> bool:  # noqa: ARG002 - whatever it is
-        return self.stage is Stage.ASKED
+        return self.stage is Stage.REQUESTED
 
 
 @mutant("5.2/4", "5.2/19")
@@ -157,7 +157,7 @@ class RemembersTheFirstYes(ClientCore):
 
         class Remembering(_Deaf):
             def deaf(self, data: bytes) -> bool:
-                if self.stage is not Stage.ASKED:
+                if self.stage is not Stage.REQUESTED:
                     return False
                 remembered = name in known
                 if data == b"1":
@@ -168,11 +168,11 @@ class RemembersTheFirstYes(ClientCore):
 
 
 class _Contented(Upload):
-    def fail(self, problem: ClientError) -> None:
-        if self.stage is Stage.ASKED and isinstance(problem, TransferFailed):
+    def fail(self, error: ClientError) -> None:
+        if self.stage is Stage.REQUESTED and isinstance(error, TransferFailed):
             self.settle(None)
         else:
-            super().fail(problem)
+            super().fail(error)
 
 
 @mutant("5.2/19", "5.2/9")
@@ -248,7 +248,7 @@ class SendsAheadOnceItRuns(UploadsOtherwise):
 
 class _DeafToChunks(_Deaf):
     def deaf(self, data: bytes) -> bool:  # noqa: ARG002 - whatever it is
-        return self.stage is not Stage.ASKED
+        return self.stage is not Stage.REQUESTED
 
 
 @mutant("5.2/8", "5.2/19")
@@ -274,7 +274,7 @@ class _OneMore(_Window):
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         executing = self.stage is Stage.EXECUTING
         frames = Upload.take(self, parsed, data, now_s)
-        return list(self.ahead()) if executing and self.problem else frames
+        return list(self.ahead()) if executing and self.error else frames
 
 
 @mutant("5.2/8", subtle=True)
@@ -384,7 +384,7 @@ class _Thorough(Upload):
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         frames = super().take(parsed, data, now_s)
-        chunk = self.behind() if self.settled and not self.problem else None
+        chunk = self.behind() if self.settled and not self.error else None
         if chunk is not None:
             frames.append(Frame(A2C, UPLOAD_CHUNK, FILE_DATA.encode(chunk, self._dialect)))
         return frames
@@ -554,7 +554,7 @@ class AnyAnswerIsYes(UploadsOtherwise):
 
 
 class _AnyOpcode(Upload):
-    def awaits(self, frame: Frame, parsed: Parsed) -> bool:
+    def expects(self, frame: Frame, parsed: Parsed) -> bool:
         return parsed.part == "reply" and frame.data == b"1"
 
 
@@ -578,11 +578,11 @@ class IgnoresTheTag(UploadsOtherwise):
 class _Optimistic(Upload):
     lost: Callable[[ClientError], bool] = staticmethod(lambda _: True)
 
-    def fail(self, problem: ClientError) -> None:
-        if isinstance(problem, LinkLost) and self.lost(problem) and self.moved_bytes:
+    def fail(self, error: ClientError) -> None:
+        if isinstance(error, LinkLost) and self.lost(error) and self.moved_bytes:
             self.settle(None)
         else:
-            super().fail(problem)
+            super().fail(error)
 
 
 @mutant("5.2/19")
@@ -593,7 +593,7 @@ class LostUploadsAreDone(UploadsOtherwise):
 
 
 class _CutOff(_Optimistic):
-    lost = staticmethod(lambda problem: "cut" in str(problem))
+    lost = staticmethod(lambda error: "cut" in str(error))
 
 
 @mutant("5.2/19", subtle=True)
@@ -604,11 +604,11 @@ class UploadsCutOffAreDone(UploadsOtherwise):
 
 
 class _Whatever(Download):
-    def fail(self, problem: ClientError) -> None:
-        if isinstance(problem, LinkLost) and self.moved_bytes and self._receiver is not None:
+    def fail(self, error: ClientError) -> None:
+        if isinstance(error, LinkLost) and self.moved_bytes and self._receiver is not None:
             self.settle(self._receiver.content)
         else:
-            super().fail(problem)
+            super().fail(error)
 
 
 @mutant("5.2/19", "5.3/11")
@@ -619,11 +619,11 @@ class LostDownloadsAreDone(DownloadsOtherwise):
 
 
 class _Denied(Download):
-    def fail(self, problem: ClientError) -> None:
-        if self.stage is Stage.ASKED and isinstance(problem, TransferFailed):
+    def fail(self, error: ClientError) -> None:
+        if self.stage is Stage.REQUESTED and isinstance(error, TransferFailed):
             self.settle(b"")
         else:
-            super().fail(problem)
+            super().fail(error)
 
 
 @mutant("5.2/19")
@@ -647,14 +647,14 @@ class RemembersRefusals(ClientCore):
         refused = self.refused
 
         class Resentful(Download):
-            def fail(self, problem: ClientError) -> None:
-                if self.stage is Stage.ASKED:
+            def fail(self, error: ClientError) -> None:
+                if self.stage is Stage.REQUESTED:
                     refused.add(name)
-                super().fail(problem)
+                super().fail(error)
 
             def settle(self, value: Any) -> None:
                 if name in refused:
-                    self._give_up("there is no such file")
+                    self._fail_transfer("there is no such file")
                 else:
                     super().settle(value)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import Progress
 from scaraspec.client.operations import Text
-from scaraspec.client.transfer import Download, answer_to_chunk
+from scaraspec.client.pending_operation import Progress
+from scaraspec.client.transfer import Download, chunk_reply
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.transferring import (
     DOWNLOAD_CHUNK,
@@ -91,7 +91,7 @@ class AnswersEachChunkTwice(AltersFrames):
 class _Silent(Download):
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         frames = super().take(parsed, data, now_s)
-        return [] if self.settled and not self.problem else frames
+        return [] if self.settled and not self.error else frames
 
 
 @mutant("5.3/5")
@@ -105,7 +105,7 @@ class _Asking(Download):
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         asked = self._receiver is None
         frames = super().take(parsed, data, now_s)
-        go_on = answer_to_chunk(accepted=True, dialect=self._dialect)
+        go_on = chunk_reply(accepted=True, dialect=self._dialect)
         return [go_on] if asked and not self.settled else frames
 
 
@@ -119,7 +119,7 @@ class AsksForTheFirstChunk(DownloadsOtherwise):
 class _Sulking(Download):
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         frames = super().take(parsed, data, now_s)
-        return [] if self.problem else frames
+        return [] if self.error else frames
 
 
 @mutant("5.3/5", subtle=True)
@@ -135,7 +135,7 @@ class TakesUnaskedChunks(ClientCore):
 
     def _refuse_stray_chunk(self, parsed: Parsed) -> None:
         if parsed.part == "request":
-            self._send([answer_to_chunk(accepted=True, dialect=self.dialect)])
+            self._send([chunk_reply(accepted=True, dialect=self.dialect)])
 
 
 @mutant("5.3/5", subtle=True)
@@ -156,7 +156,7 @@ class AnswersPiecesOfChunks(ClientCore):
         """Answer it."""
         events = super().feed(data, now_s)
         if data[1:2] == bytes((DOWNLOAD_CHUNK,)) and self._framer.held_bytes:
-            self._send([answer_to_chunk(accepted=True, dialect=self.dialect)])
+            self._send([chunk_reply(accepted=True, dialect=self.dialect)])
         return events
 
 

@@ -1,8 +1,8 @@
 """Faults of clause 5.4: the buffer, the end of a transfer, its time-out, and what comes then."""
 
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import PendingOperation, Stage
-from scaraspec.client.transfer import Download, FileTransfer, Upload, answer_to_chunk
+from scaraspec.client.pending_operation import PendingOperation, Stage
+from scaraspec.client.transfer import Download, FileTransfer, Upload, chunk_reply
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.transferring import (
     UPLOAD_CHUNK,
@@ -41,7 +41,7 @@ class _Stuffed(Upload):
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         if parsed.decoded.value is not True:
             return super().take(parsed, data, now_s)
-        self._be_patient(now_s)
+        self._restart_timeout(now_s)
         self.accepted, self.stage = True, Stage.EXECUTING
         left = self._content[self.moved_bytes :]
         if not left:
@@ -217,7 +217,7 @@ class TakesLateChunks(ClientCore):
 
     def _refuse_stray_chunk(self, parsed: Parsed) -> None:
         if self.late and parsed.part == "request":
-            self._send([answer_to_chunk(accepted=True, dialect=self.dialect)])
+            self._send([chunk_reply(accepted=True, dialect=self.dialect)])
         else:
             super()._refuse_stray_chunk(parsed)
 
@@ -232,16 +232,16 @@ class _Stuck(ClientCore):
 
     def stuck(self, transfer: FileTransfer) -> bool:
         """Whether this one leaves it stuck."""
-        return transfer.problem is not None
+        return transfer.error is not None
 
     def is_free(self, slot: str) -> bool:
         """Not where it is stuck."""
         return super().is_free(slot) and not (self.busy and slot == "transfer")
 
-    def _follow(self, exchange: PendingOperation, now_s: float) -> list[Event]:
-        if isinstance(exchange, FileTransfer) and exchange.settled:
-            self.busy = self.busy or self.stuck(exchange)
-        return super()._follow(exchange, now_s)
+    def _after_step(self, operation: PendingOperation, now_s: float) -> list[Event]:
+        if isinstance(operation, FileTransfer) and operation.settled:
+            self.busy = self.busy or self.stuck(operation)
+        return super()._after_step(operation, now_s)
 
 
 @mutant("5.4/6")

@@ -4,8 +4,8 @@ from typing import Any
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import ClientCore, Event
-from scaraspec.client.exchange import PendingOperation
-from scaraspec.client.problems import ClientError, ProtocolError, Refused
+from scaraspec.client.errors import ClientError, ProtocolError, Refused
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.results import RunningProgram
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersReplies, AltersResults, TakesLossForSuccess
@@ -229,14 +229,14 @@ class OutputsAlwaysSet(AsyncClient):
 
     async def set_digital_output(self, port: int, value: int) -> None:
         """Set it."""
-        exchange = self._core.command("set_digital_output", PortValue(port, value))
-        await self._settled(exchange)
+        operation = self._core.command("set_digital_output", PortValue(port, value))
+        await self._settled(operation)
 
-    async def _settled(self, exchange: PendingOperation) -> None:
-        await self.wait_for(lambda: self._core.is_free(exchange.slot))
-        self._core.begin(exchange, 0.0)
-        self._stir()
-        await self.wait_for(lambda: exchange.settled)
+    async def _settled(self, operation: PendingOperation) -> None:
+        await self.wait_for(lambda: self._core.is_free(operation.slot))
+        self._core.begin(operation, 0.0)
+        self._update()
+        await self.wait_for(lambda: operation.settled)
 
 
 @mutant("T/9", subtle=True)

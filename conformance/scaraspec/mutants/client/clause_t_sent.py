@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.mutants.client import mutant
 from scaraspec.mutants.client.altering import AltersRequests

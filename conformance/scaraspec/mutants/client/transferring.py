@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 from scaraspec.client.aio import AsyncClient
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES, ClientCore, Event
-from scaraspec.client.exchange import Progress, Stage
 from scaraspec.client.operations import Text
+from scaraspec.client.pending_operation import Progress, Stage
 from scaraspec.client.transfer import Download, FileTransfer, Upload
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.transfer import FILE_DATA, Chunk, Receiver, Sender, State
@@ -147,38 +147,38 @@ class Careless(Receiver):
 class Forever(FileTransfer):
     """Waits without end."""
 
-    def _be_patient(self, now_s: float) -> None:
+    def _restart_timeout(self, now_s: float) -> None:
         """Set no alarm."""
 
 
 class Hurried(FileTransfer):
     """Waits as long as other commands do."""
 
-    def _be_patient(self, now_s: float) -> None:
-        self._wait("reply_timeout", now_s)
+    def _restart_timeout(self, now_s: float) -> None:
+        self._start_timeout("reply_timeout", now_s)
 
 
 class Lazy(FileTransfer):
     """Waits for more than a minute."""
 
-    def _be_patient(self, now_s: float) -> None:
+    def _restart_timeout(self, now_s: float) -> None:
         self.deadline_s = now_s + 75
 
 
 class InAll(FileTransfer):
     """Waits for 30 s, all waits together."""
 
-    def _be_patient(self, now_s: float) -> None:
+    def _restart_timeout(self, now_s: float) -> None:
         if self.deadline_s is None:
-            super()._be_patient(now_s)
+            super()._restart_timeout(now_s)
 
 
 class ForeverAtFirst(FileTransfer):
     """Waits for the answer to its name without end."""
 
-    def _be_patient(self, now_s: float) -> None:
-        if self.stage is not Stage.ASKED:
-            super()._be_patient(now_s)
+    def _restart_timeout(self, now_s: float) -> None:
+        if self.stage is not Stage.REQUESTED:
+            super()._restart_timeout(now_s)
 
 
 class PutsOff(ClientCore):
@@ -191,7 +191,7 @@ class PutsOff(ClientCore):
         events = super().feed(data, now_s)
         for transfer in self._open:
             if isinstance(transfer, self.way):
-                transfer._be_patient(now_s)  # noqa: SLF001 - the fault is in there
+                transfer._restart_timeout(now_s)  # noqa: SLF001 - the fault is in there
         return events
 
 

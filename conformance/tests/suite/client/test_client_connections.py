@@ -86,8 +86,8 @@ class Returns(AsyncClient):
         self._left = True
         await super().close()
 
-    def _lose(self, reason: str) -> None:
-        super()._lose(reason)
+    def _connection_lost(self, reason: str) -> None:
+        super()._connection_lost(reason)
         if not self._left and self.returning is None:
             self.returning = asyncio.get_running_loop().create_task(self._return())
 

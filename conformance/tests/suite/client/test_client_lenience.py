@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, ClientError, ProtocolError, Refused
-from scaraspec.client.core import Event, Unexpected
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.core import Event, UnexpectedFrame
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.results import RunningProgram, Status
 from scaraspec.client.transfer import Upload
 from scaraspec.judge.requirements import select
@@ -48,10 +48,10 @@ GOOD = (Verdict.PASS, Verdict.TOLERATED)
 class Flushes(ClientCore):
     """Drops everything that came with bytes that are no frame (A-3-10)."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         bad = any(isinstance(item, Skipped) for item in items)
-        return super()._digest([] if bad else items, now_s)
+        return super()._process_items([] if bad else items, now_s)
 
 
 class GivesUp(ClientCore):
@@ -60,14 +60,14 @@ class GivesUp(ClientCore):
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
         if any(isinstance(event, Skipped) or self.is_odd(event) for event in events):
-            for exchange in tuple(self._open):
-                exchange.fail(ProtocolError("what is that?"))
-                events += self._follow(exchange, now_s)
+            for operation in tuple(self._open):
+                operation.fail(ProtocolError("what is that?"))
+                events += self._after_step(operation, now_s)
         return events
 
     @staticmethod
     def is_odd(event: Event) -> bool:
-        return isinstance(event, Unexpected) and not event.frame.tagged
+        return isinstance(event, UnexpectedFrame) and not event.frame.tagged
 
 
 class RefusesLongNames(ClientCore):
@@ -143,10 +143,10 @@ def test_fetched_parts(wrong: Defect) -> None:
 class FetchesPartByPart(ClientCore):
     """Drops the parts of a list that came with the one before: they were not asked for."""
 
-    def _digest(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
+    def _process_items(self, found: Iterable[StreamItem], now_s: float) -> list[Event]:
         items = list(found)
         parts = [each for each in items if isinstance(each, Frame) and each.opcode == 0x0B]
-        return super()._digest([each for each in items if each not in parts[1:]], now_s)
+        return super()._process_items([each for each in items if each not in parts[1:]], now_s)
 
 
 def test_parts_that_were_not_asked_for(certified: Certified) -> None:
@@ -211,9 +211,9 @@ def test_asking_first(wrong: Defect) -> None:
 class HangsUpAtStrays(AsyncClient):
     """Ends the connection at a frame that nothing awaits (A-3-9)."""
 
-    def _hear(self, data: bytes) -> None:
+    def _data_received(self, data: bytes) -> None:
         odd = map(GivesUp.is_odd, self._core.feed(data, asyncio.get_running_loop().time()))
-        self._stir()
+        self._update()
         if any(odd) and self._transport is not None:
             self._transport.close()
 
@@ -290,9 +290,9 @@ class EndsWhenIdle(ClientCore):
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
-        for exchange in self._executing() if b"\xcc\x09\x0200\xaa" in data else ():
-            exchange.fail(ProtocolError("the robot is idle, and no result came"))
-            events += self._follow(exchange, now_s)
+        for operation in self._executing() if b"\xcc\x09\x0200\xaa" in data else ():
+            operation.fail(ProtocolError("the robot is idle, and no result came"))
+            events += self._after_step(operation, now_s)
         return events
 
 
@@ -329,14 +329,14 @@ class WritesInPieces(AsyncClient):
 
     _free_s = 0.0
 
-    def _stir(self) -> None:
+    def _update(self) -> None:
         data, loop = self._core.bytes_to_send(), asyncio.get_running_loop()
         if self._transport is not None and data:
             self._free_s = max(self._free_s, loop.time())
             for piece in (data[:1], data[1:3], data[3:]):
                 loop.call_at(self._free_s, self._transport.write, piece)
                 self._free_s += 0.06
-        super()._stir()
+        super()._update()
 
 
 def test_requests_in_pieces(wrong: Defect) -> None:
@@ -395,7 +395,7 @@ class SignalsLater(ClientCore):
     _latest: Upload | None = None
 
     def upload(self, name: bytes, content: bytes) -> Upload:
-        if self._latest is not None and self._latest.moved_bytes and self._latest.problem:
+        if self._latest is not None and self._latest.moved_bytes and self._latest.error:
             chunk = FILE_DATA.encode(Chunk(len(content), 0, 0, b""), self.dialect)
             self._send([Frame(A2C, BY_NAME["upload_chunk"].opcode, chunk)])
         self._latest = super().upload(name, content)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.client.words import OPERATIONS
+from scaraspec.client.text_interface import OPERATIONS
 
 DRIVERS = Path(__file__).parents[4] / "fixtures" / "drivers"
 BUILD = ("cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-O2")
@@ -29,9 +29,9 @@ def driver(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     return shlex.quote(str(program))
 
 
-def _scaraspec(*arguments: str) -> subprocess.CompletedProcess[str]:
+def _scaraspec(*parse_arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "scaraspec", *arguments],
+        [sys.executable, "-m", "scaraspec", *parse_arguments],
         capture_output=True,
         text=True,
         timeout=TIMEOUT_S,

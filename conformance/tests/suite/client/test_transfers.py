@@ -11,8 +11,8 @@ import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, TransferFailed
 from scaraspec.client.driver import Driver
-from scaraspec.client.exchange import PendingOperation, Progress
 from scaraspec.client.operations import Text
+from scaraspec.client.pending_operation import PendingOperation, Progress
 from scaraspec.client.transfer import Upload
 from scaraspec.judge.requirements import select
 from scaraspec.judge.verdicts import Verdict
@@ -103,7 +103,7 @@ class Retries(Upload):
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         if data != b"1" and self.sent and self.left:
             self.left -= 1
-            self._be_patient(now_s)
+            self._restart_timeout(now_s)
             return self.sent
         frames = super().take(parsed, data, now_s)
         self.sent[:] = frames
@@ -114,7 +114,7 @@ class Retries(Upload):
 
     def _signal(self) -> list[Frame]:
         """A frame without data (L787; A-5-10)."""
-        return [Frame(A2C, UPLOAD_CHUNK)] if self.accepted and self.problem else []
+        return [Frame(A2C, UPLOAD_CHUNK)] if self.accepted and self.error else []
 
 
 class RetriesCore(ClientCore):
@@ -155,16 +155,16 @@ class FailsOnOddAnswers(ClientCore):
     """Gives a transfer up when an answer comes that is not its own."""
 
     def _dispatch(self, frame: Frame, now_s: float) -> Any:
-        for exchange in tuple(self._open):
+        for operation in tuple(self._open):
             odd = frame.tagged or frame.opcode in (0x50, 0x52, 0x54)
-            mine = not frame.tagged and frame.opcode == self._due(exchange)
-            if isinstance(exchange, Upload) and odd and not mine:
-                exchange.fail(TransferFailed("upload", "another answer came"))
-                return self._follow(exchange, now_s)
+            mine = not frame.tagged and frame.opcode == self._due(operation)
+            if isinstance(operation, Upload) and odd and not mine:
+                operation.fail(TransferFailed("upload", "another answer came"))
+                return self._after_step(operation, now_s)
         return super()._dispatch(frame, now_s)
 
-    def _due(self, exchange: PendingOperation) -> int:
-        return exchange.command.opcode if exchange.accepted is None else UPLOAD_CHUNK
+    def _due(self, operation: PendingOperation) -> int:
+        return operation.command.opcode if operation.accepted is None else UPLOAD_CHUNK
 
 
 class AnswersSignals(JudgesChunks):

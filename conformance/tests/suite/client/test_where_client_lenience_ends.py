@@ -7,7 +7,7 @@ import pytest
 
 from scaraspec.client import ClientCore, ClientError
 from scaraspec.client.core import Event
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.transfer import Upload
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME, MoveTarget, Network, Parsed, Point, Pose
@@ -137,7 +137,7 @@ class GivesLongNamesUp(ClientCore):
     class _GivenUp(Upload):
         def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
             super().take(parsed, data, now_s)
-            self._give_up("it is too long")
+            self._fail_transfer("it is too long")
             return []
 
     def upload(self, name: bytes, content: bytes) -> Upload:

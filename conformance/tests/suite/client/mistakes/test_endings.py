@@ -10,7 +10,7 @@ import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
 from scaraspec.client.core import Event
-from scaraspec.client.exchange import PendingOperation, Stage, TwoStage
+from scaraspec.client.pending_operation import PendingOperation, Stage, TwoStage
 from scaraspec.client.transfer import Upload
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME
@@ -33,9 +33,9 @@ class WaitsOnForLostAnswers(ClientCore):
     class _Owed(Upload):
         core: "WaitsOnForLostAnswers"
 
-        def _give_up(self, reason: str) -> None:
+        def _fail_transfer(self, reason: str) -> None:
             self.core.owed = True
-            super()._give_up(reason)
+            super()._fail_transfer(reason)
 
     def upload(self, name: bytes, content: bytes) -> Upload:
         upload = self._Owed(name, content, DEFAULT)
@@ -73,9 +73,9 @@ class DoneWhenIdle(ClientCore):
 
     def feed(self, data: bytes, now_s: float) -> list[Event]:
         events = super().feed(data, now_s)
-        for exchange in self._executing() if _IDLE in data else ():
-            exchange.settle(None)
-            events += self._follow(exchange, now_s)
+        for operation in self._executing() if _IDLE in data else ():
+            operation.settle(None)
+            events += self._after_step(operation, now_s)
         return events
 
 
@@ -94,12 +94,12 @@ class AsksUntilIdle(AsyncClient):
 class DoneWhenLost(ClientCore):
     """What executes is done when the link is lost."""
 
-    def lose(self, reason: str, now_s: float) -> list[Event]:
+    def connection_lost(self, reason: str, now_s: float) -> list[Event]:
         events = []
-        for exchange in self._executing():
-            exchange.settle(None)
-            events += self._follow(exchange, now_s)
-        return events + super().lose(reason, now_s)
+        for operation in self._executing():
+            operation.settle(None)
+            events += self._after_step(operation, now_s)
+        return events + super().connection_lost(reason, now_s)
 
 
 @pytest.mark.parametrize(
@@ -122,11 +122,11 @@ class TakesLossForYes(ClientCore):
     """What was set when the connection ended is told as done."""
 
     class _Sent(PendingOperation):
-        def fail(self, problem: ClientError) -> None:
-            if isinstance(problem, LinkLost):
+        def fail(self, error: ClientError) -> None:
+            if isinstance(error, LinkLost):
                 self.settle(None)
             else:
-                super().fail(problem)
+                super().fail(error)
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         if name != "set_time":
@@ -138,11 +138,11 @@ class TakesLossForStopped(ClientCore):
     """A stop that was executing when the connection ended is told as done."""
 
     class _Sent(TwoStage):
-        def fail(self, problem: ClientError) -> None:
-            if isinstance(problem, LinkLost) and self.stage is Stage.EXECUTING:
+        def fail(self, error: ClientError) -> None:
+            if isinstance(error, LinkLost) and self.stage is Stage.EXECUTING:
                 self.settle(None)
             else:
-                super().fail(problem)
+                super().fail(error)
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         if name != "emergency_stop":

@@ -9,7 +9,7 @@ import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, LoginFailed
 from scaraspec.client.core import DOWNLOAD_LIMIT_BYTES
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.client.transfer import Download, Upload
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.protocol.commands import BY_NAME, PasswordChange, PortValue

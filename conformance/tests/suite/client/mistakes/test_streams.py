@@ -57,11 +57,11 @@ class KeepsHalves(ClientCore):
 
     def __init__(self, dialect: Dialect) -> None:
         super().__init__(dialect)
-        self._framer, self._heard_s = self.kept, math.inf  # nothing was heard yet
+        self._framer, self._last_received_s = self.kept, math.inf  # nothing was heard yet
 
-    def lose(self, reason: str, now_s: float) -> list[Event]:
+    def connection_lost(self, reason: str, now_s: float) -> list[Event]:
         self._framer = Framer(C2A)
-        return super().lose(reason, now_s)
+        return super().connection_lost(reason, now_s)
 
 
 def test_half_a_frame_ends_with_its_connection(tried: Try) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from scaraspec.client import AsyncClient, ClientCore, ClientError, LinkLost
 from scaraspec.client.core import Event
-from scaraspec.client.exchange import Listing, PendingOperation
+from scaraspec.client.pending_operation import PendingOperation, ProgramListing
 from scaraspec.judge.verdicts import Verdict
 from scaraspec.mutants.client_run import MemoryClient
 from scaraspec.protocol.commands import BY_NAME
@@ -26,12 +26,12 @@ Try = Callable[..., Mapping[str, Verdict]]
 class TellsHalfAList(ClientCore):
     """What has come of a program list when the connection ends is told as the list."""
 
-    class _Half(Listing):
-        def fail(self, problem: ClientError) -> None:
-            if self._names and isinstance(problem, LinkLost):
+    class _Half(ProgramListing):
+        def fail(self, error: ClientError) -> None:
+            if self._names and isinstance(error, LinkLost):
                 self.settle(tuple(self._names))
             else:
-                super().fail(problem)
+                super().fail(error)
 
     def command(self, name: str, value: Any = None) -> PendingOperation:
         if name != "list_programs":

@@ -111,7 +111,7 @@ class _LimitsAll(Upload):
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         begun_s = self.begun_s = now_s if self.begun_s is None else self.begun_s
         if now_s - begun_s > (self._dialect.seconds("xfer_timeout") or 0):
-            self._give_up("it took too long")
+            self._fail_transfer("it took too long")
             return []
         return super().take(parsed, data, now_s)
 

@@ -8,7 +8,13 @@ from typing import Any
 import pytest
 
 from scaraspec.client import Failed, LinkLost, Refused, RunningProgram, Status
-from scaraspec.client.words import OPERATIONS, arguments, json_of, json_of_error, lines
+from scaraspec.client.text_interface import (
+    OPERATIONS,
+    error_to_json,
+    format_result,
+    parse_arguments,
+    to_json,
+)
 from scaraspec.protocol.commands import BY_NAME, JointValues, Network, Point
 from scaraspec.protocol.errors import TABLE_8_1
 from scaraspec.protocol.fields import PayloadError
@@ -38,7 +44,7 @@ def test_arguments_are_read_as_the_table_has_them(
     name: str, texts: list[str], values: list[Any]
 ) -> None:
     """Numbers as numbers, times as times, names and passwords as they are."""
-    assert arguments(name, texts) == values
+    assert parse_arguments(name, texts) == values
 
 
 @pytest.mark.parametrize(
@@ -60,7 +66,7 @@ def test_arguments_are_read_as_the_table_has_them(
 def test_wrong_arguments_are_told_in_a_sentence(name: str, texts: list[str], sentence: str) -> None:
     """Which one, and what is wrong with it."""
     with pytest.raises(PayloadError, match=sentence):
-        arguments(name, texts)
+        parse_arguments(name, texts)
 
 
 RESULTS: list[tuple[str, Any, list[str], Any]] = [
@@ -98,30 +104,30 @@ def test_results_are_told_to_people_and_programs(
     name: str, result: Any, shown: list[str], told: Any
 ) -> None:
     """With units and without control characters; with everything."""
-    assert lines(name, result) == shown
-    assert json.loads(json.dumps(json_of(result))) == told
+    assert format_result(name, result) == shown
+    assert json.loads(json.dumps(to_json(result))) == told
 
 
 def test_bytes_that_are_no_text_are_told_too() -> None:
     """T/8: a terminal gets something to read, a program gets them unharmed."""
-    (shown,) = lines("get_default_program", "\udcb3\udccc")
+    (shown,) = format_result("get_default_program", "\udcb3\udccc")
     assert shown.isprintable()
-    assert json.loads(json.dumps(json_of("\udcb3\udccc"))) == "\udcb3\udccc"
+    assert json.loads(json.dumps(to_json("\udcb3\udccc"))) == "\udcb3\udccc"
 
 
 def test_errors_are_told_with_code_meaning_and_joints() -> None:
     """Where they have one."""
     command = BY_NAME["reset"]
-    assert json_of_error(Failed(command, TABLE_8_1["13"])) == {
+    assert error_to_json(Failed(command, TABLE_8_1["13"])) == {
         "kind": "Failed",
         "message": "reset failed: 13, motor fault: inner arm and outer arm",
         "code": "13",
         "meaning": "motor fault: inner arm and outer arm",
         "joints": ["inner_arm", "outer_arm"],
     }
-    refused = json_of_error(Refused(BY_NAME["set_time"]))
+    refused = error_to_json(Refused(BY_NAME["set_time"]))
     assert (refused["code"], refused["meaning"], refused["joints"]) == (None, None, [])
-    assert json_of_error(LinkLost("gone")) == {"kind": "LinkLost", "message": "gone"}
+    assert error_to_json(LinkLost("gone")) == {"kind": "LinkLost", "message": "gone"}
 
 
 def test_every_operation_names_its_parameters_once() -> None:

@@ -3,21 +3,21 @@
 from collections.abc import Mapping
 
 from scaraspec.client.core import ClientCore
-from scaraspec.client.exchange import PendingOperation
+from scaraspec.client.errors import ReplyTimeout
 from scaraspec.client.operations import Operations
-from scaraspec.client.problems import ReplyTimeout
+from scaraspec.client.pending_operation import PendingOperation
 from scaraspec.protocol.readings import Dialect
 from scaraspec.transports.link import Ending
 
-LOST_BY = {
+LINK_LOST_REASONS = {
     Ending.CLOSED: "the controller has closed the connection",
     Ending.RESET: "the controller has cut the connection",
 }
 NOT_CONNECTED = "this client is not connected: call connect(), or use it in a with statement"
-CLOSED_HERE = "this client was closed"
+CLOSED_LOCALLY = "this client was closed"
 
 
-class Shell(Operations):
+class ClientBase(Operations):
     """A core with operations; how bytes and time get to it is added by a shell."""
 
     def __init__(self, core: ClientCore) -> None:
@@ -39,24 +39,24 @@ class Shell(Operations):
         return tuple(self._core.remarks)
 
 
-class Begun:
+class PendingBase:
     """A two-stage command whose first reply is in."""
 
-    def __init__(self, exchange: PendingOperation) -> None:
-        self._exchange = exchange
+    def __init__(self, operation: PendingOperation) -> None:
+        self._operation = operation
 
     @property
     def accepted(self) -> bool:
         """Whether the first reply said yes (4/13)."""
-        return bool(self._exchange.accepted)
+        return bool(self._operation.accepted)
 
     @property
     def done(self) -> bool:
         """Whether its end is known, so that waiting for it returns at once."""
-        return self._exchange.settled
+        return self._operation.settled
 
     def _no_result(self, timeout_s: float | None) -> ReplyTimeout:
         return ReplyTimeout(
-            f"{self._exchange.command.name} has no final result after {timeout_s or 0:g} s: "
+            f"{self._operation.command.name} has no final result after {timeout_s or 0:g} s: "
             "it may still be executing, get_status tells"
         )

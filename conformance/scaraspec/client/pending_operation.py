@@ -9,7 +9,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final
 
-from scaraspec.client.problems import (
+from scaraspec.client.errors import (
     ClientError,
     Interrupted,
     LoginFailed,
@@ -17,7 +17,7 @@ from scaraspec.client.problems import (
     Refused,
     ReplyTimeout,
 )
-from scaraspec.client.replies import value_of
+from scaraspec.client.replies import interpret_reply
 from scaraspec.protocol.commands import Command, Parsed
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame
@@ -35,7 +35,7 @@ Progress = Callable[[int, int | None], None]
 class Stage(Enum):
     """How far an exchange is."""
 
-    ASKED = "asked"  # the first reply is due
+    REQUESTED = "asked"  # the first reply is due
     EXECUTING = "executing"  # accepted: the final result, or the rest of the file, is due
     SETTLED = "settled"
 
@@ -55,11 +55,11 @@ class PendingOperation:
 
     def __init__(self, command: Command, value: Any, dialect: Dialect) -> None:
         self.command = command
-        self.stage = Stage.ASKED
+        self.stage = Stage.REQUESTED
         self.accepted: bool | None = None
         self.deadline_s: float | None = None
         self.value: Any = None
-        self.problem: ClientError | None = None
+        self.error: ClientError | None = None
         self.observed: dict[str, str] = {}
         self._dialect = dialect
         self._request = Frame(A2C, command.opcode, command.request.encode(value, dialect))
@@ -81,7 +81,7 @@ class PendingOperation:
         return self.stage is Stage.SETTLED
 
     @property
-    def has_news(self) -> bool:
+    def has_progress(self) -> bool:
         """Whether there is progress to report."""
         return False
 
@@ -94,18 +94,18 @@ class PendingOperation:
         Raises:
             ClientError: Its problem, where it has one.
         """
-        if self.problem is not None:
-            raise self.problem
+        if self.error is not None:
+            raise self.error
         return self.value
 
     def begin(self, now_s: float) -> list[Frame]:
         """Start the clock; return what to send."""
-        return self._ask(now_s)
+        return self._send_request(now_s)
 
-    def awaits(self, frame: Frame, parsed: Parsed) -> bool:
+    def expects(self, frame: Frame, parsed: Parsed) -> bool:
         """Whether this frame is due to this exchange: its untagged reply (3/33)."""
         return (
-            self.stage is Stage.ASKED
+            self.stage is Stage.REQUESTED
             and parsed.part == "reply"
             and parsed.command is self.command
             and frame.opcode in self._opcodes
@@ -114,10 +114,10 @@ class PendingOperation:
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         """Take a frame that was awaited; return what to send next."""
         try:
-            value = value_of(parsed, data)
-        except ClientError as problem:
+            value = interpret_reply(parsed, data)
+        except ClientError as error:
             self.accepted = False
-            self.fail(problem)
+            self.fail(error)
             return []
         self.accepted = True
         return self._accept(value, now_s)
@@ -141,20 +141,20 @@ class PendingOperation:
         self.value = value
         self._close()
 
-    def fail(self, problem: ClientError) -> None:
+    def fail(self, error: ClientError) -> None:
         """End it with a problem."""
-        self.problem = problem
+        self.error = error
         self._close()
 
     def _close(self) -> None:
         self.stage, self.deadline_s = Stage.SETTLED, None
 
-    def _ask(self, now_s: float) -> list[Frame]:
+    def _send_request(self, now_s: float) -> list[Frame]:
         """Send the request, for the first time or again, and wait for its reply."""
-        self._wait("reply_timeout", now_s)
+        self._start_timeout("reply_timeout", now_s)
         return [self._request]
 
-    def _wait(self, key: str, now_s: float) -> None:
+    def _start_timeout(self, key: str, now_s: float) -> None:
         seconds = self._dialect.seconds(key)
         self.deadline_s = None if seconds is None else now_s + seconds
 
@@ -166,16 +166,16 @@ class PendingOperation:
 class Login(PendingOperation):
     """The login (4.1): any reply but ``1`` is a failure (4.1/8)."""
 
-    def fail(self, problem: ClientError) -> None:
+    def fail(self, error: ClientError) -> None:
         """End it; what the controller said against it is a failed login."""
-        if isinstance(problem, Refused):
-            problem = LoginFailed("the login failed: the controller refused the password (L116)")
-        elif isinstance(problem, ProtocolError):
-            problem = LoginFailed(f"the login failed: {problem}")
-        super().fail(problem)
+        if isinstance(error, Refused):
+            error = LoginFailed("the login failed: the controller refused the password (L116)")
+        elif isinstance(error, ProtocolError):
+            error = LoginFailed(f"the login failed: {error}")
+        super().fail(error)
 
 
-class Listing(PendingOperation):
+class ProgramListing(PendingOperation):
     """The program list (4.10), in one part or several, pushed or fetched (A-4.10-3).
 
     Parts are taken as pushed; where none comes within the reply time-out the next is asked for.
@@ -184,38 +184,41 @@ class Listing(PendingOperation):
     def __init__(self, command: Command, value: Any, dialect: Dialect) -> None:
         super().__init__(command, value, dialect)
         self._names: list[bytes] = []
-        self._parts = 0
-        self._asks = 0
+        self._parts_received = 0
+        self._requests_sent = 0
 
     def expire(self, now_s: float) -> list[Frame]:
         """Ask for the next part, unless that is what stays unanswered."""
-        if self._asks > self._parts:
+        if self._requests_sent > self._parts_received:
             return super().expire(now_s)
-        return self._ask(now_s)
+        return self._send_request(now_s)
 
-    def _ask(self, now_s: float) -> list[Frame]:
-        self._asks += 1
-        return super()._ask(now_s)
+    def _send_request(self, now_s: float) -> list[Frame]:
+        self._requests_sent += 1
+        return super()._send_request(now_s)
 
     def _accept(self, value: NameListPart, now_s: float) -> list[Frame]:
-        self._parts += 1
+        self._parts_received += 1
         self._names += value.names
-        if self._parts > 1:
-            self.observed["list_cont"] = "request" if self._asks == self._parts else "push"
+        if self._parts_received > 1:
+            self.observed["list_cont"] = (
+                "request" if self._requests_sent == self._parts_received else "push"
+            )
         if not value.more:
             self.settle(tuple(self._names))
-        elif self._parts == MAX_LIST_PARTS:
+        elif self._parts_received == MAX_LIST_PARTS:
             self.fail(
                 ProtocolError(
                     UserMessage(
-                        "the program list has no end after {parts} parts", parts=self._parts
+                        "the program list has no end after {parts} parts",
+                        parts=self._parts_received,
                     )
                 )
             )
         elif self._dialect["list_cont"] == "request":
-            return self._ask(now_s)
+            return self._send_request(now_s)
         else:
-            self._wait("reply_timeout", now_s)
+            self._start_timeout("reply_timeout", now_s)
         return []
 
 
@@ -231,7 +234,7 @@ class DefaultProgram(PendingOperation):
         """Try the printed opcode; where silence means that none is set, that is the answer."""
         if self.command.alternate_opcode not in self._opcodes:
             self._use_printed_opcode()
-            return self._ask(now_s)
+            return self._send_request(now_s)
         if self._dialect["default_none"] == "silence":
             self.settle(b"")
             return []
@@ -253,29 +256,29 @@ class TwoStage(PendingOperation):
     @property
     def occupies_slot(self) -> bool:
         """Only until the first reply: what the controller makes of a second request is its own."""
-        return self.stage is Stage.ASKED
+        return self.stage is Stage.REQUESTED
 
-    def awaits(self, frame: Frame, parsed: Parsed) -> bool:
+    def expects(self, frame: Frame, parsed: Parsed) -> bool:
         """The reply while asked, the tagged result while executing: never by payload (4/9)."""
         if self.stage is Stage.EXECUTING:
             return parsed.part == "result" and parsed.command is self.command
-        return super().awaits(frame, parsed)
+        return super().expects(frame, parsed)
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         """Take the first reply, or the result that ends it."""
-        if self.stage is Stage.ASKED:
+        if self.stage is Stage.REQUESTED:
             return super().take(parsed, data, now_s)
         if self.deadline_s is not None:
             self.observed["estop_interrupted"] = "after"
         try:
-            self.settle(value_of(parsed, data))
-        except ClientError as problem:
-            self.fail(problem)
+            self.settle(interpret_reply(parsed, data))
+        except ClientError as error:
+            self.fail(error)
         return []
 
     def expire(self, now_s: float) -> list[Frame]:
         """No first reply; or no result of its own after an emergency stop."""
-        if self.stage is Stage.ASKED:
+        if self.stage is Stage.REQUESTED:
             return super().expire(now_s)
         self.observed["estop_interrupted"] = "none"
         self.give_up("an emergency stop ended it, and no result of its own came")
@@ -283,7 +286,7 @@ class TwoStage(PendingOperation):
 
     def stopped(self, now_s: float) -> None:
         """An emergency stop was carried out: its result comes soon or never."""
-        self._wait("reply_timeout", now_s)
+        self._start_timeout("reply_timeout", now_s)
 
     def give_up(self, how: str) -> None:
         """End it without a result."""
@@ -296,12 +299,12 @@ class TwoStage(PendingOperation):
 
 _SHAPES: Final = {
     "login": Login,
-    "list_programs": Listing,
+    "list_programs": ProgramListing,
     "get_default_program": DefaultProgram,
 }
 
 
-def exchange_for(command: Command, value: Any, dialect: Dialect) -> PendingOperation:
+def create_operation(command: Command, value: Any, dialect: Dialect) -> PendingOperation:
     """An exchange of the shape that the command has.
 
     Raises:

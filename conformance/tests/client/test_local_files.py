@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from scaraspec.client.files import check_new, write_new
+from scaraspec.client.local_files import check_new, write_new
 
 
 def names_in(directory: Path) -> list[str]:

@@ -11,8 +11,8 @@ from pathlib import PurePath
 from types import MappingProxyType
 from typing import Any, Final
 
-from scaraspec.client.operations import direction_of
-from scaraspec.client.problems import Failed, Refused
+from scaraspec.client.errors import Failed, Refused
+from scaraspec.client.operations import parse_direction
 from scaraspec.client.results import Status
 from scaraspec.protocol.commands import BY_NAME, COMMANDS, Command
 from scaraspec.protocol.fields import (
@@ -34,7 +34,7 @@ TRANSFERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 """The operations that carry out the four rows of clause 5; what is in brackets may be left out."""
 
 
-def parameters(command: Command) -> tuple[str, ...]:
+def parameter_names(command: Command) -> tuple[str, ...]:
     """What a command takes, by name and in the order of its request."""
     if isinstance(command.request, Jog):
         return ("direction",)
@@ -42,12 +42,12 @@ def parameters(command: Command) -> tuple[str, ...]:
 
 
 OPERATIONS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
-    {c.name: parameters(c) for c in COMMANDS if c.clause[0] == "4"} | dict(TRANSFERS)
+    {c.name: parameter_names(c) for c in COMMANDS if c.clause[0] == "4"} | dict(TRANSFERS)
 )
 """Every operation of a client that the table asks for, with what it takes."""
 
 
-def arguments(name: str, texts: Sequence[str]) -> list[Any]:
+def parse_arguments(name: str, texts: Sequence[str]) -> list[Any]:
     """The arguments of an operation, read from text.
 
     Raises:
@@ -69,7 +69,7 @@ def arguments(name: str, texts: Sequence[str]) -> list[Any]:
         return list(texts)
     request = BY_NAME[name].request
     if isinstance(request, Jog):
-        return [direction_of(text) for text in texts]
+        return [parse_direction(text) for text in texts]
     return [_read(field, text) for field, text in zip(request.fields, texts, strict=True)]
 
 
@@ -88,7 +88,7 @@ def _read(field: Field, text: str) -> Any:
     return value
 
 
-def lines(name: str, result: Any) -> list[str]:
+def format_result(name: str, result: Any) -> list[str]:
     """A result for people, with units."""
     fields = {} if name in TRANSFERS else {f.name: f for f in BY_NAME[name].reply.fields}
     match result:
@@ -117,13 +117,13 @@ def _plain(value: Any) -> str:
     return show(str(value).encode("utf-8", "surrogateescape"), limit=255)
 
 
-def json_of(value: Any) -> Any:
+def to_json(value: Any) -> Any:
     """A result, or a part of one, in the types of JSON; bytes in names as surrogate escapes."""
     match value:
         case tuple() if hasattr(value, "_asdict"):
-            return {key: json_of(item) for key, item in value._asdict().items()}
+            return {key: to_json(item) for key, item in value._asdict().items()}
         case tuple():
-            return [json_of(item) for item in value]
+            return [to_json(item) for item in value]
         case Enum():
             return value.name.lower()
         case datetime():
@@ -133,12 +133,12 @@ def json_of(value: Any) -> Any:
     return value
 
 
-def json_of_error(error: Exception) -> dict[str, Any]:
+def error_to_json(error: Exception) -> dict[str, Any]:
     """A problem in the types of JSON; what has no code has none there."""
     told: dict[str, Any] = {"kind": type(error).__name__, "message": str(error)}
     if isinstance(error, Refused | Failed):
         code = error.code
         told["code"] = code and code.text
         told["meaning"] = code and code.meaning
-        told["joints"] = json_of(code.joints) if code else []
+        told["joints"] = to_json(code.joints) if code else []
     return told
