@@ -27,11 +27,11 @@ from scaraspec.user_message import UserMessage
 from scaraspec.virtual_controller.behaviour.settings import PASSWORD_MAX_BYTES
 from scaraspec.virtual_controller.console import Console
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.journal import line
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.serial_port import SerialPort, SerialPortError
 from scaraspec.virtual_controller.server import Server
-from scaraspec.virtual_controller.store import DirectoryStore, Store, StoreError, seed
+from scaraspec.virtual_controller.store import DirectoryStore, Store, StoreError, import_programs
+from scaraspec.virtual_controller.traffic_log import format_line
 
 _logger = logging.getLogger("scaraspec.virtual_controller")
 _PATH = click.Path(path_type=Path)
@@ -148,7 +148,7 @@ def _serial(text: str | None) -> Serial | None:
 def _store(password: str | None, data: Path | None, programs: Path | None) -> Store:
     store = Store() if data is None else DirectoryStore(data)
     if programs is not None:
-        seed(store, programs)
+        import_programs(store, programs)
     if password is not None:
         secret = os.fsencode(password)
         if not 1 <= len(secret) <= PASSWORD_MAX_BYTES or b"|" in secret:
@@ -163,7 +163,7 @@ def _store(password: str | None, data: Path | None, programs: Path | None) -> St
 
 
 def _log(connection: int, seen: StreamItem) -> None:
-    _logger.info(line(connection, seen))
+    _logger.info(format_line(connection, seen))
 
 
 def _pass(connection: int, seen: StreamItem) -> None:

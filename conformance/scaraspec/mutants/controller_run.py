@@ -22,7 +22,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.plan import Options
 from scaraspec.suite.engine.run import Run
 from scaraspec.transports.memory import MemoryNetwork
-from scaraspec.virtual_controller.control import ControlError, obey
+from scaraspec.virtual_controller.console_commands import ConsoleCommandError, execute
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.plant import Plant
 from scaraspec.virtual_controller.session import Action, Close
@@ -101,8 +101,8 @@ class Robot:
         """
         now_s = self.network.now_s
         try:
-            obey(line, self._plant, now_s)
-        except ControlError as error:
+            execute(line, self._plant, now_s)
+        except ConsoleCommandError as error:
             raise HookError(f"{error}") from None
         self.network.perform(self._core.advance(now_s))
 

@@ -84,7 +84,7 @@ def within_limits(joints: Joints) -> bool:
     return all(low <= value <= high for low, value, high in zip(LOWER, joints, UPPER, strict=True))
 
 
-def checked(joints: Joints) -> Joints:
+def clamp_to_limits(joints: Joints) -> Joints:
     """The same joints, moved onto a limit where they pass it by less than `TOLERANCE`.
 
     Raises:
@@ -133,7 +133,7 @@ def inverse(pose: Pose, near: Joints) -> Joints:
     )
     inner_deg, outer_deg = math.remainder(math.degrees(inner), 360.0), math.degrees(outer)
     rotation_deg = pose.theta_x_deg - inner_deg - outer_deg
-    return checked(Joints(inner_deg, outer_deg, pose.z_mm, rotation_deg))
+    return clamp_to_limits(Joints(inner_deg, outer_deg, pose.z_mm, rotation_deg))
 
 
 def gripper_point(tool: Pose, centre: Offset) -> Pose:

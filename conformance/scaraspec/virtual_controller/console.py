@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable
 from typing import Final
 
-from scaraspec.virtual_controller.control import ControlError, obey
+from scaraspec.virtual_controller.console_commands import ConsoleCommandError, execute
 from scaraspec.virtual_controller.server import Server
 
 MAX_LINE_BYTES: Final = 4096
@@ -54,12 +54,12 @@ class Console:
             self._answer(f"error: a line has at most {MAX_LINE_BYTES} bytes")
 
     def _obey(self, line: str) -> None:
-        self._server.elapse()  # what was due before the line happens before it
+        self._server.advance()  # what was due before the line happens before it
         try:
-            done = obey(line, self._server.core.plant, self._server.now_s)
-        except ControlError as error:
+            done = execute(line, self._server.core.plant, self._server.now_s)
+        except ConsoleCommandError as error:
             self._answer(f"error: {error}")
         else:
             if done:
                 self._answer(f"ok: {done}")
-        self._server.elapse()
+        self._server.advance()

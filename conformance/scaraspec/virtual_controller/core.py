@@ -21,8 +21,8 @@ from scaraspec.protocol.payloads import FLAG, Acceptance, Answer, FirstReply
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import State
 from scaraspec.virtual_controller.behaviour import SILENCE, Behaviour
-from scaraspec.virtual_controller.inlet import Inlet
 from scaraspec.virtual_controller.plant import Plant
+from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.robot import BAD_ARGUMENT
 from scaraspec.virtual_controller.session import Action, Carrier, Close, Request, Send, Session
 from scaraspec.virtual_controller.store import Store
@@ -60,7 +60,7 @@ class ControllerCore(Behaviour):
         self._actions: list[Action] = []
         self._queue: deque[tuple[Session, Frame]] = deque()
         # Replies bear names of the length that clients chose (A-4.9-5).
-        self._own = dialect.replace(name_max="255")
+        self._reply_dialect = dialect.replace(name_max="255")
 
     # ------------------------------------------------------------------ what happens
 
@@ -73,51 +73,51 @@ class ControllerCore(Behaviour):
             link: What it runs over; a serial client needs no login (L83), and is not heard while
                 a network client is connected (L81; A-2-4).
         """
-        self._elapse(now_s)
+        self._process_due(now_s)
         others = [session for session in self.sessions.values() if session.carrier == "tcp"]
         limit = self.dialect["max_clients"]
         if not self.powered or (link == "tcp" and others and limit == "one"):
             self._actions.append(Close(connection))
-            return self._taken()
+            return self._take_actions()
         if link == "tcp":
             if limit == "newest":
                 for session in others:
                     self._end(session, now_s)
             for session in list(self.sessions.values()):
                 if session.carrier == "serial":  # to it, being masked is the loss of its link
-                    self._forget(session, now_s)
-                    self._admit(session.connection, "serial")
-        self._admit(connection, link)
-        return self._taken()
+                    self._remove_session(session, now_s)
+                    self._add_session(session.connection, "serial")
+        self._add_session(connection, link)
+        return self._take_actions()
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
         """Bytes have arrived from a client."""
-        self._elapse(now_s)
+        self._process_due(now_s)
         session = self.sessions.get(connection)
         if session is not None and not self._is_masked(session):
-            self._take_in(session, session.inlet.receive(data, now_s), now_s)
-        return self._taken()
+            self._process_items(session, session.framer.receive(data, now_s), now_s)
+        return self._take_actions()
 
     def close(self, connection: int, now_s: float) -> list[Action]:
         """A client is gone, or sends no more: its jog stops, finite motion goes on (A-2-8)."""
-        self._elapse(now_s)
+        self._process_due(now_s)
         session = self.sessions.get(connection)
         if session is not None:
             self._end(session, now_s)
-        return self._taken()
+        return self._take_actions()
 
     def advance(self, now_s: float) -> list[Action]:
         """Time has passed, or the plant was changed from outside."""
-        self._elapse(now_s)
-        return self._taken()
+        self._process_due(now_s)
+        return self._take_actions()
 
     @property
     def next_event_s(self) -> float | None:
         """When `advance` is due next; None if nothing will happen by itself."""
-        times_s = [self.robot.task.act.next_event_s] if self.robot.task else []
+        times_s = [self.robot.task.activity.next_event_s] if self.robot.task else []
         for session in self.sessions.values():
-            if session.inlet.deadline_s is not None:
-                times_s.append(session.inlet.deadline_s)
+            if session.framer.deadline_s is not None:
+                times_s.append(session.framer.deadline_s)
             if session.transfer is not None and session.transfer.end.deadline_s is not None:
                 # Silence must have lasted for more than the time-out (L795).
                 times_s.append(math.nextafter(session.transfer.end.deadline_s, math.inf))
@@ -132,14 +132,14 @@ class ControllerCore(Behaviour):
         if command is None:
             self._answer_unknown(session, frame, now_s)
             return
-        if not self._may_ask(session, command):
+        if not self._is_permitted(session, command):
             match self.dialect["prelogin"]:
                 case "failure":
                     self._reply(session, command, frame, _failure(command))
                 case "close":
                     self._end(session, now_s)
             return
-        if self._must_wait(session, command, frame):
+        if self._defer_while_busy(session, command, frame):
             return
         request = Request(session, command, frame, self._value(command, frame), now_s)
         if command.request.fields and request.value is None and not command.two_stage:
@@ -147,7 +147,7 @@ class ControllerCore(Behaviour):
         else:
             answer = getattr(self, command.name)(request)
         self._reply(session, command, frame, answer)
-        self._send_later()
+        self._send_deferred()
         if not self.powered:
             for other in list(self.sessions.values()):
                 self._end(other, now_s)
@@ -159,7 +159,7 @@ class ControllerCore(Behaviour):
             return command if frame.opcode == command.alternate_opcode else None
         return command
 
-    def _may_ask(self, session: Session, command: Command) -> bool:
+    def _is_permitted(self, session: Session, command: Command) -> bool:
         """Whether a client is served before its login too (A-4-4)."""
         if session.logged_in or command.name == "login":
             return True
@@ -174,7 +174,7 @@ class ControllerCore(Behaviour):
             case "close":
                 self._end(session, now_s)
 
-    def _must_wait(self, session: Session, command: Command, frame: Frame) -> bool:
+    def _defer_while_busy(self, session: Session, command: Command, frame: Frame) -> bool:
         """Whether a busy robot does not answer this now, under other readings than the default.
 
         The emergency stop is always served, and drops what waits: it must not start now (A-4-2).
@@ -219,19 +219,19 @@ class ControllerCore(Behaviour):
         opcode = frame.opcode
         if command.alternate_reply_opcode is not None and self.dialect["op_temp_reply"] == "0x0E":
             opcode = command.alternate_reply_opcode
-        self.emit(session, Frame(C2A, opcode, command.reply.encode(answer, self._own)))
+        self.emit(session, Frame(C2A, opcode, command.reply.encode(answer, self._reply_dialect)))
 
-    def _send_later(self) -> None:
-        later, self._later = self._later, []
+    def _send_deferred(self) -> None:
+        later, self._deferred = self._deferred, []
         for session, frame in later:
             self.emit(session, frame)
 
     # ------------------------------------------------------------------ clients and time
 
-    def _admit(self, connection: int, carrier: Carrier) -> None:
-        inlet = Inlet(self.dialect)
+    def _add_session(self, connection: int, carrier: Carrier) -> None:
+        framer = RequestFramer(self.dialect)
         logged_in = carrier == "serial"  # 使用蓝牙通信时不需要登录验证 (L83)
-        self.sessions[connection] = Session(connection, carrier, inlet, logged_in)
+        self.sessions[connection] = Session(connection, carrier, framer, logged_in)
 
     def _is_masked(self, session: Session) -> bool:
         return session.carrier == "serial" and any(
@@ -240,20 +240,20 @@ class ControllerCore(Behaviour):
 
     def _end(self, session: Session, now_s: float) -> None:
         """Close a session from this side."""
-        self._forget(session, now_s)
+        self._remove_session(session, now_s)
         self._actions.append(Close(session.connection))
 
-    def _forget(self, session: Session, now_s: float) -> None:
+    def _remove_session(self, session: Session, now_s: float) -> None:
         """Let go of a client: nothing is sent to it any more, and what needs it ends."""
-        self.abandon(session)
+        self.abort_transfer(session)
         del self.sessions[session.connection]
         self._queue = deque(entry for entry in self._queue if entry[0] is not session)
         task = self.robot.task
-        if task is not None and task.needs_link and task.request.session is session:
+        if task is not None and task.ends_with_link and task.request.session is session:
             self.robot.stop(now_s)
-            self._settle(now_s)
+            self._finish_tasks(now_s)
 
-    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
+    def _process_items(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         """Serve what arrived together, in order, as far as the client stays (A-3-14)."""
         held: list[Action] = []  # under the reading "any-order": what is sent last
         frames = 0
@@ -273,33 +273,33 @@ class ControllerCore(Behaviour):
             if frames == 1 and self.dialect["pipelining"] == "any-order" and _only_reads(item):
                 held = self._actions[mark:]
                 del self._actions[mark:]
-            self._settle(now_s)
+            self._finish_tasks(now_s)
         self._actions += held
 
-    def _elapse(self, now_s: float) -> None:
+    def _process_due(self, now_s: float) -> None:
         """Let everything happen that is due."""
         for session in list(self.sessions.values()):
-            self._take_in(session, session.inlet.expire(now_s), now_s)
+            self._process_items(session, session.framer.expire(now_s), now_s)
             if session.transfer is not None:
                 session.transfer.end.expire(now_s)
                 if session.transfer.end.state is State.FAILED:
-                    self.abandon(session)
-        self._settle(now_s)
+                    self.abort_transfer(session)
+        self._finish_tasks(now_s)
 
-    def _settle(self, now_s: float) -> None:
+    def _finish_tasks(self, now_s: float) -> None:
         """Tell how a task ended, and let the next request that waited for it begin."""
         while True:
             ended = self.robot.settle(now_s)
             if ended is not None:
                 task, outcome = ended
-                self.conclude(task.request, outcome)
-                self._send_later()
+                self.send_result(task.request, outcome)
+                self._send_deferred()
             elif self.robot.task is None and self._queue:
                 self.handle(*self._queue.popleft(), now_s)
             else:
                 return
 
-    def _taken(self) -> list[Action]:
+    def _take_actions(self) -> list[Action]:
         actions, self._actions = self._actions, []
         return actions
 

@@ -32,8 +32,14 @@ from scaraspec.protocol.program_files import (
 )
 from scaraspec.protocol.program_files.model import SECOND_US
 from scaraspec.protocol.readings import Dialect
-from scaraspec.virtual_controller.arm import Joints, Pose, UnreachableError, checked, inverse
-from scaraspec.virtual_controller.motion import Motion, curve, move, straight
+from scaraspec.virtual_controller.arm import (
+    Joints,
+    Pose,
+    UnreachableError,
+    clamp_to_limits,
+    inverse,
+)
+from scaraspec.virtual_controller.motion import Motion, curve, move, straight_line
 from scaraspec.virtual_controller.plant import NoSuchPortError, Plant, Ports, Pwm
 
 NODE_TIME_S = 0.001
@@ -206,7 +212,7 @@ class Run:
         owner = self._structure.owners[self._index]
         if owner is None:
             return move(self._joints, target, BARE_POINT_SPEED_PERCENT)
-        return straight(self._joints, target, self._program.nodes[owner].speed_rate)
+        return straight_line(self._joints, target, self._program.nodes[owner].speed_rate)
 
     def _curve(self, node: Node) -> Motion:
         targets, near = [], self._joints
@@ -222,7 +228,7 @@ class Run:
         """The joints that a point stands for (A-6.5-2)."""
         if self._dialect["point_meaning"] == "pose":
             return inverse(Pose(*point.values), near)
-        return checked(Joints(*point.values))
+        return clamp_to_limits(Joints(*point.values))
 
     # ------------------------------------------------------------------ waits and ports
 

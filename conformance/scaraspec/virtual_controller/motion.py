@@ -18,7 +18,7 @@ from scaraspec.virtual_controller.arm import (
     Joints,
     Pose,
     UnreachableError,
-    checked,
+    clamp_to_limits,
     forward,
     inverse,
 )
@@ -84,10 +84,10 @@ def move(start: Joints, target: Joints, speed_percent: float) -> Motion:
     Raises:
         UnreachableError: The target is beyond a limit.
     """
-    return _smooth((start, checked(target)), speed_percent, tool_speed_mm_s=math.inf)
+    return _smooth((start, clamp_to_limits(target)), speed_percent, tool_speed_mm_s=math.inf)
 
 
-def straight(start: Joints, target: Joints, speed_percent: float) -> Motion:
+def straight_line(start: Joints, target: Joints, speed_percent: float) -> Motion:
     """A straight line of the tool (node type 5, L911); thetaX turns evenly with the way.
 
     Raises:
@@ -106,7 +106,7 @@ def curve(start: Joints, targets: Sequence[Joints], speed_percent: float) -> Mot
         UnreachableError: A target or a point of the path is out of reach, or the elbow would
             have to change sides.
     """
-    knots = [start, *map(checked, targets)]
+    knots = [start, *map(clamp_to_limits, targets)]
     elbow = _elbow(knots)
     poses = [forward(knot) for knot in knots]
     waypoints = [start]

@@ -26,7 +26,7 @@ INTERRUPTED = Outcome(done=False, code=IDLE)
 """Of what an emergency stop interrupts: no motor is to blame (A-4.17-4)."""
 
 
-class Act(Protocol):
+class Activity(Protocol):
     """Something that goes on until it has an outcome, such as a run of a program."""
 
     @property
@@ -68,10 +68,10 @@ class Task:
 
     request: Request
     state: str
-    act: Act
+    activity: Activity
     program: bytes = b""
-    stopped: Outcome = INTERRUPTED
-    needs_link: bool = False
+    outcome_if_stopped: Outcome = INTERRUPTED
+    ends_with_link: bool = False
 
 
 class Robot:
@@ -86,7 +86,7 @@ class Robot:
         """The code of 0x09: a fault before a task before idle (A-4.8-2)."""
         return self.plant.fault_code or (self.task.state if self.task else IDLE)
 
-    def refusal(self, *, moves: bool = True) -> str | None:
+    def refusal_code(self, *, moves: bool = True) -> str | None:
         """Why a command cannot start now: busy, at fault or, if it moves, released (A-4-1)."""
         if self.task is not None:
             return self.task.state
@@ -97,8 +97,12 @@ class Robot:
     def move(self, request: Request, state: str, motion: Motion, *, jogging: bool = False) -> None:
         """Begin a task that is one motion."""
         self.plant.start(motion, request.now_s)
-        stopped = DONE if jogging else INTERRUPTED  # a jog ends by being stopped (A-4.17-4)
-        self.task = Task(request, state, Movement(self.plant), b"", stopped, needs_link=jogging)
+        outcome_if_stopped = (
+            DONE if jogging else INTERRUPTED
+        )  # a jog ends by being stopped (A-4.17-4)
+        self.task = Task(
+            request, state, Movement(self.plant), b"", outcome_if_stopped, ends_with_link=jogging
+        )
 
     def stop(self, now_s: float) -> Task | None:
         """Stop everything at once; the task that this interrupts, if there is one."""
@@ -112,7 +116,7 @@ class Robot:
         if self.task is None:
             return None
         task, fault = self.task, self.plant.fault_code
-        outcome = Outcome(done=False, code=fault) if fault else task.act.advance(now_s)
+        outcome = Outcome(done=False, code=fault) if fault else task.activity.advance(now_s)
         if outcome is None:
             return None
         self.task = None

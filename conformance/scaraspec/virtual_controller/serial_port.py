@@ -42,7 +42,7 @@ class SerialPort:
         self._unsent = bytearray()
         self._connection: int | None = None
         self._line = open_line(device, baud)
-        self._admit()
+        self._add_session()
 
     def send(self, data: bytes) -> None:
         """Send these bytes as fast as the line takes them."""
@@ -55,16 +55,16 @@ class SerialPort:
         if self._server.stopped.is_set():
             self._close()
         else:
-            self._loop.call_soon(self._admit)
+            self._loop.call_soon(self._add_session)
 
     def abort(self) -> None:
         """End the session as `finish` does: a line cannot be cut off."""
         self.finish()
 
-    def _admit(self) -> None:
-        self._connection = self._server.admit(self, "serial")
+    def _add_session(self) -> None:
+        self._connection = self._server.add_connection(self, "serial")
         if self._connection is None:  # the server is full
-            self._loop.call_later(REOPEN_S, self._admit)
+            self._loop.call_later(REOPEN_S, self._add_session)
         else:
             self._loop.add_reader(self._line, self._read)
 
@@ -72,7 +72,7 @@ class SerialPort:
         self._loop.remove_reader(self._line)
         if self._connection is not None:
             connection, self._connection = self._connection, None
-            self._server.lose(connection)
+            self._server.remove_connection(connection)
 
     def _read(self) -> None:
         try:
@@ -119,7 +119,7 @@ class SerialPort:
             self._loop.call_later(REOPEN_S, self._reopen)
         else:
             log.info("%s is back", self._device)
-            self._admit()
+            self._add_session()
 
     def _close(self) -> None:
         self._unsent.clear()

@@ -33,7 +33,7 @@ _SOONEST_S: Final = 0.001  # between two events, so that no program keeps the lo
 log = logging.getLogger("scaraspec.virtual_controller")
 
 
-class End(Protocol):
+class Endpoint(Protocol):
     """The server's end of one connection."""
 
     def send(self, data: bytes) -> None:
@@ -61,7 +61,7 @@ class Server:
         self._loop = asyncio.get_running_loop()
         self._began_s = self._loop.time()
         self._time_scale = time_scale
-        self._ends: dict[int, End] = {}
+        self._endpoints: dict[int, Endpoint] = {}
         self._connections = 0
         self._timer: asyncio.TimerHandle | None = None
         self._listener: asyncio.Server | None = None
@@ -100,30 +100,30 @@ class Server:
             self._listener.close()
         if self._timer is not None:
             self._timer.cancel()
-        if self._ends:
+        if self._endpoints:
             self._empty.clear()
-            for end in list(self._ends.values()):
-                end.finish()
+            for endpoint in list(self._endpoints.values()):
+                endpoint.finish()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(self._empty.wait(), GRACE_S)
-        for end in list(self._ends.values()):
-            end.abort()
+        for endpoint in list(self._endpoints.values()):
+            endpoint.abort()
 
     # ------------------------------------------------------------------ what ends tell
 
-    def admit(self, end: End, carrier: Carrier) -> int | None:
+    def add_connection(self, endpoint: Endpoint, carrier: Carrier) -> int | None:
         """Give a new connection its number; None if there is no room.
 
         Where the server is full, the oldest client that has not logged in makes way.
         """
-        if len(self._ends) >= MAX_CLIENTS:
+        if len(self._endpoints) >= MAX_CLIENTS:
             idle = next((n for n, s in self.core.sessions.items() if not s.logged_in), None)
             if idle is None:
                 return None
-            self._ends[idle].abort()
-            self.lose(idle)
+            self._endpoints[idle].abort()
+            self.remove_connection(idle)
         self._connections += 1
-        self._ends[self._connections] = end
+        self._endpoints[self._connections] = endpoint
         log.info("#%d opened over %s", self._connections, carrier)
         self._perform(self.core.open(self._connections, self.now_s, carrier))
         return self._connections
@@ -132,15 +132,15 @@ class Server:
         """Bytes have come from a client."""
         self._perform(self.core.receive(connection, data, self.now_s))
 
-    def lose(self, connection: int) -> None:
+    def remove_connection(self, connection: int) -> None:
         """A connection has ended."""
-        if self._ends.pop(connection, None) is not None:
+        if self._endpoints.pop(connection, None) is not None:
             log.info("#%d closed", connection)
             self._perform(self.core.close(connection, self.now_s))
-            if not self._ends:
+            if not self._endpoints:
                 self._empty.set()
 
-    def elapse(self) -> None:
+    def advance(self) -> None:
         """Let the core do what is due, or see what was done to its plant."""
         self._perform(self.core.advance(self.now_s))
 
@@ -148,19 +148,19 @@ class Server:
         if not self.core.powered:
             self.stop()
         for action in actions:
-            end = self._ends.get(action.connection)
-            if end is None:
+            endpoint = self._endpoints.get(action.connection)
+            if endpoint is None:
                 continue
             if action.data is None:
-                end.finish()
+                endpoint.finish()
             else:
-                end.send(action.data)
+                endpoint.send(action.data)
         if self._timer is not None:
             self._timer.cancel()
         event_s = self.core.next_event_s
         if event_s is not None:
             delay_s = (event_s - self.now_s) / self._time_scale
-            self._timer = self._loop.call_later(max(delay_s, _SOONEST_S), self.elapse)
+            self._timer = self._loop.call_later(max(delay_s, _SOONEST_S), self.advance)
 
 
 class _Client(asyncio.Protocol):
@@ -183,7 +183,7 @@ class _Client(asyncio.Protocol):
         for option, value in _KEEP_ALIVE:
             with contextlib.suppress(AttributeError, OSError):  # not every system has all three
                 connected.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
-        self._connection = self._server.admit(self, "tcp")
+        self._connection = self._server.add_connection(self, "tcp")
         if self._connection is None:
             transport.abort()
 
@@ -223,7 +223,7 @@ class _Client(asyncio.Protocol):
 
     def _end(self) -> None:
         if self._connection is not None:
-            self._server.lose(self._connection)
+            self._server.remove_connection(self._connection)
 
     def _serve(self) -> None:
         for _ in range(SLICES_PER_TURN):

@@ -10,7 +10,7 @@ from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.payloads import NameListPart
 from scaraspec.protocol.transfer import Receiver, Sender
-from scaraspec.virtual_controller.inlet import Inlet
+from scaraspec.virtual_controller.request_framer import RequestFramer
 
 Carrier = Literal["tcp", "serial"]
 """What a connection runs over: the network, or a serial line such as Bluetooth's (L77-83)."""
@@ -56,10 +56,10 @@ class Session:
 
     connection: int
     carrier: Carrier
-    inlet: Inlet
+    framer: RequestFramer
     logged_in: bool
     transfer: OpenTransfer | None = None
-    list_rest: list[NameListPart] = field(default_factory=list)
+    remaining_list_parts: list[NameListPart] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)

@@ -238,7 +238,7 @@ class DirectoryStore(Store):
             _sync(path.parent)
 
 
-def seed(store: Store, folder: Path) -> None:
+def import_programs(store: Store, folder: Path) -> None:
     """Copy the files of a folder into a store, but for hidden ones and names it already has.
 
     Raises:

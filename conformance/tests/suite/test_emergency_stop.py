@@ -44,7 +44,7 @@ class HasNoEffect(ControllerCore):
         """Say so."""
         if self.robot.task is None:
             return Acceptance(accepted=False)
-        self.conclude(request, DONE)
+        self.send_result(request, DONE)
         return Acceptance(accepted=True)
 
 
@@ -79,7 +79,7 @@ class StopsLate(_Delays):
             return Acceptance(accepted=False)
         later_s = request.now_s + 3
         self._due = (later_s, lambda: self.robot.stop(later_s) and None)
-        self.conclude(request, DONE)
+        self.send_result(request, DONE)
         return Acceptance(accepted=True)
 
 

@@ -15,7 +15,7 @@ from scaraspec.virtual_controller.arm import (
     Offset,
     Pose,
     UnreachableError,
-    checked,
+    clamp_to_limits,
     forward,
     gripper_point,
     inverse,
@@ -107,9 +107,9 @@ def test_a_joint_may_stand_at_its_limit(
     """A limit belongs to the range; less than the tolerance beyond is moved onto it."""
     limit = getattr(limits, joint)
     assert within_limits(limits)
-    assert checked(limits._replace(**{joint: limit + outwards * 0.0009})) == limits
+    assert clamp_to_limits(limits._replace(**{joint: limit + outwards * 0.0009})) == limits
     with pytest.raises(UnreachableError) as refusal:
-        checked(limits._replace(**{joint: limit + outwards * 0.002}))
+        clamp_to_limits(limits._replace(**{joint: limit + outwards * 0.002}))
     assert refusal.value.code == code
 
 

@@ -36,7 +36,7 @@ from scaraspec.virtual_controller.interpreter import (
     Run,
     runnable,
 )
-from scaraspec.virtual_controller.motion import curve, move, straight
+from scaraspec.virtual_controller.motion import curve, move, straight_line
 from scaraspec.virtual_controller.plant import Plant, Pwm
 
 DONE = Outcome(done=True)
@@ -176,7 +176,7 @@ def test_a_bare_point_is_moved_to_joint_by_joint(plant: Plant) -> None:
 def test_a_straight_move_ends_at_its_last_point(plant: Plant) -> None:
     """Each point in a straight line at the speed of the move node (6.5/25)."""
     run = start(plant, *straight_to(A, B, speed=40))
-    first, second = straight(HOME_JOINTS, A, 40), straight(A, B, 40)
+    first, second = straight_line(HOME_JOINTS, A, 40), straight_line(A, B, 40)
     finish(run, until_s=1.0)
     assert plant.joints(1.0) == pytest.approx(first.joints_at(1.0 - NODE_TIME_S), abs=0.01)
     ends_s = finish(run)
@@ -190,7 +190,7 @@ def test_only_the_counted_points_belong_to_a_move(plant: Plant) -> None:
     run = start(plant, *straight_to(A, speed=100), point(B))
     ends_s = finish(run)
     bare = move(A, B, BARE_POINT_SPEED_PERCENT)
-    line = straight(HOME_JOINTS, A, 100)
+    line = straight_line(HOME_JOINTS, A, 100)
     assert ends_s == pytest.approx(NODE_TIME_S + line.duration_s + bare.duration_s, abs=1e-3)
 
 

@@ -31,7 +31,7 @@ from scaraspec.virtual_controller.motion import (
     hold,
     jog,
     move,
-    straight,
+    straight_line,
 )
 
 START = inverse(HOME, near=UPPER)
@@ -68,7 +68,7 @@ def test_a_move_is_sound(start: Joints, target: Joints, speed_percent: int) -> N
 def test_a_straight_line_is_sound_or_refused(start: Joints, end: Joints, percent: int) -> None:
     """A planned line keeps to the limits and to its share of speed; others are refused whole."""
     try:
-        motion = straight(start, end, percent)
+        motion = straight_line(start, end, percent)
     except UnreachableError:
         return
     assert_sound(motion, start, end, percent / 100)
@@ -112,7 +112,7 @@ def test_a_typical_move_takes_about_a_second() -> None:
 def test_a_straight_line_is_straight_and_turns_evenly() -> None:
     """No point strays by 0.1 mm; thetaX turns with the way; the tool keeps to its top speed."""
     start, end = reach(250, -200, 200, -40), reach(250, 200, 300, 80)
-    motion = straight(start, end, 100)
+    motion = straight_line(start, end, 100)
     assert motion.duration_s >= math.dist((250, -200, 200), (250, 200, 300)) / TOOL_SPEED_MM_S
     for step in range(1, 100):
         pose = forward(motion.joints_at(motion.duration_s * step / 100))
@@ -125,11 +125,11 @@ def test_a_straight_line_is_straight_and_turns_evenly() -> None:
 def test_a_line_out_of_reach_between_reachable_ends_is_refused() -> None:
     """The hole of the annulus may not be crossed, nor the elbow change sides."""
     with pytest.raises(UnreachableError) as hole:
-        straight(reach(-200, 150), reach(200, -150), 100)
+        straight_line(reach(-200, 150), reach(200, -150), 100)
     assert hole.value.code == "05"
     other_elbow = inverse(HOME, near=LOWER)
     with pytest.raises(UnreachableError) as elbow:
-        straight(START, other_elbow, 100)
+        straight_line(START, other_elbow, 100)
     assert elbow.value.code == "06"
 
 
@@ -138,7 +138,7 @@ def test_a_line_may_begin_stretched_with_either_elbow() -> None:
     stretched = Joints(0, 0, 250, 0)
     for near in (UPPER, LOWER):
         end = inverse(HOME, near)
-        assert_sound(straight(stretched, end, 100), stretched, end)
+        assert_sound(straight_line(stretched, end, 100), stretched, end)
 
 
 def test_a_curve_passes_its_points_without_corners() -> None:
@@ -205,7 +205,7 @@ def test_holding_is_no_motion() -> None:
 
 def test_a_move_to_where_the_arm_stands_takes_no_time() -> None:
     """Zero distance is no division by zero."""
-    for motion in (move(START, START, 10), straight(START, START, 10)):
+    for motion in (move(START, START, 10), straight_line(START, START, 10)):
         assert motion.duration_s < 0.01
         assert motion.joints_at(0.0) == pytest.approx(START)
 

@@ -222,7 +222,7 @@ def test_shutdown_over_the_line_answers_and_ends_serving() -> None:
         os.write(master, b"\xaa\x60\x00\xcc")
         assert await _read(master, 5) == b"\xcc\x60\x011\xaa"
         await server.stopped.wait()
-        assert not server._ends
+        assert not server._endpoints
         os.close(slave)
         os.close(master)
 

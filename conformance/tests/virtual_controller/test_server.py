@@ -164,9 +164,9 @@ def test_a_client_that_does_not_read_is_not_served_on_and_then_cut_off(
         )
         sleeper[1].transport.pause_reading()
         sleeper[1].write(_LIST * 5000)
-        (end, _) = stand.server._ends.values()
+        (end, _) = stand.server._endpoints.values()
         most = 0
-        while len(stand.server._ends) == 2:
+        while len(stand.server._endpoints) == 2:
             most = max(most, end._transport.get_write_buffer_size())
             assert await stand.ask(other, _STATUS, 6) == _IDLE
         assert 64 * 1024 < most < 2 * 2**20
@@ -183,7 +183,7 @@ def test_a_client_that_reads_late_gets_everything() -> None:
         reader, writer = await stand.client()
         writer.transport.pause_reading()
         writer.write(_LIST * 300 + _STATUS)
-        (end,) = stand.server._ends.values()
+        (end,) = stand.server._endpoints.values()
         await stand.until(lambda: end._blocked)
         writer.transport.resume_reading()
         received = b""
@@ -204,10 +204,10 @@ def test_the_end_does_not_wait_for_those_who_do_not_read(monkeypatch: pytest.Mon
         _, writer = await stand.client()
         writer.transport.pause_reading()
         writer.write(_LIST * 5000)
-        (end,) = stand.server._ends.values()
+        (end,) = stand.server._endpoints.values()
         await stand.until(lambda: end._blocked)
         await stand.server.close()
-        await stand.until(lambda: not stand.server._ends)
+        await stand.until(lambda: not stand.server._endpoints)
 
     _run(test)
 
@@ -232,7 +232,7 @@ def test_the_number_of_clients_is_bounded_and_idle_ones_make_way() -> None:
     async def test(stand: Stand) -> None:
         first = await stand.client()
         idle = [await stand.connect() for _ in range(MAX_CLIENTS - 1)]
-        await stand.until(lambda: len(stand.server._ends) == MAX_CLIENTS)
+        await stand.until(lambda: len(stand.server._endpoints) == MAX_CLIENTS)
         late = await stand.client()
         with contextlib.suppress(ConnectionResetError):
             assert await idle[0][0].read() == b""
@@ -243,7 +243,7 @@ def test_the_number_of_clients_is_bounded_and_idle_ones_make_way() -> None:
         refused = await stand.connect()
         with contextlib.suppress(ConnectionResetError):
             assert await refused[0].read() == b""
-        assert len(stand.server._ends) == MAX_CLIENTS
+        assert len(stand.server._endpoints) == MAX_CLIENTS
 
     _run(test)
 
@@ -270,12 +270,12 @@ def test_connections_are_kept_alive_and_logged(caplog: pytest.LogCaptureFixture)
 
     async def test(stand: Stand) -> None:
         _, writer = await stand.client()
-        (end,) = stand.server._ends.values()
+        (end,) = stand.server._endpoints.values()
         link = end._transport.get_extra_info("socket")
         assert link.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
         assert link.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
         writer.close()
-        await stand.until(lambda: not stand.server._ends)
+        await stand.until(lambda: not stand.server._endpoints)
 
     _run(test)
     assert caplog.messages == ["#1 opened over tcp", "#1 closed"]

@@ -19,7 +19,7 @@ from scaraspec.virtual_controller.store import (
     Store,
     StoreError,
     StoreFullError,
-    seed,
+    import_programs,
 )
 
 StoreFactory = Callable[..., Store]
@@ -303,7 +303,7 @@ def test_a_folder_of_programs_is_copied_in(make_store: StoreFactory, tmp_path: P
     (folder / ".hidden").write_bytes(b"")
     store = make_store()
     store.write(b"pro2.rob", b"uploaded")
-    seed(store, folder)
+    import_programs(store, folder)
     assert {name: store.read(name) for name in store.names()} == {
         b"pro1.rob": b"seed 1",
         b"pro2.rob": b"uploaded",
@@ -313,7 +313,7 @@ def test_a_folder_of_programs_is_copied_in(make_store: StoreFactory, tmp_path: P
 def test_a_folder_that_cannot_be_seeded_is_told(make_store: StoreFactory, tmp_path: Path) -> None:
     """A missing folder and one that is too large each give one sentence."""
     with pytest.raises(StoreError, match="nowhere cannot be read"):
-        seed(make_store(), tmp_path / "nowhere")
+        import_programs(make_store(), tmp_path / "nowhere")
     (tmp_path / "large.rob").write_bytes(b"12345")
     with pytest.raises(StoreFullError):
-        seed(make_store(max_bytes=4), tmp_path)
+        import_programs(make_store(max_bytes=4), tmp_path)

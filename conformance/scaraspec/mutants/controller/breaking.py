@@ -8,18 +8,18 @@ from typing import Any
 
 from scaraspec.protocol.frames import Frame, Skipped, StreamItem
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.inlet import Inlet
+from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.session import Action, Carrier, Close, Session
 
 
-class OtherInlet(ControllerCore):
+class OtherFramer(ControllerCore):
     """Sessions have another kind of inlet."""
 
-    inlet: type[Inlet] = Inlet
+    framer: type[RequestFramer] = RequestFramer
 
-    def _admit(self, connection: int, carrier: Carrier) -> None:
-        super()._admit(connection, carrier)
-        self.sessions[connection].inlet = self.inlet(self.dialect)
+    def _add_session(self, connection: int, carrier: Carrier) -> None:
+        super()._add_session(connection, carrier)
+        self.sessions[connection].framer = self.framer(self.dialect)
 
 
 class Mortal(ControllerCore):
@@ -47,11 +47,11 @@ class Skips(Mortal, ABC):
     def skipped(self, session: Session, item: Skipped, now_s: float) -> None:
         """What it does."""
 
-    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
+    def _process_items(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         for item in found:
             if isinstance(item, Skipped) and session.connection in self.sessions:
                 self.skipped(session, item, now_s)
-        super()._take_in(session, found, now_s)
+        super()._process_items(session, found, now_s)
 
 
 class SendsLater(ControllerCore):
@@ -72,8 +72,8 @@ class SendsLater(ControllerCore):
         other_s = super().next_event_s
         return min(times_s if other_s is None else [*times_s, other_s], default=None)
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         due = [entry for entry in self._due if entry[0] <= now_s]
         self._due = [entry for entry in self._due if entry[0] > now_s]
         for _, session, frame in due:

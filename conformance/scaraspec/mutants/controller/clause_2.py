@@ -4,13 +4,13 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.breaking import OtherInlet
+from scaraspec.mutants.controller.breaking import OtherFramer
 from scaraspec.protocol.commands import Command
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.readings import Dialect
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.inlet import Inlet
+from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.session import Action, Carrier, Close, Request, Session
 
 # Connections
@@ -87,7 +87,7 @@ class LeaksHalfFrames(_Leaky):
 
     def leaks(self, session: Session) -> bool:
         """Where bytes are left over."""
-        return session.inlet.deadline_s is not None
+        return session.framer.deadline_s is not None
 
 
 @mutant("2/13", subtle=True)
@@ -118,10 +118,10 @@ class OneBufferForAll(ControllerCore):
 
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
         """Give the buffer of another session."""
-        shared = next((session.inlet for session in self.sessions.values()), None)
+        shared = next((session.framer for session in self.sessions.values()), None)
         actions = super().open(connection, now_s, link)
         if shared and connection in self.sessions:
-            self.sessions[connection].inlet = shared
+            self.sessions[connection].framer = shared
         return actions
 
 
@@ -141,7 +141,7 @@ class NewcomerClearsBuffers(ControllerCore):
     def open(self, connection: int, now_s: float, link: Carrier = "tcp") -> list[Action]:
         """Begin all anew."""
         for session in self.sessions.values():
-            session.inlet = Inlet(self.dialect)
+            session.framer = RequestFramer(self.dialect)
         return super().open(connection, now_s, link)
 
 
@@ -160,7 +160,7 @@ class EveryoneHearsAll(ControllerCore):
 # Delivery
 
 
-class _KeepsNothing(Inlet):
+class _KeepsNothing(RequestFramer):
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         found = super().receive(data, now_s)
         self._framer = self._new_framer()
@@ -168,25 +168,25 @@ class _KeepsNothing(Inlet):
 
 
 @mutant("2/5")
-class SegmentIsFrame(OtherInlet):
+class SegmentIsFrame(OtherFramer):
     """What a segment does not end is thrown away: a frame has to come in one."""
 
-    inlet = _KeepsNothing
+    framer = _KeepsNothing
 
 
-class _OverlooksEnds(Inlet):
+class _OverlooksEnds(RequestFramer):
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         return super().receive(b"" if data == b"\xcc" else data, now_s)
 
 
 @mutant("2/5", subtle=True)
-class EndByteAlone(OtherInlet):
+class EndByteAlone(OtherFramer):
     """A segment of one byte that is an end byte is overlooked."""
 
-    inlet = _OverlooksEnds
+    framer = _OverlooksEnds
 
 
-class _Cut(Inlet):
+class _Cut(RequestFramer):
     at_byte = 3
 
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
@@ -197,10 +197,10 @@ class _Cut(Inlet):
 
 
 @mutant("2/5", subtle=True)
-class CutBehindLength(OtherInlet):
+class CutBehindLength(OtherFramer):
     """A frame that is cut just behind its length byte is lost."""
 
-    inlet = _Cut
+    framer = _Cut
 
 
 class _CutLater(_Cut):
@@ -208,25 +208,25 @@ class _CutLater(_Cut):
 
 
 @mutant("2/5", subtle=True)
-class CutBehindEighthByte(OtherInlet):
+class CutBehindEighthByte(OtherFramer):
     """A frame that is cut just behind its eighth byte is lost."""
 
-    inlet = _CutLater
+    framer = _CutLater
 
 
-class _Impatient(Inlet):
+class _Impatient(RequestFramer):
     def __init__(self, dialect: Dialect) -> None:
         super().__init__(dialect.replace(partial_timeout="0.5"))
 
 
 @mutant("2/5")
-class ImpatientWithPauses(OtherInlet):
+class ImpatientWithPauses(OtherFramer):
     """An unfinished frame is given up after half a second."""
 
-    inlet = _Impatient
+    framer = _Impatient
 
 
-class _FromTheFirstByte(Inlet):
+class _FromTheFirstByte(RequestFramer):
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         held, since_s = self._framer.held_bytes, self._heard_s
         found = super().receive(data, now_s)
@@ -236,13 +236,13 @@ class _FromTheFirstByte(Inlet):
 
 
 @mutant("2/5", subtle=True)
-class CountsFromFirstByte(OtherInlet):
+class CountsFromFirstByte(OtherFramer):
     """The time for a frame runs from its first byte, not from its last one so far."""
 
-    inlet = _FromTheFirstByte
+    framer = _FromTheFirstByte
 
 
-class _ForgetsTheRest(Inlet):
+class _ForgetsTheRest(RequestFramer):
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
         found = super().receive(data, now_s)
         if found:
@@ -251,13 +251,13 @@ class _ForgetsTheRest(Inlet):
 
 
 @mutant("2/5", "2/6", subtle=True)
-class RestBehindFrame(OtherInlet):
+class RestBehindFrame(OtherFramer):
     """Where a segment ends a frame and begins another, the beginning is lost."""
 
-    inlet = _ForgetsTheRest
+    framer = _ForgetsTheRest
 
 
-class _First(Inlet):
+class _First(RequestFramer):
     most = 1
 
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
@@ -265,10 +265,10 @@ class _First(Inlet):
 
 
 @mutant("2/6")
-class OneFramePerSegment(OtherInlet):
+class OneFramePerSegment(OtherFramer):
     """Of several frames in one segment only the first is served."""
 
-    inlet = _First
+    framer = _First
 
 
 class _Sixteen(_First):
@@ -276,10 +276,10 @@ class _Sixteen(_First):
 
 
 @mutant("2/6", subtle=True)
-class SixteenFramesPerSegment(OtherInlet):
+class SixteenFramesPerSegment(OtherFramer):
     """Of more than sixteen frames in one segment the others are lost."""
 
-    inlet = _Sixteen
+    framer = _Sixteen
 
 
 @mutant("2/6", subtle=True)
@@ -309,8 +309,8 @@ class LoginEndsTheSegment(ControllerCore):
 class NeedsNoLogin(ControllerCore):
     """Whoever connects may do everything."""
 
-    def _admit(self, connection: int, carrier: Carrier) -> None:
-        super()._admit(connection, carrier)
+    def _add_session(self, connection: int, carrier: Carrier) -> None:
+        super()._add_session(connection, carrier)
         self.sessions[connection].logged_in = True
 
 
@@ -318,9 +318,9 @@ class NeedsNoLogin(ControllerCore):
 class OneLoginForAll(ControllerCore):
     """While one client is logged in, all are."""
 
-    def _may_ask(self, session: Session, command: Command) -> bool:
+    def _is_permitted(self, session: Session, command: Command) -> bool:
         anybody = any(each.logged_in for each in self.sessions.values())
-        return anybody or super()._may_ask(session, command)
+        return anybody or super()._is_permitted(session, command)
 
 
 @mutant("2/11", subtle=True)
@@ -337,8 +337,8 @@ class LoginOutlivesTheConnection(ControllerCore):
         self._opened = self._opened or right
         return right
 
-    def _may_ask(self, session: Session, command: Command) -> bool:
-        return self._opened or super()._may_ask(session, command)
+    def _is_permitted(self, session: Session, command: Command) -> bool:
+        return self._opened or super()._is_permitted(session, command)
 
 
 @mutant("2/11", subtle=True)
@@ -399,8 +399,8 @@ class _ForStrangers(ControllerCore):
     def _is_obeyed(self, session: Session, command: Command) -> bool:  # noqa: ARG002 - others tell strangers apart
         return command.name in self.names
 
-    def _may_ask(self, session: Session, command: Command) -> bool:
-        return self._is_obeyed(session, command) or super()._may_ask(session, command)
+    def _is_permitted(self, session: Session, command: Command) -> bool:
+        return self._is_obeyed(session, command) or super()._is_permitted(session, command)
 
     def emit(self, session: Session, frame: Frame) -> None:
         """Keep silent towards strangers, where the fault is silent."""
@@ -514,5 +514,5 @@ class ShutsDownForStrangers(_ForStrangers):
 class SettingsForStrangers(ControllerCore):
     """What only changes state is obeyed without a login; only motion and loss are guarded."""
 
-    def _may_ask(self, session: Session, command: Command) -> bool:
-        return command.hazard is Hazard.STATE or super()._may_ask(session, command)
+    def _is_permitted(self, session: Session, command: Command) -> bool:
+        return command.hazard is Hazard.STATE or super()._is_permitted(session, command)

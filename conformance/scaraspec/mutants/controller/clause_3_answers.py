@@ -182,7 +182,7 @@ class StopsOnUnknown(_Undefined):
         task = self.robot.task
         if frame.opcode == 0xFF and task is not None:
             self.robot.stop(now_s)
-            self.conclude(task.request, task.stopped)
+            self.send_result(task.request, task.outcome_if_stopped)
 
 
 @mutant("3/21", subtle=True)
@@ -223,16 +223,16 @@ class DeafAfterUnknown(_Undefined):
 class LosesThirdOfBurst(ControllerCore):
     """Of requests that come together the third is never answered."""
 
-    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
-        super()._take_in(session, found[:2] + found[3:], now_s)
+    def _process_items(self, session: Session, found: list[StreamItem], now_s: float) -> None:
+        super()._process_items(session, found[:2] + found[3:], now_s)
 
 
 @mutant("3/24", "2/6", subtle=True)
 class AnswersSameOnce(ControllerCore):
     """Of equal requests that come together only one is answered."""
 
-    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
-        super()._take_in(session, list(dict.fromkeys(found)), now_s)
+    def _process_items(self, session: Session, found: list[StreamItem], now_s: float) -> None:
+        super()._process_items(session, list(dict.fromkeys(found)), now_s)
 
 
 def _is(item: StreamItem, *opcodes: int) -> bool:
@@ -246,17 +246,17 @@ class _Sorts(ControllerCore, ABC):
     def rank(self, item: StreamItem) -> int:
         """The lowest come first."""
 
-    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
-        super()._take_in(session, sorted(found, key=self.rank), now_s)
+    def _process_items(self, session: Session, found: list[StreamItem], now_s: float) -> None:
+        super()._process_items(session, sorted(found, key=self.rank), now_s)
 
 
 @mutant("3/30")
 class LastSettingFirst(ControllerCore):
     """Settings that come together take effect from the last to the first."""
 
-    def _take_in(self, session: Session, found: list[StreamItem], now_s: float) -> None:
+    def _process_items(self, session: Session, found: list[StreamItem], now_s: float) -> None:
         turned = all(_is(item, 0x35) for item in found)
-        super()._take_in(session, found[::-1] if turned else found, now_s)
+        super()._process_items(session, found[::-1] if turned else found, now_s)
 
 
 @mutant("3/30")

@@ -4,11 +4,11 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.breaking import AltersBytes, OtherInlet, SendsLater
+from scaraspec.mutants.controller.breaking import AltersBytes, OtherFramer, SendsLater
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.inlet import Inlet
+from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.session import Action, Carrier, Request, Session
 
 # Layout
@@ -170,7 +170,7 @@ class LosesStepAt255(ControllerCore):
 # Marks inside of the data
 
 
-class _EndsAtMark(Inlet):
+class _EndsAtMark(RequestFramer):
     """A frame ends at the first end byte."""
 
     def __init__(self, *args: Any) -> None:
@@ -189,10 +189,10 @@ class _EndsAtMark(Inlet):
 
 
 @mutant("3/9")
-class EndsAtFirstEndByte(OtherInlet):
+class EndsAtFirstEndByte(OtherFramer):
     """A frame ends at the first 0xCC, whatever its length says."""
 
-    inlet = _EndsAtMark
+    framer = _EndsAtMark
 
 
 @mutant("3/9", subtle=True)
@@ -274,8 +274,8 @@ class AnnouncesItself(ControllerCore):
 class GreetsInWords(ControllerCore):
     """A client that connects is greeted with a line of text."""
 
-    def _admit(self, connection: int, carrier: Carrier) -> None:
-        super()._admit(connection, carrier)
+    def _add_session(self, connection: int, carrier: Carrier) -> None:
+        super()._add_session(connection, carrier)
         self.transmit(self.sessions[connection], b"UISR4200S ready\r\n")
 
 

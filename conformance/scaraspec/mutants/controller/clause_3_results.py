@@ -75,22 +75,22 @@ class TagsTheOutputs(ControllerCore):
 class LocksBeforeItAnswers(ControllerCore):
     """The result of locking the joints is sent ahead of the first reply."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Send it at once."""
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
         if request.command.name == "lock_joints":
-            self._send_later()
+            self._send_deferred()
 
 
 @mutant("3/16")
 class StopsBeforeItAnswers(ControllerCore):
     """The result of an emergency stop is sent ahead of its first reply."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Send it at once."""
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
         if request.command.name == "emergency_stop":
-            self._send_later()
+            self._send_deferred()
 
 
 # Results that must not come
@@ -154,10 +154,10 @@ class BusyRefusalsHaveResults(_ResultOfRefusals):
 class SimulationsHaveNoResult(ControllerCore):
     """A simulation ends without a final result."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave it away."""
         if request.command.name != "simulate_program":
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 class _Repeats(SendsLater, ABC):
@@ -169,9 +169,9 @@ class _Repeats(SendsLater, ABC):
     def repeats(self, frame: Frame) -> bool:
         """Whether this one does."""
 
-    def _settle(self, now_s: float) -> None:
+    def _finish_tasks(self, now_s: float) -> None:
         self._now_s = now_s
-        super()._settle(now_s)
+        super()._finish_tasks(now_s)
 
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """Remember the time."""
@@ -223,9 +223,9 @@ class TenthRunEndsTwice(_Repeats):
 class ResultForTheNewest(ControllerCore):
     """Final results go to the client that connected last."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Send it there."""
         newest = self.sessions[max(self.sessions)] if self.sessions else request.session
         frame = request.frame
         request = Request(newest, request.command, frame, request.value, request.now_s)
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)

@@ -3,12 +3,12 @@
 from typing import Any
 
 from scaraspec.mutants.controller import mutant
-from scaraspec.mutants.controller.breaking import Mortal, OtherInlet, Skips
+from scaraspec.mutants.controller.breaking import Mortal, OtherFramer, Skips
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.readings import Dialect
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.inlet import Inlet
+from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.session import Action, Carrier, Session
 
 # Stray bytes
@@ -55,7 +55,7 @@ class RestartsAtWrongEnd(Skips):
             self.dead = False
 
 
-class _Deaf(Inlet):
+class _Deaf(RequestFramer):
     """Hears nothing any more once it has met what it cannot stand."""
 
     deaf = False
@@ -73,10 +73,10 @@ class _Deaf(Inlet):
 
 
 @mutant("3/19", "3/31")
-class DeafAfterStrayBytes(OtherInlet):
+class DeafAfterStrayBytes(OtherFramer):
     """After stray bytes nothing is heard any more on a connection, which stays open."""
 
-    inlet = _Deaf
+    framer = _Deaf
 
 
 @mutant("3/19")
@@ -127,10 +127,10 @@ class _DeafAfterBadEnd(_Deaf):
 
 
 @mutant("3/20", "3/31")
-class DeafAfterWrongEnds(OtherInlet):
+class DeafAfterWrongEnds(OtherFramer):
     """After a wrong end byte nothing is heard any more on a connection, which stays open."""
 
-    inlet = _DeafAfterBadEnd
+    framer = _DeafAfterBadEnd
 
 
 @mutant("3/20", subtle=True)
@@ -277,36 +277,36 @@ class HalfFramesBlockAll(ControllerCore):
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
         """Hear nobody else."""
         for number, session in self.sessions.items():
-            if number != connection and session.inlet.deadline_s is not None:
+            if number != connection and session.framer.deadline_s is not None:
                 return []
         return super().receive(connection, data, now_s)
 
 
-class _Patient(Inlet):
+class _Patient(RequestFramer):
     def __init__(self, dialect: Dialect) -> None:
         super().__init__(dialect.replace(partial_timeout="none"))
 
 
 @mutant("3/29", subtle=True)
-class HalfFramesGoOn(OtherInlet):
+class HalfFramesGoOn(OtherFramer):
     """What the last client has half sent stays in the buffer of the next one, for ever."""
 
-    inlet = _Patient
+    framer = _Patient
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self._left: Inlet | None = None
+        self._left: RequestFramer | None = None
 
     def close(self, connection: int, now_s: float) -> list[Action]:
         """Keep what is left over."""
         session = self.sessions.get(connection)
-        self._left = session.inlet if session and session.inlet.held_bytes else None
+        self._left = session.framer if session and session.framer.held_bytes else None
         return super().close(connection, now_s)
 
-    def _admit(self, connection: int, carrier: Carrier) -> None:
-        super()._admit(connection, carrier)
+    def _add_session(self, connection: int, carrier: Carrier) -> None:
+        super()._add_session(connection, carrier)
         if self._left is not None:
-            self.sessions[connection].inlet, self._left = self._left, None
+            self.sessions[connection].framer, self._left = self._left, None
 
 
 @mutant("3/29", subtle=True)
@@ -316,11 +316,11 @@ class DiesOfCutFrames(Mortal):
     def close(self, connection: int, now_s: float) -> list[Action]:
         """Die."""
         session = self.sessions.get(connection)
-        cut = session is not None and session.inlet.held_bytes > 100
+        cut = session is not None and session.framer.held_bytes > 100
         actions = super().close(connection, now_s)
         if cut:
             self.die(now_s)
-            return actions + self._taken()
+            return actions + self._take_actions()
         return actions
 
 
@@ -340,5 +340,5 @@ class ThreeHalfFrames(ControllerCore):
 
     def receive(self, connection: int, data: bytes, now_s: float) -> list[Action]:
         """Serve no more."""
-        half = [n for n, s in self.sessions.items() if s.inlet.held_bytes and n != connection]
+        half = [n for n, s in self.sessions.items() if s.framer.held_bytes and n != connection]
         return [] if len(half) >= 3 else super().receive(connection, data, now_s)

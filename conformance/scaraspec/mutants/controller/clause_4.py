@@ -211,10 +211,10 @@ class LocksWithOne(ControllerCore):
 class LosesResultsInTransfers(ControllerCore):
     """What ends while its client sends a file or fetches one is never told."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Tell it to nobody."""
         if request.session.transfer is None:
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 @mutant("4/3")
@@ -243,11 +243,11 @@ class FailsOfFourBytes(ControllerCore):
 class FaultEndsAsDone(ControllerCore):
     """A run during which a motor fails is said to be done."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Take no notice of faults."""
         if request.command.name == "run_program" and self.plant.fault_code:
             outcome = Outcome(done=True)
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 @mutant("4/5", "8/2")
@@ -276,10 +276,10 @@ class FailsWithMirroredCode(ControllerCore):
 class EndsBeforeItBegins(ControllerCore):
     """A lock's final result comes ahead of its first reply."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Send a lock's result at once."""
         if request.command.name != "lock_joints":
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
             return
         data = request.command.result.encode(outcome) if request.command.result else b""
         self.emit(request.session, Frame(C2A, request.frame.opcode, data, tagged=True))
@@ -293,7 +293,7 @@ class EndsWhatItRefused(ControllerCore):
         """Conclude the refusal."""
         answer = super().run_program(request)
         if not answer.accepted:
-            self.conclude(request, Outcome(done=False, code=answer.code))
+            self.send_result(request, Outcome(done=False, code=answer.code))
         return answer
 
 
@@ -305,7 +305,7 @@ class EndsStopThatWasNotNeeded(ControllerCore):
         """Conclude it all the same."""
         answer = super().emergency_stop(request)
         if not answer.accepted:
-            self.conclude(request, Outcome(done=True))
+            self.send_result(request, Outcome(done=True))
         return answer
 
 
@@ -313,11 +313,11 @@ class EndsStopThatWasNotNeeded(ControllerCore):
 class EndsTwice(ControllerCore):
     """The final result of a simulation is sent twice."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Conclude once more."""
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
         if request.command.name == "simulate_program":
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 @mutant("3/18", subtle=True)
@@ -342,11 +342,11 @@ class ForgetsTheFortiethResult(ControllerCore):
 
     _ended = 0
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Count the runs."""
         self._ended += request.command.name == "run_program" and outcome.done
         if self._ended != 40:
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
         else:
             self._ended += 1
 
@@ -363,11 +363,11 @@ class LosesResultBetweenReplies(ControllerCore):
             self._asked_s = now_s
         super().handle(session, frame, now_s)
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Drop the result of a run that ends soon behind one."""
         long_s = self._asked_s - request.now_s
         if request.command.name != "run_program" or long_s < 0.5:
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 # ---------------------------------------------------------------------- a busy robot
@@ -431,11 +431,11 @@ class SimulatesDuringJog(_Forgetful):
 class StartsLater(ControllerCore):
     """A busy robot says nothing to a move, and begins it once it is free."""
 
-    def _must_wait(self, session: Session, command: Command, frame: Frame) -> bool:
+    def _defer_while_busy(self, session: Session, command: Command, frame: Frame) -> bool:
         if command.name == "set_tool_coordinates" and self.robot.task is not None:
             self._queue.append((session, frame))
             return True
-        return super()._must_wait(session, command, frame)
+        return super()._defer_while_busy(session, command, frame)
 
 
 @mutant("4/6", subtle=True)
@@ -470,7 +470,7 @@ class OtherClientsMayMove(ControllerCore):
         """Look at one's own commands alone."""
         task = self.robot.task
         if task is not None and task.request.session is not request.session:
-            self.conclude(request, Outcome(done=True))
+            self.send_result(request, Outcome(done=True))
             return ACCEPTED
         return super().lock_joints(request)
 
@@ -556,12 +556,12 @@ class StatusLags(ControllerCore):
 
     _last = "00"
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Keep the state of what ended with success."""
         states = {0x30: "01", 0x31: "02", 0x33: "03", 0x39: "04", 0x3D: "04"}
         if outcome.done:
             self._last = states.get(request.frame.opcode, "04")
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
     def get_status(self, request: Request) -> str:
         """Tell the last state once."""
@@ -576,10 +576,10 @@ class SimulationNeverEnds(ControllerCore):
 
     _simulated = False
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Note what ended last."""
         self._simulated = request.command.name == "simulate_program"
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
     def get_status(self, request: Request) -> str:
         """Tell of the simulation."""
@@ -655,7 +655,7 @@ class IdleBeforeTheResult(ControllerCore):
     def get_status(self, request: Request) -> str:
         """Look at the clock a little too early."""
         task = self.robot.task
-        if task is not None and task.program and task.act.next_event_s - request.now_s < 0.1:
+        if task is not None and task.program and task.activity.next_event_s - request.now_s < 0.1:
             return "00"
         return super().get_status(request)
 

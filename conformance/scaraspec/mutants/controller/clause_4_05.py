@@ -379,9 +379,9 @@ class RefusedTimeResetsTheClock(ControllerCore):
 
     _now_s = 0.0
 
-    def _elapse(self, now_s: float) -> None:
+    def _process_due(self, now_s: float) -> None:
         self._now_s = now_s
-        super()._elapse(now_s)
+        super()._process_due(now_s)
 
 
 @mutant("4.5/5")

@@ -160,11 +160,11 @@ class StatusLagsBehindTheResult(_SaysOtherwise):
     _now_s = 0.0
     _was = IDLE
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Keep the state."""
         if request.command.name in ("run_program", "simulate_program"):
             self._until_s, self._was = self._now_s + _LAG_S, RUNNING
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
     def advance(self, now_s: float) -> list[Any]:
         """Keep the time."""

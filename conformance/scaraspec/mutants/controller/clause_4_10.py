@@ -25,8 +25,8 @@ class _AltersNames(ControllerCore, ABC):
     def list_programs(self, request: Request) -> NameListPart:
         """List them."""
         names = [name for name in self.store.names() if self.is_program(name)]
-        if not request.session.list_rest:
-            request.session.list_rest = list(list_parts(self.listed(names, request)))
+        if not request.session.remaining_list_parts:
+            request.session.remaining_list_parts = list(list_parts(self.listed(names, request)))
         return super().list_programs(request)
 
 
@@ -131,7 +131,7 @@ class NamesAreTorn(ControllerCore):
         pieces = [text[i : i + _PART_BYTES] for i in range(0, len(text), _PART_BYTES)]
         last = len(pieces) - 1
         if text:
-            request.session.list_rest = [
+            request.session.remaining_list_parts = [
                 NameListPart(i < last, tuple(piece.split(b"|"))) for i, piece in enumerate(pieces)
             ]
         return super().list_programs(request)
@@ -224,8 +224,8 @@ class OnlyTheFirstPart(AltersReplies):
     def list_programs(self, request: Request) -> NameListPart:
         """Forget the rest."""
         first = super().list_programs(request)
-        request.session.list_rest = []
-        self._later.clear()
+        request.session.remaining_list_parts = []
+        self._deferred.clear()
         return first
 
 

@@ -19,7 +19,7 @@ class RunsBeforeItLooks(ControllerCore):
         answer = super().run_program(request)
         if answer.code != "20":
             return answer
-        self.conclude(request, Outcome(done=True))
+        self.send_result(request, Outcome(done=True))
         return ACCEPTED
 
 
@@ -30,7 +30,7 @@ class RunsDespiteFault(ControllerCore):
     def run_program(self, request: Request) -> Acceptance:
         """Do not look at the motors."""
         if self.plant.fault_code and self.robot.task is None:
-            self.conclude(request, Outcome(done=True))
+            self.send_result(request, Outcome(done=True))
             return ACCEPTED
         return super().run_program(request)
 
@@ -124,10 +124,10 @@ class RunsProgramOnce(ControllerCore):
 class RunHasNoResult(ControllerCore):
     """A run that comes to its end sends no final result."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave it out."""
         if request.command.name != "run_program" or not outcome.done:
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 @mutant("4.15/5")
@@ -162,27 +162,27 @@ class RunEndsAtOnce(ControllerCore):
         """Conclude at once."""
         answer = super().run_program(request)
         if answer.accepted:
-            self.conclude(request, Outcome(done=True))
+            self.send_result(request, Outcome(done=True))
             self._told = True
         return answer
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Conclude once."""
         if request.command.name == "run_program" and self._told:
             self._told = False
             return
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 @mutant("4.15/5")
 class GoodRunFails(ControllerCore):
     """A run that comes to its end is told as a failure."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Take the end of the program for an error."""
         if request.command.name == "run_program" and outcome.done:
             outcome = Outcome(done=False, code="05")
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 @mutant("4.15/7")
@@ -237,7 +237,7 @@ class RunsWhatWasOnlyNamed(ControllerCore):
         """Take an upload for the program."""
         transfers = [s.transfer.name for s in self.sessions.values() if s.transfer is not None]
         if request.value in transfers and self.robot.task is None:
-            self.conclude(request, Outcome(done=True))
+            self.send_result(request, Outcome(done=True))
             return ACCEPTED
         return super().run_program(request)
 

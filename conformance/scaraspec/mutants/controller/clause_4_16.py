@@ -58,7 +58,7 @@ class SimulatesWhatIsNotThere(ControllerCore):
         answer = super().simulate_program(request)
         if answer.code != "20":
             return answer
-        self.conclude(request, Outcome(done=True))
+        self.send_result(request, Outcome(done=True))
         return ACCEPTED
 
 
@@ -77,10 +77,10 @@ class SimulationMissesWithOne(ControllerCore):
 class SimulationHasNoResult(ControllerCore):
     """A simulation that comes to its end sends no final result."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave it out."""
         if request.command.name != "simulate_program" or not outcome.done:
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 @mutant("4.16/3")
@@ -100,13 +100,13 @@ class SecondSimulationFails(ControllerCore):
 
     _simulated = 0
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave something behind the first time."""
         if request.command.name == "simulate_program" and outcome.done:
             self._simulated += 1
             if self._simulated > 1:
                 outcome = Outcome(done=False, code="06")
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 @mutant("4.16/5", "4.8/5")

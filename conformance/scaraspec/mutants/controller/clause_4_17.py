@@ -178,10 +178,10 @@ class StopIsAnsweredWithCode(ControllerCore):
 class StopHasNoResult(ControllerCore):
     """A stop that has succeeded sends no final result."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave it out."""
         if request.command.name != "emergency_stop":
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 @mutant("4.17/4")
@@ -207,11 +207,11 @@ class StopEndsUnderTheStopped(ControllerCore):
 class StopFails(ControllerCore):
     """A stop that has succeeded is told as a failure."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Blame the arm."""
         if request.command.name == "emergency_stop":
             outcome = Outcome(done=False, code="11")
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 @mutant("4.17/4", subtle=True)
@@ -296,11 +296,11 @@ class _EndsAsDone(ControllerCore):
 
     stopped = ""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Say so."""
         if request.command.name == self.stopped:
             outcome = DONE
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 @mutant("4.17/8")

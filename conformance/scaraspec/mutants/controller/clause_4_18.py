@@ -21,7 +21,7 @@ class ResetEndsRun(ControllerCore):
         task = self.robot.task
         if task is not None and task.state == "01":
             self.robot.stop(request.now_s)
-            self.conclude(task.request, task.stopped)
+            self.send_result(task.request, task.outcome_if_stopped)
         return super().reset(request)
 
 
@@ -134,7 +134,7 @@ class ResetEndsUnderWay(ControllerCore):
         answer = super().reset(request)
         if answer.accepted and self.robot.task is not None:
             half_s = (request.now_s + self.plant.motion_ends_s) / 2
-            self.robot.task = replace(self.robot.task, act=_UnderWay(self.plant, half_s))
+            self.robot.task = replace(self.robot.task, activity=_UnderWay(self.plant, half_s))
         return answer
 
 
@@ -142,10 +142,10 @@ class ResetEndsUnderWay(ControllerCore):
 class ResetHasNoResult(ControllerCore):
     """A reset that has succeeded sends no final result."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave it out."""
         if request.command.name != "reset":
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 @mutant("4.18/4")
@@ -168,7 +168,7 @@ class ResetIgnoresLastingFaults(ControllerCore):
         if self.plant.fault_code is None:
             return super().reset(request)
         self.plant.clear_faults()
-        self.conclude(request, DONE)
+        self.send_result(request, DONE)
         return ACCEPTED
 
 
@@ -178,10 +178,10 @@ class ResetStaysInItsState(ControllerCore):
 
     _reset = False
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Note what ended last."""
         self._reset = request.command.name == "reset"
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
     def get_status(self, request: Request) -> str:
         """Tell of the reset."""

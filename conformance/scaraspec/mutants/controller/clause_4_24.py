@@ -159,21 +159,21 @@ class RefusesToStandStill(ControllerCore):
 class MoveHasNoResult(ControllerCore):
     """A move that has been made sends no final result."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave it out."""
         if request.command.name != "set_tool_coordinates" or not outcome.done:
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 @mutant("4.24/6")
 class MoveEndsAsFailure(ControllerCore):
     """A move that has been made is told as a failure."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Miss the end."""
         if request.command.name == "set_tool_coordinates" and outcome.done:
             outcome = Outcome(done=False, code="05")
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 @mutant("4.24/6")
@@ -269,7 +269,7 @@ class GoesAnywhere(ControllerCore):
     def set_tool_coordinates(self, request: Request) -> Acceptance:
         """Do not look."""
         if _is_far(request) and self.robot.task is None:
-            self.conclude(request, DONE)
+            self.send_result(request, DONE)
             return ACCEPTED
         return super().set_tool_coordinates(request)
 
@@ -281,7 +281,7 @@ class GoesAnywhereDownwards(ControllerCore):
     def set_tool_coordinates(self, request: Request) -> Acceptance:
         """Check the upper end alone."""
         if request.value is not None and request.value.z < -_FAR_MM and self.robot.task is None:
-            self.conclude(request, DONE)
+            self.send_result(request, DONE)
             return ACCEPTED
         return super().set_tool_coordinates(request)
 

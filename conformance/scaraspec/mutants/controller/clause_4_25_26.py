@@ -30,7 +30,7 @@ class ReleaseIsRefused(ControllerCore):
 
     def release_joints(self, request: Request) -> Acceptance:  # noqa: ARG002 - the seam's form
         """Refuse."""
-        code = self.robot.refusal(moves=False)
+        code = self.robot.refusal_code(moves=False)
         return Acceptance(accepted=False, code=code or "05")
 
 
@@ -56,10 +56,10 @@ class SecondReleaseIsAnsweredTwo(ControllerCore):
 class ReleaseHasNoResult(ControllerCore):
     """A release sends no final result, not even when the joints are locked again."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave it out."""
         if request.command.name != "release_joints":
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 @mutant("4.25/3")
@@ -79,13 +79,13 @@ class SecondReleaseFails(ControllerCore):
 
     _released = 0
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Count them."""
         if request.command.name == "release_joints":
             self._released += 1
             if self._released > 1:
                 outcome = Outcome(done=False, code="06")
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 class _ReleasesDuring(ControllerCore):
@@ -97,7 +97,7 @@ class _ReleasesDuring(ControllerCore):
         """Look at the motors alone."""
         task = self.robot.task
         if task is not None and task.request.command.name == self.during:
-            self.conclude(request, DONE)
+            self.send_result(request, DONE)
             return ACCEPTED
         return super().release_joints(request)
 
@@ -164,10 +164,10 @@ class LockOfReleasedIsRefused(ControllerCore):
 class LockHasNoResult(ControllerCore):
     """A lock sends no final result."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave it out."""
         if request.command.name != "lock_joints":
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
 
 @mutant("4.26/3")
@@ -181,11 +181,11 @@ class LockFails(ControllerCore):
         self._released = not self.plant.locked
         return super().lock_joints(request)
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Say so."""
         if request.command.name == "lock_joints" and self._released:
             outcome = Outcome(done=False, code="18")
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 @mutant("4.26/3", "4.24/5")

@@ -91,7 +91,7 @@ class JogIsRefused(ControllerCore):
 
     def jog(self, request: Request) -> Acceptance:  # noqa: ARG002 - the seam's form
         """Refuse."""
-        return Acceptance(accepted=False, code=self.robot.refusal() or "05")
+        return Acceptance(accepted=False, code=self.robot.refusal_code() or "05")
 
 
 @mutant("4.28/4")
@@ -115,12 +115,12 @@ class FourthJogIsRefused(ControllerCore):
 class JogHasNoResult(ControllerCore):
     """A jog that ends at the limit sends no final result."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Leave it out."""
         task = self.robot.task
         ended = request.command.name == "jog" and task is None and self.plant.motion_ends_s > 1
         if not ended or not self._at_limit(request):
-            super().conclude(request, outcome)
+            super().send_result(request, outcome)
 
     def _at_limit(self, request: Request) -> bool:
         pose = self.get_tool_coordinates(replace(request, now_s=self.plant.motion_ends_s))
@@ -142,12 +142,12 @@ class StoppedJogIsTold(ControllerCore):
 class JogFailsWithMotor(ControllerCore):
     """A jog that ends at the limit fails with a motor's code."""
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Blame the outer arm."""
         if request.command.name == "jog" and request.value is JogDirection.PLUS_X:
             pose = self.get_tool_coordinates(replace(request, now_s=self.plant.motion_ends_s))
             outcome = Outcome(done=False, code="12") if pose.x > 399 else outcome
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
 
 @mutant("4.28/5", "4.17/6", subtle=True)
@@ -158,11 +158,13 @@ class JogOfLostClientGoesOn(ControllerCore):
         """Keep the jog."""
         task = self.robot.task
         actions = super().close(connection, now_s)
-        if task is not None and task.needs_link and self.robot.task is None:
+        if task is not None and task.ends_with_link and self.robot.task is None:
             way = motion.jog(self.plant.joints(now_s), task.request.value)
             self.plant.start(way, now_s)
             act = Movement(self.plant)
-            self.robot.task = Task(task.request, MOVING, act, stopped=task.stopped)
+            self.robot.task = Task(
+                task.request, MOVING, act, outcome_if_stopped=task.outcome_if_stopped
+            )
         return actions
 
     def emergency_stop(self, request: Request) -> Acceptance:
@@ -215,7 +217,7 @@ class JogTakesZero(ControllerCore):
     def jog(self, request: Request) -> Acceptance:
         """Accept it."""
         if request.frame.data == b"0" and self.robot.task is None:
-            self.conclude(request, Outcome(done=True))
+            self.send_result(request, Outcome(done=True))
             return ACCEPTED
         return super().jog(request)
 

@@ -32,8 +32,8 @@ class GoesBehindTheRun(ControllerCore):
         self._due = not answer.accepted
         return answer
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         if self._due and self.robot.task is None:
             self.powered = self._due = False
             for session in list(self.sessions.values()):
@@ -56,7 +56,7 @@ class ShutdownIsRefused(ControllerCore):
 
     def shutdown(self, request: Request) -> Acceptance:  # noqa: ARG002 - the seam's form
         """Refuse."""
-        return Acceptance(accepted=False, code=self.robot.refusal() or "05")
+        return Acceptance(accepted=False, code=self.robot.refusal_code() or "05")
 
 
 @mutant("4.35/2")

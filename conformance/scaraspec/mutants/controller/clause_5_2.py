@@ -204,7 +204,7 @@ class ServesTheWholeDisk(ControllerCore):
             return
         self.emit(session, Frame(C2A, DOWNLOAD_NAME, b"1"))
         self._send_chunk(session, Chunk(12, 0, 12, b"root:x:0:0::"))
-        self._send_later()
+        self._send_deferred()
 
 
 # The answers to chunks
@@ -394,12 +394,12 @@ class UploadsOutliveTheirConnection(ControllerCore):
 
     orphan: OpenTransfer | None = None
 
-    def abandon(self, session: Session) -> None:
+    def abort_transfer(self, session: Session) -> None:
         """Keep it."""
         transfer = session.transfer
         if transfer and isinstance(transfer.end, Receiver) and transfer.end.received_bytes:
             self.orphan = transfer if transfer.end.state is State.ACTIVE else None
-        super().abandon(session)
+        super().abort_transfer(session)
 
     def upload_chunk(self, request: Request) -> bool | Silence:
         """Take it up."""

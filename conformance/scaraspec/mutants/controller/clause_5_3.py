@@ -298,8 +298,8 @@ class RepeatsUnansweredChunks(ControllerCore):
         """Repeat it, once."""
         if now_s >= self.due_s:
             again, self.unanswered, self.due_s = self.unanswered, [], math.inf
-            self._later += again
-            self._send_later()
+            self._deferred += again
+            self._send_deferred()
         return super().advance(now_s)
 
 
@@ -365,11 +365,11 @@ class LateAnswersReviveDownloads(ControllerCore):
         """What it remembers."""
         return {}
 
-    def abandon(self, session: Session) -> None:
+    def abort_transfer(self, session: Session) -> None:
         """Keep it."""
         if session.transfer is not None and isinstance(session.transfer.end, Sender):
             self.given_up[session] = session.transfer
-        super().abandon(session)
+        super().abort_transfer(session)
 
     def download_chunk(self, request: Request) -> Silence:
         """Send what would have been next."""

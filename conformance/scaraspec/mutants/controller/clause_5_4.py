@@ -87,11 +87,11 @@ class BrokenUploadsBlockTheirName(ControllerCore):
         """What it remembers."""
         return set()
 
-    def abandon(self, session: Session) -> None:
+    def abort_transfer(self, session: Session) -> None:
         """Block it."""
         if session.transfer is not None and isinstance(session.transfer.end, Receiver):
             self.blocked.add(session.transfer.name)
-        super().abandon(session)
+        super().abort_transfer(session)
 
     def upload_name(self, request: Request) -> bool:
         """Refuse it."""
@@ -277,10 +277,10 @@ class _Breaks(ControllerCore):
     def broken(self, session: Session, name: bytes, receiver: Receiver) -> None:
         """An upload has broken off."""
 
-    def abandon(self, session: Session) -> None:
+    def abort_transfer(self, session: Session) -> None:
         """Notice it."""
         transfer = session.transfer
-        super().abandon(session)
+        super().abort_transfer(session)
         if transfer is not None and isinstance(transfer.end, Receiver):
             self.broken(session, transfer.name, transfer.end)
 
@@ -409,7 +409,7 @@ class CommandsBreakUploads(ControllerCore):
     def handle(self, session: Session, frame: Frame, now_s: float) -> None:
         """End it."""
         if frame.opcode not in _TRANSFERS and _uploads(session):
-            self.abandon(session)
+            self.abort_transfer(session)
         super().handle(session, frame, now_s)
 
 
@@ -471,7 +471,7 @@ class RefusedNamesBreakUploads(ControllerCore):
         uploads = _uploads(request.session)
         accepted = super().upload_name(request)
         if uploads:
-            self.abandon(request.session)
+            self.abort_transfer(request.session)
         return accepted
 
 
@@ -518,7 +518,7 @@ class ResumesRefusedDownloads(ControllerCore):
             if request.value not in self.refused:
                 return accepted
             self.refused.discard(request.value)
-            self._later.clear()
+            self._deferred.clear()
             transfer.end.acknowledge(accepted=True, now_s=request.now_s)
             self._send_next(request.session)
         return accepted

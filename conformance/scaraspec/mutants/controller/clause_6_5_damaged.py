@@ -20,9 +20,9 @@ class _Mends(ControllerCore):
         """The file that it reads."""
         return data
 
-    def understood(self, data: bytes) -> Program | None:
+    def parse_program(self, data: bytes) -> Program | None:
         """Read what was made of it."""
-        return super().understood(self.mended(data))
+        return super().parse_program(self.mended(data))
 
 
 @mutant("6.5/28")
@@ -110,9 +110,9 @@ class FillsWhatIsMissing(_Mends):
 class RunsNothingOfDamagedFiles(ControllerCore):
     """A damaged file is run as a program without nodes."""
 
-    def understood(self, data: bytes) -> Program:
+    def parse_program(self, data: bytes) -> Program:
         """Something, in any case."""
-        return super().understood(data) or Program()
+        return super().parse_program(data) or Program()
 
 
 @mutant("6.5/28")
@@ -121,9 +121,9 @@ class RunsTheProgramBefore(ControllerCore):
 
     _before: Program | None = None
 
-    def understood(self, data: bytes) -> Program | None:
+    def parse_program(self, data: bytes) -> Program | None:
         """Remember what was right."""
-        self._before = super().understood(data) or self._before
+        self._before = super().parse_program(data) or self._before
         return self._before
 
 
@@ -141,7 +141,7 @@ class _Forgives(ControllerCore):
     interpreter = _Patient
     forgiven: ClassVar[frozenset[str]]
 
-    def understood(self, data: bytes) -> Program | None:
+    def parse_program(self, data: bytes) -> Program | None:
         """Look for other errors only."""
         try:
             program = parse(data)
@@ -168,9 +168,9 @@ class TakesKeysTwiceApart(_Forgives):
 
     forgiven = frozenset({"P-key-twice"})
 
-    def understood(self, data: bytes) -> Program | None:
+    def parse_program(self, data: bytes) -> Program | None:
         """Look at neighbours."""
-        program = super().understood(data)
+        program = super().parse_program(data)
         if program is None:
             return None
         keys = [variable.key for variable in program.variables]
@@ -207,9 +207,9 @@ class TakesOtherNodesInCurves(_Straightens):
 class LooksAtThreePointsOfACurve(TakesOtherNodesInCurves):
     """Behind its third point a curve may have other nodes than points."""
 
-    def understood(self, data: bytes) -> Program | None:
+    def parse_program(self, data: bytes) -> Program | None:
         """Look at those only."""
-        program = super().understood(data)
+        program = super().parse_program(data)
         if program is not None:
             nodes = parse(data).nodes
             for at, node in enumerate(nodes):

@@ -18,7 +18,7 @@ NAME_MAX_BYTES: Final = 244
 """255 (A-5-20) less what surrounds a name in its longest reply, ``1|name|DDHHMMSS`` (L226)."""
 
 
-FARTHEST: Final = 1e6
+MAX_COORDINATE: Final = 1e6
 """mm or degrees; what lies beyond is no coordinate."""
 
 
@@ -39,7 +39,7 @@ def refused(code: str) -> Acceptance:
 
 def are_coordinates(values: Iterable[float]) -> bool:
     """Whether these numbers can be coordinates at all."""
-    return all(abs(value) <= FARTHEST for value in values)
+    return all(abs(value) <= MAX_COORDINATE for value in values)
 
 
 class Base:
@@ -59,7 +59,7 @@ class Base:
         self.robot = Robot(plant)
         self.sessions: dict[int, Session] = {}
         self.powered = True
-        self._later: list[tuple[Session, Frame]] = []
+        self._deferred: list[tuple[Session, Frame]] = []
 
     @property
     def plant(self) -> Plant:
@@ -68,9 +68,9 @@ class Base:
 
     def later(self, session: Session, frame: Frame) -> None:
         """Send a frame after the first reply that is being made."""
-        self._later.append((session, frame))
+        self._deferred.append((session, frame))
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Send a final result, later."""
         assert request.command.result is not None, "only two-stage commands have a final result"
         data = request.command.result.encode(outcome, self.dialect)
@@ -96,9 +96,11 @@ class Base:
 
     def is_program(self, name: bytes) -> bool:
         """Whether a program of this name is stored, and can be named in every reply."""
-        return name in self.store and len(name) <= NAME_MAX_BYTES and self.bears_extension(name)
+        return (
+            name in self.store and len(name) <= NAME_MAX_BYTES and self.has_program_extension(name)
+        )
 
-    def bears_extension(self, name: bytes) -> bool:
+    def has_program_extension(self, name: bytes) -> bool:
         """Whether the reading of ``prog_ext`` lets this be a program's name (A-0-9)."""
         extension = self.dialect["prog_ext"]
         return extension == "any" or name.endswith(extension.encode())
@@ -111,6 +113,6 @@ class Base:
         except UnicodeDecodeError:
             return False
 
-    def may_have_thetas(self, theta_y: float, theta_z: float) -> bool:
+    def accepts_thetas(self, theta_y: float, theta_z: float) -> bool:
         """Whether thetaY and thetaZ, which mean nothing, may have these values (A-4.21-3)."""
         return self.dialect["theta_yz"] != "reject" or theta_y == theta_z == 0

@@ -33,13 +33,13 @@ class Motions(Base):
 
     def set_tool_coordinates(self, request: Request) -> Acceptance:
         """4.24: a joint-interpolated move that keeps the elbow (A-4.24-5)."""
-        if code := self.robot.refusal():
+        if code := self.robot.refusal_code():
             return refused(code)
         target: MoveTarget | None = request.value
         if (
             target is None
             or not are_coordinates(target)
-            or not self.may_have_thetas(target.theta_y, target.theta_z)
+            or not self.accepts_thetas(target.theta_y, target.theta_z)
         ):
             return refused(BAD_ARGUMENT)
         pose = arm.Pose(target.x, target.y, target.z, target.theta_x)
@@ -59,11 +59,11 @@ class Motions(Base):
         The faults go first, so that the state while it moves is 03 (L1020; A-4.18-3). A robot in
         error accepts, and fails if a fault stays or it cannot move (L411-419).
         """
-        fault, code = self.plant.fault_code, self.robot.refusal()
+        fault, code = self.plant.fault_code, self.robot.refusal_code()
         if code is not None and (code != fault or self.dialect["reset_from_error"] == "idle-only"):
             return refused(code)
         self.plant.clear_faults()
-        code = self.robot.refusal()
+        code = self.robot.refusal_code()
         if code is None:
             pose = arm.Pose(*self.store.settings.initial_tool_position[:4])
             try:
@@ -75,7 +75,7 @@ class Motions(Base):
                 return ACCEPTED
         if fault is None:
             return refused(code)
-        self.conclude(request, Outcome(done=False, code=code))
+        self.send_result(request, Outcome(done=False, code=code))
         return ACCEPTED
 
     def _way(self, pose: arm.Pose, speed_percent: int, now_s: float) -> motion.Motion:
@@ -84,7 +84,7 @@ class Motions(Base):
 
     def jog(self, request: Request) -> Acceptance:
         """4.28: until an emergency stop, a limit, or the loss of the link (A-4.28-3)."""
-        if code := self.robot.refusal():
+        if code := self.robot.refusal_code():
             return refused(code)
         if request.value is None:
             return refused(BAD_ARGUMENT)
@@ -97,14 +97,14 @@ class Motions(Base):
         task = self.robot.stop(request.now_s)
         if task is None:
             return Acceptance(accepted=False)
-        results = [(task.request, task.stopped), (request, DONE)]
+        results = [(task.request, task.outcome_if_stopped), (request, DONE)]
         match self.dialect["estop_interrupted"]:
             case "after":
                 results.reverse()
             case "none":
                 del results[0]
         for concluded, outcome in results:
-            self.conclude(concluded, outcome)
+            self.send_result(concluded, outcome)
         return ACCEPTED
 
     def release_joints(self, request: Request) -> Acceptance:
@@ -116,8 +116,8 @@ class Motions(Base):
         return self._set_locked(request, locked=True)
 
     def _set_locked(self, request: Request, *, locked: bool) -> Acceptance:
-        if code := self.robot.refusal(moves=False):
+        if code := self.robot.refusal_code(moves=False):
             return refused(code)
         self.plant.locked = locked
-        self.conclude(request, DONE)
+        self.send_result(request, DONE)
         return ACCEPTED

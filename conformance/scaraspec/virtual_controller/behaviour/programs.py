@@ -13,7 +13,7 @@ from scaraspec.virtual_controller.interpreter import Run, runnable
 from scaraspec.virtual_controller.robot import RUNNING, SIMULATING, Task
 from scaraspec.virtual_controller.session import Request
 
-MISSING: Final = "20"
+NO_SUCH_PROGRAM: Final = "20"
 """The code of a program that does not exist (L1044)."""
 LIST_MAX_BYTES: Final = 253
 """Names and bars in one message of a list, behind ``1|`` (L246)."""
@@ -51,13 +51,13 @@ class Programs(Base):
     def list_programs(self, request: Request) -> NameListPart:
         """4.10: every program, sorted; further messages pushed, or each asked for (A-4.10-3)."""
         names = [name for name in self.store.names() if self.is_program(name)]
-        first, *rest = request.session.list_rest or list_parts(names)
+        first, *rest = request.session.remaining_list_parts or list_parts(names)
         if self.dialect["list_cont"] == "push":
             for part in rest:
                 data = request.command.reply.encode(part, self.dialect)
                 self.later(request.session, Frame(C2A, request.frame.opcode, data))
             rest = []
-        request.session.list_rest = rest
+        request.session.remaining_list_parts = rest
         return first
 
     def delete_program(self, request: Request) -> bool:
@@ -100,11 +100,11 @@ class Programs(Base):
 
     def _start(self, request: Request, state: str) -> Acceptance:
         simulated = state == SIMULATING
-        if code := self.robot.refusal(moves=not simulated):
+        if code := self.robot.refusal_code(moves=not simulated):
             return refused(code)
         program = self._program(request.value)
         if program is None:
-            return refused(MISSING)
+            return refused(NO_SUCH_PROGRAM)
         run = self.interpreter(
             program, self.dialect, self.plant, simulated=simulated, now_s=request.now_s
         )
@@ -115,9 +115,9 @@ class Programs(Base):
         """A program that may run."""
         if name is None or not self.is_program(name):
             return None
-        return self.understood(self.store.read(name))
+        return self.parse_program(self.store.read(name))
 
-    def understood(self, data: bytes) -> Program | None:
+    def parse_program(self, data: bytes) -> Program | None:
         """The program that a file holds; a damaged one is as good as none (A-4.15-2)."""
         try:
             program = parse(data)

@@ -74,7 +74,7 @@ class Settings(Base):
     def set_initial_tool_position(self, request: Request) -> bool:
         """4.21: a pose that the arm can take, and not while a command executes (A-4.21-2)."""
         pose: Pose = request.value
-        if self.robot.task is not None or not self.may_have_thetas(pose.theta_y, pose.theta_z):
+        if self.robot.task is not None or not self.accepts_thetas(pose.theta_y, pose.theta_z):
             return False
         try:
             arm.inverse(arm.Pose(*pose[:4]), self.plant.joints(request.now_s))

@@ -17,7 +17,7 @@ class Transfers(Base):
     def upload_name(self, request: Request) -> bool:
         """5.2: a name that is not taken (L748), if the file could be made."""
         name: bytes = request.value
-        if not self._may_begin(request.session) or not self._is_free(name):
+        if not self._can_begin(request.session) or not self._is_name_free(name):
             return False
         if self.dialect["empty_file"] == "name-only" and not self._write(name, b""):
             return False
@@ -25,13 +25,13 @@ class Transfers(Base):
         request.session.transfer = OpenTransfer(name, receiver)
         return True
 
-    def _is_free(self, name: bytes) -> bool:
+    def _is_name_free(self, name: bytes) -> bool:
         """Whether a file of this name may be made (A-5-11, A-5-20)."""
         if (
             name in self.store
             or any(s.transfer and s.transfer.name == name for s in self.sessions.values())
             or len(name) > NAME_MAX_BYTES
-            or not self.bears_extension(name)
+            or not self.has_program_extension(name)
             or not self.is_text(name)
         ):
             return False
@@ -51,7 +51,7 @@ class Transfers(Base):
             session.transfer = None
             accepted = self._write(transfer.name, receiver.content)
         elif receiver.state is State.FAILED:
-            self.abandon(session)
+            self.abort_transfer(session)
         return SILENCE if accepted is None else accepted
 
     def _announced_bytes(self) -> int:
@@ -78,7 +78,7 @@ class Transfers(Base):
     def download_name(self, request: Request) -> bool:
         """5.3: a stored file; its first chunk follows at once (A-5-23)."""
         session, name = request.session, request.value
-        if not self._may_begin(session) or name not in self.store:
+        if not self._can_begin(session) or name not in self.store:
             return False
         content = self.store.read(name)
         if content:
@@ -108,16 +108,16 @@ class Transfers(Base):
         data = FILE_DATA.encode(chunk, self.dialect)
         self.later(session, Frame(C2A, BY_NAME["download_chunk"].opcode, data))
 
-    def _may_begin(self, session: Session) -> bool:
+    def _can_begin(self, session: Session) -> bool:
         """Whether a transfer may begin; under the reading "replace" the present one makes way."""
         if session.transfer is None:
             return True
         if self.dialect["xfer_concurrency"] == "refuse":
             return False
-        self.abandon(session)
+        self.abort_transfer(session)
         return True
 
-    def abandon(self, session: Session) -> None:
+    def abort_transfer(self, session: Session) -> None:
         """End a session's transfer without success; what came in is removed or kept (A-5-12)."""
         transfer, session.transfer = session.transfer, None
         if transfer is None or not isinstance(transfer.end, Receiver):

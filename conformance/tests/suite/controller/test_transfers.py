@@ -80,9 +80,9 @@ class ClosesBrokenLinks(ControllerCore):
         if uploads and [action.data for action in self._actions[-1:]] == [REFUSED]:
             self._end(session, now_s)
 
-    def _elapse(self, now_s: float) -> None:
+    def _process_due(self, now_s: float) -> None:
         uploads = self._uploads()
-        super()._elapse(now_s)
+        super()._process_due(now_s)
         for session in uploads:
             if session.transfer is None and session.connection in self.sessions:
                 self._end(session, now_s)
@@ -126,9 +126,9 @@ class RepeatsRefusedChunks(ControllerCore):
 class OneTransferAtATime(ControllerCore):
     """Takes one transfer for all connections together (A-5-17)."""
 
-    def _may_begin(self, session: Session) -> bool:
+    def _can_begin(self, session: Session) -> bool:
         busy = any(other.transfer for other in self.sessions.values())
-        return not busy and super()._may_begin(session)
+        return not busy and super()._can_begin(session)
 
 
 class NoticesLostLinksLate(ControllerCore):

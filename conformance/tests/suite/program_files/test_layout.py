@@ -22,7 +22,7 @@ class _ReadsOne(ControllerCore):
 
     layout: Layout
 
-    def understood(self, data: bytes) -> Program | None:
+    def parse_program(self, data: bytes) -> Program | None:
         """Read it in this layout."""
         try:
             program = parse(data, self.layout)
@@ -48,7 +48,7 @@ def test_a_robot_without_programs_is_told_once() -> None:
     class RunsNone(ControllerCore):
         """Understands nothing."""
 
-        def understood(self, data: bytes) -> None:
+        def parse_program(self, data: bytes) -> None:
             """Find no program."""
 
     results = prove_controller(_CASES, ControllerMutant("none", (), "It runs none.", RunsNone))

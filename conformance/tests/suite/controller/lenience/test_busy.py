@@ -30,8 +30,8 @@ class EndsJustThen(ControllerCore):
         task = self.robot.task
         if frame.opcode == 0x3A and task and task.state == "03" and task.request.session != session:
             self.robot.stop(now_s)
-            self.conclude(task.request, DONE)
-            self._send_later()
+            self.send_result(task.request, DONE)
+            self._send_deferred()
         super().handle(session, frame, now_s)
 
 
@@ -64,12 +64,12 @@ class FindsOutLate(ControllerCore):
             return ACCEPTED
         return answer
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         if self.due_s <= now_s:
             self.due_s = math.inf
-            self.conclude(self._asked, Outcome(done=False, code="20"))
-            self._send_later()
+            self.send_result(self._asked, Outcome(done=False, code="20"))
+            self._send_deferred()
 
     @property
     def next_event_s(self) -> float | None:
@@ -89,14 +89,14 @@ class FailsLate(ControllerCore):
 
     _due_s: float | None = None
 
-    def _settle(self, now_s: float) -> None:
+    def _finish_tasks(self, now_s: float) -> None:
         if self.robot.task is None or self.plant.fault_code is None:
-            super()._settle(now_s)
+            super()._finish_tasks(now_s)
             return
         self._due_s = now_s + 1 if self._due_s is None else self._due_s
         if now_s >= self._due_s:
             self._due_s = None
-            super()._settle(now_s)
+            super()._finish_tasks(now_s)
 
     @property
     def next_event_s(self) -> float | None:
@@ -119,7 +119,7 @@ class SimulatesAtOnce(ControllerCore):
         answer = super().simulate_program(request)
         if answer.accepted:
             self.robot.stop(request.now_s)
-            self.conclude(request, DONE)
+            self.send_result(request, DONE)
         return answer
 
 
@@ -137,8 +137,8 @@ class ServesNothingMeanwhile(ControllerCore):
         else:
             super().handle(session, frame, now_s)
 
-    def _settle(self, now_s: float) -> None:
-        super()._settle(now_s)
+    def _finish_tasks(self, now_s: float) -> None:
+        super()._finish_tasks(now_s)
         while self.robot.task is None and self._waiting:
             self.handle(*self._waiting.pop(0), now_s)
 
@@ -168,8 +168,8 @@ class LooksItUp(ControllerCore):
         else:
             super().handle(session, frame, now_s)
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         while self._looking and self._looking[0][0] <= now_s:
             _, session, frame = self._looking.pop(0)
             super().handle(session, frame, now_s)

@@ -119,8 +119,8 @@ class LocksOut(ControllerCore):
 class Greets(ControllerCore):
     """Every connection begins with the version (A-3-16)."""
 
-    def _admit(self, connection: int, carrier: Carrier) -> None:
-        super()._admit(connection, carrier)
+    def _add_session(self, connection: int, carrier: Carrier) -> None:
+        super()._add_session(connection, carrier)
         self.emit(self.sessions[connection], Frame(C2A, 0x08, b"1.0.0"))
 
 
@@ -225,7 +225,7 @@ class FreesLate(ServesTwo):
         if len(self.sessions) + len(self._left_s) < 2:
             return super().open(connection, now_s, link)
         self._actions.append(Close(connection))
-        return self._taken()
+        return self._take_actions()
 
     def close(self, connection: int, now_s: float) -> list[Action]:
         """Remember when."""
@@ -273,8 +273,8 @@ class DisplacesAMomentLater(ControllerCore):
         """Serve only the newest."""
         return super().receive(connection, b"" if connection in self._due_s else data, now_s)
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         for connection in [c for c, due_s in self._due_s.items() if due_s <= now_s]:
             del self._due_s[connection]
             if connection in self.sessions:
@@ -318,7 +318,7 @@ class NoticesLate(ControllerCore):
         if now_s > self._left_s + 0.05:
             return super().open(connection, now_s, link)
         self._actions.append(Close(connection))
-        return self._taken()
+        return self._take_actions()
 
     def close(self, connection: int, now_s: float) -> list[Action]:
         """Remember when."""

@@ -13,7 +13,7 @@ import pytest
 from scaraspec.protocol.payloads import Acceptance, Outcome
 from scaraspec.virtual_controller.arm import UPPER, Pose, UnreachableError, inverse
 from scaraspec.virtual_controller.behaviour.base import ACCEPTED, refused
-from scaraspec.virtual_controller.behaviour.programs import MISSING
+from scaraspec.virtual_controller.behaviour.programs import NO_SUCH_PROGRAM
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.interpreter import Run
 from scaraspec.virtual_controller.plant import OUTPUTS, Plant
@@ -101,8 +101,8 @@ def test_analog_inputs_may_be_few_coarse_and_noisy(tried: Try) -> None:
 class HasSensors(ControllerCore):
     """Half of its inputs change by themselves, one of them quickly."""
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         for port in (2, 4, 6):
             self.plant.digital_inputs[port] = int(now_s / (0.1 * port)) % 2 == 1
 
@@ -185,7 +185,7 @@ class ReadsAsItRuns(ControllerCore):
 
     def _start(self, request: Request, state: str) -> Acceptance:
         accepted = super()._start(request, state)
-        if accepted != refused(MISSING) or not self.is_program(request.value):
+        if accepted != refused(NO_SUCH_PROGRAM) or not self.is_program(request.value):
             return accepted
         act = _Fails(request.now_s + 0.1)
         self.robot.task = Task(request, state, act, program=request.value)

@@ -130,8 +130,8 @@ class WritesSlowly(ControllerCore):
         self._written.append((request.now_s + 6.0, request.session))
         return SILENCE
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         while self._written and self._written[0][0] <= now_s:
             self.emit(self._written.pop(0)[1], Frame(C2A, 0x52, b"1"))
 
@@ -170,8 +170,8 @@ class LooksInTurns(ControllerCore):
             else:
                 self._waiting.append((came_s, session, frame))
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         self._look(now_s)
 
     @property
@@ -190,9 +190,9 @@ def test_a_download_may_end_at_the_next_look(tried: Try) -> None:
 class TransfersOneAtATime(LooksInTurns):
     """While any client transfers a file, no other one begins to (A-5-17)."""
 
-    def _may_begin(self, session: Session) -> bool:
+    def _can_begin(self, session: Session) -> bool:
         others = (other for other in self.sessions.values() if other is not session)
-        return super()._may_begin(session) and not any(other.transfer for other in others)
+        return super()._can_begin(session) and not any(other.transfer for other in others)
 
 
 def test_one_file_may_be_transferred_at_a_time(tried: Try) -> None:
@@ -208,19 +208,19 @@ class OutlivesItsConnection(ControllerCore):
         super().__init__(*arguments)
         self.left: list[OpenTransfer] = []
 
-    def _forget(self, session: Session, now_s: float) -> None:
+    def _remove_session(self, session: Session, now_s: float) -> None:
         if session.transfer:
             self.left.append(session.transfer)
-        super()._forget(session, now_s)
+        super()._remove_session(session, now_s)
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         for transfer in self.left:
             transfer.end.expire(now_s)
 
-    def _may_begin(self, session: Session) -> bool:
+    def _can_begin(self, session: Session) -> bool:
         others = (other.transfer for other in self.sessions.values() if other is not session)
-        return super()._may_begin(session) and not any((*others, *self.under_way))
+        return super()._can_begin(session) and not any((*others, *self.under_way))
 
     @property
     def under_way(self) -> list[OpenTransfer]:
@@ -250,10 +250,10 @@ class Gathers(ControllerCore):
     """What it gathers is written 150 bytes at a time, into a file that it creates with its name;
     what is not yet written of an upload that breaks off is lost (A-5-12)."""
 
-    def abandon(self, session: Session) -> None:
+    def abort_transfer(self, session: Session) -> None:
         """Leave what is written."""
         transfer = session.transfer
-        super().abandon(session)
+        super().abort_transfer(session)
         if transfer is not None and isinstance(transfer.end, Receiver):
             content = transfer.end.content
             self._write(transfer.name, self.leave(content[: len(content) // 150 * 150]))
@@ -291,8 +291,8 @@ class Beats(ControllerCore):
         self._due_s = now_s + self._every_s
         return super().open(connection, now_s, link)
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         if now_s >= self._due_s:
             self._due_s = now_s + self._every_s
             for session in self.sessions.values():
@@ -312,9 +312,9 @@ def test_what_is_told_unasked_answers_nothing(tried: Try) -> None:
 class SaysThatItGivesUp(ControllerCore):
     """A download that has failed ends with a chunk of length 0."""
 
-    def _elapse(self, now_s: float) -> None:
+    def _process_due(self, now_s: float) -> None:
         transfers = [(session, session.transfer) for session in self.sessions.values()]
-        super()._elapse(now_s)
+        super()._process_due(now_s)
         for session, transfer in transfers:
             if transfer is not None and session.transfer is None:
                 self._signal(session, transfer.end)

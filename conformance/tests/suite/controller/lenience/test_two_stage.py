@@ -40,7 +40,7 @@ class Latching(ControllerCore):
 
     def emergency_stop(self, request: Request) -> Acceptance:
         if not super().emergency_stop(request).accepted:
-            self.conclude(request, DONE)
+            self.send_result(request, DONE)
         self.latched = True
         return ACCEPTED
 
@@ -48,7 +48,7 @@ class Latching(ControllerCore):
         moves = command.name in ("set_tool_coordinates", "jog", "run_program", "simulate_program")
         if moves and self.latched and answer == ACCEPTED:
             self.robot.stop(self.plant.motion_ends_s)
-            self._later.clear()
+            self._deferred.clear()
             answer = refused("05")
         super()._reply(session, command, frame, answer)
 
@@ -87,7 +87,7 @@ class Late(ControllerCore):
     def _later_refused(self, request: Request, answer: Acceptance, code: str) -> Acceptance:
         if answer.code != code or self.robot.task is not None:
             return answer
-        self.conclude(request, Outcome(done=False, code=code))
+        self.send_result(request, Outcome(done=False, code=code))
         return ACCEPTED
 
     def release_joints(self, request: Request) -> Acceptance:
@@ -100,13 +100,13 @@ class Late(ControllerCore):
             return refused("06")
         return super().lock_joints(request)
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         if request.command.name == "release_joints":
             self.release = request
             return
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
         if request.command.name == "lock_joints" and self.release is not None:
-            super().conclude(self.release, outcome)
+            super().send_result(self.release, outcome)
 
 
 class Quick(ControllerCore):
@@ -121,9 +121,9 @@ class Quick(ControllerCore):
         return motion.hold(super()._way(pose, speed_percent, now_s).waypoints[-1])
 
     def reset(self, request: Request) -> Acceptance:
-        if code := self.robot.refusal():
+        if code := self.robot.refusal_code():
             return refused(code)
-        self.conclude(request, DONE)
+        self.send_result(request, DONE)
         return ACCEPTED
 
     def jog(self, request: Request) -> Any:
@@ -142,16 +142,16 @@ class Slow(ControllerCore):
         super().__init__(*arguments, **named)
         self._sent: list[tuple[float, Action]] = []
 
-    def _taken(self) -> list[Action]:
+    def _take_actions(self) -> list[Action]:
         now_s = self._now_s
-        self._sent += [(now_s + 2, action) for action in super()._taken()]
+        self._sent += [(now_s + 2, action) for action in super()._take_actions()]
         due = [action for due_s, action in self._sent if due_s <= now_s]
         self._sent = [(due_s, action) for due_s, action in self._sent if due_s > now_s]
         return due
 
-    def _elapse(self, now_s: float) -> None:
+    def _process_due(self, now_s: float) -> None:
         self._now_s = now_s
-        super()._elapse(now_s)
+        super()._process_due(now_s)
 
     @property
     def next_event_s(self) -> float | None:
@@ -191,7 +191,7 @@ class DeafAtItsBrakes(Deaf):
     """The joints take their time to be released and locked, in which nothing is answered."""
 
     def _set_locked(self, request: Request, *, locked: bool) -> Acceptance:
-        if code := self.robot.refusal(moves=False):
+        if code := self.robot.refusal_code(moves=False):
             return refused(code)
         self.plant.locked = locked
         self.robot.task = Task(request, MOVING, _Brakes(request.now_s))
@@ -205,13 +205,13 @@ class SimulatesInNoTime(ControllerCore):
         answer = super().simulate_program(request)
         if answer is ACCEPTED:
             self.robot.stop(request.now_s)
-            self.conclude(request, DONE)
+            self.send_result(request, DONE)
         return answer
 
     def emergency_stop(self, request: Request) -> Acceptance:
         answer = super().emergency_stop(request)
         if not answer.accepted:
-            self.conclude(request, DONE)
+            self.send_result(request, DONE)
         return ACCEPTED
 
 
@@ -291,15 +291,15 @@ class Lags(ControllerCore):
     lag_s = 0.03
     _ended, _ended_s = "00", -1.0
 
-    def conclude(self, request: Request, outcome: Outcome) -> None:
+    def send_result(self, request: Request, outcome: Outcome) -> None:
         """Remember what ended, and when."""
         if request.command.name in STATE_OF:
             self._ended, self._ended_s = STATE_OF[request.command.name], self._now_s
-        super().conclude(request, outcome)
+        super().send_result(request, outcome)
 
-    def _elapse(self, now_s: float) -> None:
+    def _process_due(self, now_s: float) -> None:
         self._now_s = now_s
-        super()._elapse(now_s)
+        super()._process_due(now_s)
 
     def get_status(self, request: Request) -> str:
         """Tell of it."""
@@ -325,8 +325,8 @@ class TellsOfItself(ControllerCore):
 
     _told = "00"
 
-    def _settle(self, now_s: float) -> None:
-        super()._settle(now_s)
+    def _finish_tasks(self, now_s: float) -> None:
+        super()._finish_tasks(now_s)
         if self.robot.status == self._told:
             return
         self._told = self.robot.status

@@ -96,11 +96,11 @@ def test_what_is_open_is_not_failed(
 class OverlooksEnds(ControllerCore):
     """The byte behind the data of a frame is taken for its end, whatever it is."""
 
-    def _take_in(self, session: Session, found: list[Any], now_s: float) -> None:
+    def _process_items(self, session: Session, found: list[Any], now_s: float) -> None:
         for index, item in enumerate(found):
             if isinstance(item, Skipped) and item.why is SkipReason.BAD_END:
                 found[index] = Frame(A2C, item.data[1], item.data[3:-1])
-        super()._take_in(session, found, now_s)
+        super()._process_items(session, found, now_s)
 
 
 def test_a_wrong_end_byte_may_be_overlooked_and_is_warned_of(tried: Try) -> None:
@@ -169,8 +169,8 @@ class PushesSlowly(ControllerCore):
             self._due.append((request.now_s + number * 0.04, request.session, frame))
         return first
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         while self._due and self._due[0][0] <= now_s:
             self.emit(*self._due.pop(0)[1:])
 

@@ -88,7 +88,7 @@ class HasNoPatience(ControllerCore):
         transfer = request.session.transfer
         due_s = transfer.end.deadline_s if transfer else 0.0
         if due_s is not None and request.now_s > due_s - 10:
-            self.abandon(request.session)
+            self.abort_transfer(request.session)
             self.emit(request.session, _NO_CHUNK)
             return SILENCE
         return super().download_chunk(request)
@@ -126,7 +126,7 @@ class MissesSizes(ControllerCore):
     def upload_chunk(self, request: Request) -> Any:
         """Refuse it."""
         if request.value and not request.value.file_size & 0xFFFF:
-            self.abandon(request.session)
+            self.abort_transfer(request.session)
             return False
         return super().upload_chunk(request)
 
@@ -155,8 +155,8 @@ class TakesPathsLate(ControllerCore):
         else:
             super().handle(session, frame, now_s)
 
-    def _elapse(self, now_s: float) -> None:
-        super()._elapse(now_s)
+    def _process_due(self, now_s: float) -> None:
+        super()._process_due(now_s)
         while self._due and self._due[0][0] <= now_s:
             self.emit(self._due.pop(0)[1], Frame(C2A, 0x50, b"1"))
 

@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from scaraspec.mutants.controller.breaking import OtherInlet
+from scaraspec.mutants.controller.breaking import OtherFramer
 from scaraspec.protocol.frames import Frame, StreamItem
 from scaraspec.virtual_controller.core import ControllerCore
-from scaraspec.virtual_controller.inlet import Inlet
+from scaraspec.virtual_controller.request_framer import RequestFramer
 from scaraspec.virtual_controller.session import Action
 
 Try = Callable[..., Any]
 
 
-class _Restarts(Inlet):
+class _Restarts(RequestFramer):
     """Takes a segment that begins with AA for a new frame."""
 
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
@@ -27,13 +27,13 @@ class _Restarts(Inlet):
         return super().receive(data, now_s)
 
 
-class SegmentIsFrame(OtherInlet):
+class SegmentIsFrame(OtherFramer):
     """What begins with AA begins a frame, wherever that is."""
 
-    inlet = _Restarts
+    framer = _Restarts
 
 
-class _EndsAtAStop(Inlet):
+class _EndsAtAStop(RequestFramer):
     """Empties its buffer at an emergency stop."""
 
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
@@ -45,13 +45,13 @@ class _EndsAtAStop(Inlet):
         return found[: next(stops, len(found)) + 1]
 
 
-class StopsListening(OtherInlet):
+class StopsListening(OtherFramer):
     """What comes in one segment with an emergency stop, behind it, is lost."""
 
-    inlet = _EndsAtAStop
+    framer = _EndsAtAStop
 
 
-class _FullBuffer(Inlet):
+class _FullBuffer(RequestFramer):
     """Reads 256 bytes at once, and has no room for these behind what it has kept."""
 
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
@@ -65,13 +65,13 @@ class _FullBuffer(Inlet):
         return found
 
 
-class FullBuffer(OtherInlet):
+class FullBuffer(OtherFramer):
     """Where one buffer ends inside of a frame, and another is full, the frame is lost."""
 
-    inlet = _FullBuffer
+    framer = _FullBuffer
 
 
-class _FewPieces(Inlet):
+class _FewPieces(RequestFramer):
     """Puts a frame together of eight pieces."""
 
     pieces = 0
@@ -87,10 +87,10 @@ class _FewPieces(Inlet):
         return found
 
 
-class FewPieces(OtherInlet):
+class FewPieces(OtherFramer):
     """What comes in more than eight pieces is no frame."""
 
-    inlet = _FewPieces
+    framer = _FewPieces
 
 
 class HalfAKilobyte(ControllerCore):
@@ -120,7 +120,7 @@ class EndsAtTheMark(ControllerCore):
         return super().receive(connection, data, now_s)
 
 
-class _OutputsLast(Inlet):
+class _OutputsLast(RequestFramer):
     """Settings of outputs wait until the rest of a segment has been served."""
 
     def receive(self, data: bytes, now_s: float) -> list[StreamItem]:
@@ -129,10 +129,10 @@ class _OutputsLast(Inlet):
         return sorted(found, key=lambda each: isinstance(each, Frame) and each.opcode == 0x43)
 
 
-class OutputsLast(OtherInlet):
+class OutputsLast(OtherFramer):
     """The outputs have a task of their own, which comes later than that which answers."""
 
-    inlet = _OutputsLast
+    framer = _OutputsLast
 
 
 @pytest.mark.parametrize(

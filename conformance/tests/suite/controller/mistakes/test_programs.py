@@ -99,7 +99,7 @@ class RunsWhatComes(SendsAfterTheEnd):
     def uploaded(self, session: Session, name: bytes) -> None:  # noqa: ARG002 - whoever sends it
         """Let it."""
         if self.robot.task is not None:
-            _OneBuffer.latest = self.understood(self.store.read(name))
+            _OneBuffer.latest = self.parse_program(self.store.read(name))
 
 
 class _InPlace(interpreter.Run):
@@ -371,9 +371,9 @@ class SetsPortsOnce(ControllerCore):
 class EndsLoopsByAnEndif(ControllerCore):
     """An ENDIF ends whatever began last; a loop that it ends is left out."""
 
-    def understood(self, data: bytes) -> Program | None:
+    def parse_program(self, data: bytes) -> Program | None:
         """Leave it out."""
-        program = super().understood(data)
+        program = super().parse_program(data)
         if program is None:
             with suppress(ProgramError):
                 nodes = parse(data).nodes
@@ -428,9 +428,9 @@ class CurvesEndWithTheFile(TakesShortCurves):
 
     forgiven = frozenset({"P-counts-past-end", "P-curve-short"})
 
-    def understood(self, data: bytes) -> Program | None:
+    def parse_program(self, data: bytes) -> Program | None:
         """Look at the counts alone."""
-        program = super().understood(data)
+        program = super().parse_program(data)
         if program is None:
             return None
         curves = (node for node in parse(data).nodes if node.type == NodeType.CURVE_MOVE)

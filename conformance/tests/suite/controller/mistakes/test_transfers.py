@@ -42,7 +42,7 @@ class OldTimeOut(SendsAfterTheEnd):
         self._handled_s = now_s
         if now_s > self.due_s.get(session.connection, math.inf):
             del self.due_s[session.connection]
-            self.abandon(session)
+            self.abort_transfer(session)
         super().handle(session, frame, now_s)
 
 
@@ -94,7 +94,7 @@ class SilenceByTheClock(ControllerCore):
 
     def set_time(self, request: Request) -> bool:
         """Give up what has lasted for so long."""
-        self.abandon(request.session)
+        self.abort_transfer(request.session)
         was_set: bool = super().set_time(request)
         return was_set
 
@@ -105,7 +105,7 @@ class DeletesUploads(ControllerCore):
     def delete_program(self, request: Request) -> bool:
         """End them."""
         for session in self.sessions.values():
-            self.abandon(session)
+            self.abort_transfer(session)
         return super().delete_program(request)
 
 
@@ -139,9 +139,9 @@ class SignalsAndGoesOn(ControllerCore):
         """The connections whose last download was."""
         return set()
 
-    def _elapse(self, now_s: float) -> None:
+    def _process_due(self, now_s: float) -> None:
         sending = [session for session in self.sessions.values() if session.transfer]
-        super()._elapse(now_s)
+        super()._process_due(now_s)
         self.given_up.update(session.connection for session in sending if not session.transfer)
 
     def download_chunk(self, request: Request) -> Silence:

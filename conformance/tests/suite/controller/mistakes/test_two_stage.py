@@ -39,9 +39,9 @@ class StopsForAnyone(ControllerCore):
 class OpenDoor(ControllerCore):
     """While something executes everybody is served."""
 
-    def _may_ask(self, session: Session, command: Command) -> bool:
+    def _is_permitted(self, session: Session, command: Command) -> bool:
         """Let them in."""
-        return self.robot.task is not None or super()._may_ask(session, command)
+        return self.robot.task is not None or super()._is_permitted(session, command)
 
 
 class RunsTheDefault(ControllerCore):
@@ -74,10 +74,10 @@ class LocksOnItsWay(ControllerCore):
 class DiesWithItsClient(ControllerCore):
     """A program whose result nobody is there to hear is never over."""
 
-    def _settle(self, now_s: float) -> None:
+    def _finish_tasks(self, now_s: float) -> None:
         task = self.robot.task
         if task is None or task.request.session.connection in self.sessions:
-            super()._settle(now_s)
+            super()._finish_tasks(now_s)
 
 
 class StopsItsClock(ControllerCore):
@@ -136,7 +136,7 @@ class NoAnglesOnTheWay(ControllerCore):
     def emit(self, session: Session, frame: Frame) -> None:
         """Leave them out."""
         task = self.robot.task
-        if frame.opcode != 0x3C or task is None or not task.needs_link:
+        if frame.opcode != 0x3C or task is None or not task.ends_with_link:
             super().emit(session, frame)
 
 
@@ -230,7 +230,7 @@ class StopsLater(ControllerCore):
             task = self.robot.stop(request.now_s)
             assert task is not None
             self.emit(request.session, Frame(C2A, request.frame.opcode, b"1"))
-            self.conclude(task.request, task.stopped)
+            self.send_result(task.request, task.stopped)
             return SILENCE
         return answer
 
@@ -244,7 +244,7 @@ class BusyLater(ControllerCore):
         if task is None or task.request.now_s != request.now_s:
             return super().lock_joints(request)
         self.emit(request.session, Frame(C2A, request.frame.opcode, b"1"))
-        self.conclude(request, DONE)
+        self.send_result(request, DONE)
         return SILENCE
 
 

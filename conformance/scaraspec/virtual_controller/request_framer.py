@@ -12,7 +12,7 @@ _HEAD_BYTES = 3
 _FRAME_BYTES = 4  # of a frame without data
 
 
-class Inlet:
+class RequestFramer:
     """Finds a client's frames in its bytes, as a dialect has it; at most 260 bytes are held.
 
     Where the reading ``resync`` is "close", whoever meets the first skipped bytes is to close.

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Skipped, SkipReason, StreamItem
 from scaraspec.protocol.transfer import FILE_DATA, Chunk
-from scaraspec.virtual_controller.journal import line
+from scaraspec.virtual_controller.traffic_log import format_line
 
 
 @pytest.mark.parametrize(
@@ -32,7 +32,7 @@ from scaraspec.virtual_controller.journal import line
 )
 def test_what_is_told(seen: StreamItem, told: str) -> None:
     """Connection, arrow, opcode, name, data."""
-    assert line(3, seen) == told
+    assert format_line(3, seen) == told
 
 
 @given(
@@ -43,6 +43,6 @@ def test_what_is_told(seen: StreamItem, told: str) -> None:
 )
 def test_any_frame_is_one_line(direction: object, opcode: int, data: bytes, tagged: object) -> None:
     """No control character, no newline, no length without end."""
-    told = line(1, Frame(direction, opcode, data, tagged))
+    told = format_line(1, Frame(direction, opcode, data, tagged))
     assert told.isprintable()
     assert len(told) < 400

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from scaraspec.virtual_controller.control import HELP, ControlError, obey
+from scaraspec.virtual_controller.console_commands import HELP, ConsoleCommandError, execute
 from scaraspec.virtual_controller.plant import Plant
 
 
@@ -20,19 +20,19 @@ from scaraspec.virtual_controller.plant import Plant
 )
 def test_faults_are_made_and_cleared(plant: Plant, line: str, code: str) -> None:
     """Each code of table 8-1 that is a fault can be had."""
-    assert obey(line, plant, 1.0) == f"status {code}"
+    assert execute(line, plant, 1.0) == f"status {code}"
     assert plant.fault_code == code
-    assert obey("clear", plant, 1.0) == "all faults are gone"
+    assert execute("clear", plant, 1.0) == "all faults are gone"
     assert plant.fault_code is None
 
 
 @pytest.mark.parametrize("line", ["motor-fault wrist lasting", "angle-fault lasting"])
 def test_a_lasting_fault_survives_a_reset_until_repaired(plant: Plant, line: str) -> None:
     """`clear_faults` is what a reset does."""
-    obey(line, plant, 0.0)
+    execute(line, plant, 0.0)
     plant.clear_faults()
     assert plant.fault_code is not None
-    obey("repair", plant, 0.0)
+    execute("repair", plant, 0.0)
     assert plant.fault_code is not None
     plant.clear_faults()
     assert plant.fault_code is None
@@ -40,26 +40,26 @@ def test_a_lasting_fault_survives_a_reset_until_repaired(plant: Plant, line: str
 
 def test_the_disk_and_the_inputs_are_driven(plant: Plant) -> None:
     """Ports by their numbers, from 1."""
-    assert obey("disk-full on", plant, 0.0) == "the disk is full"
+    assert execute("disk-full on", plant, 0.0) == "the disk is full"
     assert plant.disk_full
-    assert obey("disk-full off", plant, 0.0) == "the disk has room"
+    assert execute("disk-full off", plant, 0.0) == "the disk has room"
     assert not plant.disk_full
-    assert obey("input 3 1", plant, 0.0) == "digital input 3 is 1"
+    assert execute("input 3 1", plant, 0.0) == "digital input 3 is 1"
     assert plant.digital_inputs[3]
-    obey("input 3 0", plant, 0.0)
+    execute("input 3 0", plant, 0.0)
     assert not plant.digital_inputs[3]
-    assert obey("analog 2 4.75", plant, 0.0) == "analog input 2 is 4.75"
+    assert execute("analog 2 4.75", plant, 0.0) == "analog input 2 is 4.75"
     assert plant.analog_inputs[2] == 4.75
 
 
 def test_help_names_every_command(plant: Plant) -> None:
     """What help lists is what there is; an empty line says nothing."""
-    assert obey("help", plant, 0.0) == HELP
+    assert execute("help", plant, 0.0) == HELP
     for row in HELP.splitlines():
-        with pytest.raises(ControlError) as told:
-            obey(f"{row.split()[0]} one two three", plant, 0.0)
+        with pytest.raises(ConsoleCommandError) as told:
+            execute(f"{row.split()[0]} one two three", plant, 0.0)
         assert "there is no command" not in str(told.value)
-    assert obey("  ", plant, 0.0) == ""
+    assert execute("  ", plant, 0.0) == ""
 
 
 @pytest.mark.parametrize(
@@ -86,8 +86,8 @@ def test_a_line_that_cannot_be_obeyed_is_told_in_one_sentence(
     plant: Plant, line: str, said: str
 ) -> None:
     """What was wrong, and what would be right."""
-    with pytest.raises(ControlError) as told:
-        obey(line, plant, 0.0)
+    with pytest.raises(ConsoleCommandError) as told:
+        execute(line, plant, 0.0)
     assert said in str(told.value)
     assert "\n" not in str(told.value)
 
@@ -102,7 +102,7 @@ def test_a_line_that_cannot_be_obeyed_is_told_in_one_sentence(
 def test_any_line_is_obeyed_or_told(plant: Plant, line: str) -> None:
     """Nothing that is typed raises anything else."""
     try:
-        told = obey(line, plant, 0.0)
-    except ControlError as error:
+        told = execute(line, plant, 0.0)
+    except ConsoleCommandError as error:
         told = str(error)
     assert len(told) < 250 or told == HELP

@@ -10,7 +10,7 @@ from scaraspec.protocol.transfer import FILE_DATA, Chunk
 _MASK = "••••"
 
 
-def line(connection: int, seen: StreamItem) -> str:
+def format_line(connection: int, seen: StreamItem) -> str:
     """Tell what was seen on a connection: ``#1 > 0x09 get_status``, ``#1 < 0x09 get_status 00``."""
     if isinstance(seen, Skipped):  # never its bytes: a torn login holds the password too
         return f"#{connection} > skipped {seen.size_bytes} bytes: {seen.why.value}"

@@ -25,11 +25,11 @@ help                                     show this"""
 _JOINTS: Final = {joint.name.lower(): joint for joint in Joint}
 
 
-class ControlError(Exception):
+class ConsoleCommandError(Exception):
     """A line that cannot be obeyed; the text is one sentence."""
 
 
-def obey(line: str, plant: Plant, now_s: float) -> str:
+def execute(line: str, plant: Plant, now_s: float) -> str:
     """Do what a line says.
 
     Returns:
@@ -43,7 +43,7 @@ def obey(line: str, plant: Plant, now_s: float) -> str:
         return ""
     command = _COMMANDS.get(words[0])
     if command is None:
-        raise ControlError(
+        raise ConsoleCommandError(
             UserMessage(
                 "there is no command {words}: they are {commands}",
                 words=reprlib.repr(words[0]),
@@ -56,7 +56,7 @@ def obey(line: str, plant: Plant, now_s: float) -> str:
 def _motor_fault(words: list[str], plant: Plant, now_s: float) -> str:
     names, lasting = _with_lasting(words)
     if len(names) != 1:
-        raise ControlError(
+        raise ConsoleCommandError(
             UserMessage(
                 "motor-fault takes joints between commas: {joints}", joints=", ".join(_JOINTS)
             )
@@ -64,7 +64,7 @@ def _motor_fault(words: list[str], plant: Plant, now_s: float) -> str:
     joints = names[0].split(",")
     for name in joints:
         if name not in _JOINTS:
-            raise ControlError(
+            raise ConsoleCommandError(
                 UserMessage(
                     "there is no joint {name}: they are {joints}",
                     name=reprlib.repr(name),
@@ -79,7 +79,7 @@ def _fault(code: str) -> Callable[[list[str], Plant, float], str]:
     def command(words: list[str], plant: Plant, now_s: float) -> str:
         others, lasting = _with_lasting(words)
         if others:
-            raise ControlError(
+            raise ConsoleCommandError(
                 UserMessage(
                     "a fault takes no {others}, only the word lasting",
                     others=reprlib.repr(others[0]),
@@ -114,7 +114,7 @@ def _clear(words: list[str], plant: Plant, _: float) -> str:
 
 def _disk_full(words: list[str], plant: Plant, _: float) -> str:
     if words not in (["on"], ["off"]):
-        raise ControlError("disk-full takes on or off")
+        raise ConsoleCommandError("disk-full takes on or off")
     plant.disk_full = words == ["on"]
     return "the disk is full" if plant.disk_full else "the disk has room"
 
@@ -122,13 +122,13 @@ def _disk_full(words: list[str], plant: Plant, _: float) -> str:
 def _input(words: list[str], plant: Plant, _: float) -> str:
     port, value = _port(words, "0 or 1")
     if value not in ("0", "1"):
-        raise ControlError(
+        raise ConsoleCommandError(
             UserMessage("a digital input is 0 or 1, not {value}", value=reprlib.repr(value))
         )
     try:
         plant.digital_inputs[port] = value == "1"
     except NoSuchPortError as error:
-        raise ControlError(str(error)) from None
+        raise ConsoleCommandError(str(error)) from None
     return f"digital input {port} is {value}"
 
 
@@ -137,9 +137,9 @@ def _analog(words: list[str], plant: Plant, _: float) -> str:
     try:
         plant.analog_inputs[port] = float(value)
     except NoSuchPortError as error:
-        raise ControlError(str(error)) from None
+        raise ConsoleCommandError(str(error)) from None
     except ValueError:
-        raise ControlError(
+        raise ConsoleCommandError(
             UserMessage("no analog input can be {value}", value=reprlib.repr(value))
         ) from None
     return f"analog input {port} is {plant.analog_inputs[port]:g}"
@@ -149,7 +149,7 @@ def _port(words: list[str], kind: str) -> tuple[int, str]:
     match words:
         case [port, value] if port.isdecimal() and len(port) <= 3:  # noqa: PLR2004 - no port has more digits
             return int(port), value
-    raise ControlError(UserMessage("an input takes its port, 1 to 8, and {kind}", kind=kind))
+    raise ConsoleCommandError(UserMessage("an input takes its port, 1 to 8, and {kind}", kind=kind))
 
 
 def _help(words: list[str], _plant: Plant, _now_s: float) -> str:
@@ -159,7 +159,7 @@ def _help(words: list[str], _plant: Plant, _now_s: float) -> str:
 
 def _none(words: list[str]) -> None:
     if words:
-        raise ControlError(
+        raise ConsoleCommandError(
             UserMessage(
                 "this command takes nothing more, not {words}", words=reprlib.repr(words[0])
             )
