@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from scaraspec.protocol.commands import Parsed, read
+from scaraspec.protocol.commands import Parsed, parse_frame
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame, Framer
 from scaraspec.protocol.hazard import Hazard
@@ -143,7 +143,7 @@ def form(parsed: Parsed | None) -> str:
     if parsed is None:
         return "undefined"
     value = parsed.decoded.value
-    if parsed.decoded.complaints:
+    if parsed.decoded.issues:
         return "malformed"
     if isinstance(value, Acceptance):
         return "accepted" if value.accepted else "refused"
@@ -166,7 +166,7 @@ class _Ear:
         while True:
             while self._heard:
                 frame = self._heard.popleft()
-                parsed = read(frame)
+                parsed = parse_frame(frame)
                 if frame.opcode == opcode and (parsed is None or parsed.part == part):
                     return form(parsed)
             if not self._receive(deadline_s):
@@ -197,7 +197,7 @@ def _step(seen: FrameSeen, allowed: Collection[Hazard]) -> Step:
         step.reason = "behind a gap"
     elif parsed is None:
         step.reason = "undefined opcode"
-    elif parsed.decoded.complaints:
+    elif parsed.decoded.issues:
         step.reason = "malformed"
     elif parsed.command.hazard not in allowed:
         step.reason = parsed.command.hazard.value

@@ -4,7 +4,7 @@ import click
 
 from scaraspec.cli.problems import Problem
 from scaraspec.judge.verdicts import ExitStatus
-from scaraspec.protocol.commands import read
+from scaraspec.protocol.commands import parse_frame
 from scaraspec.protocol.direction import Direction
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame, Framer, Skipped
@@ -16,11 +16,11 @@ EXAMPLE = "Example: scaraspec frame AA0900CC CC09023030AA"
 def _explain(frame: Frame) -> list[str]:
     """Return lines about a frame: sender, command, data and defects."""
     sender = "client" if frame.direction is Direction.A2C else "controller"
-    parsed = read(frame)
+    parsed = parse_frame(frame)
     if parsed is None:
         return [f"{frame}  {sender}: opcode {frame.opcode:02X} is not defined"]
     lines = [f"{frame}  {sender}: {parsed.command.name} {parsed.part} {show(frame.data)}".rstrip()]
-    lines += [f"  wrong: {complaint.text}" for complaint in parsed.decoded.complaints]
+    lines += [f"  wrong: {complaint.text}" for complaint in parsed.decoded.issues]
     lines += [f"  reading: {key}={option}" for key, option in parsed.decoded.readings]
     return lines
 
@@ -52,8 +52,8 @@ def command(hexadecimal: tuple[str, ...]) -> None:
                 wrong = True
                 click.echo(f"[{item.data.hex(' ').upper()}]  no frame: {item.why.value}")
                 continue
-            parsed = read(item)
-            wrong = wrong or parsed is None or bool(parsed.decoded.complaints)
+            parsed = parse_frame(item)
+            wrong = wrong or parsed is None or bool(parsed.decoded.issues)
             click.echo("\n".join(_explain(item)))
     if wrong:
         raise SystemExit(ExitStatus.NONCONFORMANT)

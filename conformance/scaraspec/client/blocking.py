@@ -211,10 +211,10 @@ class Client(ClientBase):
         now_s = self._link.now_s
         if arrival is None:
             self._core.tick(now_s)
-        elif isinstance(arrival.what, Ending):
-            self._core.connection_lost(LINK_LOST_REASONS[arrival.what], now_s)
+        elif isinstance(arrival.content, Ending):
+            self._core.connection_lost(LINK_LOST_REASONS[arrival.content], now_s)
         else:
-            self._core.feed(arrival.what, now_s)
+            self._core.feed(arrival.content, now_s)
         self._flush()
 
     def _flush(self) -> None:

@@ -18,7 +18,7 @@ from scaraspec.client.pending_operation import (
     create_operation,
 )
 from scaraspec.client.transfer import Download, Upload, chunk_reply
-from scaraspec.protocol.commands import BY_NAME, Parsed, read
+from scaraspec.protocol.commands import BY_NAME, Parsed, parse_frame
 from scaraspec.protocol.direction import C2A
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer, Skipped, StreamItem
 from scaraspec.protocol.readings import DEFAULT, Dialect
@@ -215,7 +215,7 @@ class ClientCore:
 
     def _dispatch(self, frame: Frame, now_s: float) -> list[Event]:
         """Give a frame to the first exchange that awaits it."""
-        parsed = read(frame)
+        parsed = parse_frame(frame)
         if parsed is not None:
             for operation in self._open:
                 if operation.expects(frame, parsed):
@@ -244,7 +244,7 @@ class ClientCore:
             self._observe("op_temp_reply", f"0x{frame.opcode:02X}")
         if parsed.part == "result" and self._executing(_STOP) and parsed.command.name != _STOP:
             self._observe("estop_interrupted", "first")
-        for complaint in parsed.decoded.complaints:
+        for complaint in parsed.decoded.issues:
             self.remarks.append(f"{parsed.part} of {parsed.command.name}: {complaint.text}")
 
     def _observe(self, key: str, option: str) -> None:

@@ -9,7 +9,7 @@ from scaraspec.client.errors import Failed, Interrupted, ProtocolError, Refused
 from scaraspec.protocol import errors
 from scaraspec.protocol.commands import Command, Parsed
 from scaraspec.protocol.fields import Defect, show
-from scaraspec.protocol.payloads import Acceptance, Answer, Outcome
+from scaraspec.protocol.payloads import Acceptance, OptionalRecord, Outcome
 from scaraspec.user_message import UserMessage
 
 _SPELLING: Final = frozenset({Defect.TRAILING_NUL, Defect.QUOTES, Defect.BINARY})
@@ -32,7 +32,7 @@ def interpret_reply(parsed: Parsed, data: bytes) -> Any:
         ProtocolError: Nothing can be made of it.
     """
     command, value = parsed.command, parsed.decoded.value
-    wrong = {complaint.wrong for complaint in parsed.decoded.complaints}
+    wrong = {complaint.defect for complaint in parsed.decoded.issues}
     match value:
         case True | Acceptance(accepted=True) | Outcome(done=True):
             if not wrong <= {Defect.TRAILING_NUL}:
@@ -58,8 +58,8 @@ def _failure(command: Command, code: errors.Code | None) -> Failed:
 def _value_of_none(parsed: Parsed, data: bytes, wrong: set[Defect]) -> str | None:
     """What it means that no value was found: a ``0`` for an answer, or nothing sensible."""
     reply = parsed.command.reply
-    if isinstance(reply, Answer) and wrong <= _SPELLING:
-        if reply.none_key:
+    if isinstance(reply, OptionalRecord) and wrong <= _SPELLING:
+        if reply.none_reading:
             return None
         raise Refused(parsed.command)
     if wrong == {Defect.CODE} and len(data) == _CODE_LENGTH:
@@ -81,7 +81,7 @@ def _code(text: str | None, raw: bytes) -> errors.Code | None:
 
 def _unreadable(parsed: Parsed, data: bytes) -> ProtocolError:
     what = "final result" if parsed.part == "result" else "reply"
-    complaints = parsed.decoded.complaints
+    complaints = parsed.decoded.issues
     why = complaints[0].text if complaints else show(data)
     return ProtocolError(
         UserMessage(

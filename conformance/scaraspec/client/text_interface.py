@@ -83,8 +83,8 @@ def _read(field: Field, text: str) -> Any:
             pass  # the field says better what is wrong with it
     notes = Diagnostics()
     value = field.read(text.encode("utf-8", "surrogateescape"), notes)
-    if notes.complaints:
-        raise PayloadError(notes.complaints[0].text)
+    if notes.issues:
+        raise PayloadError(notes.issues[0].text)
     return value
 
 

@@ -83,7 +83,7 @@ class Robot:
     def restart(self) -> None:
         """Switch it off and on: programs and settings stay, all else begins anew."""
         now_s = self.network.now_s
-        self.network.perform([Close(connection) for connection in self._open])
+        self.network.apply([Close(connection) for connection in self._open])
         self._open.clear()
         clock = self._plant.clock.time(now_s)
         self._plant = Plant(clock, now_s)
@@ -104,7 +104,7 @@ class Robot:
             execute(line, self._plant, now_s)
         except ConsoleCommandError as error:
             raise HookError(f"{error}") from None
-        self.network.perform(self._core.advance(now_s))
+        self.network.apply(self._core.advance(now_s))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
-"""What the document says: frames, commands, codes, transfers and program files.
+"""The protocol as the document defines it: frames, commands, codes, transfers and program files.
 
-Standard library only, and no socket, clock, thread, file or logger: bytes and times come in as
-arguments. A lint rule holds this.
+This package uses only the standard library. It does no I/O: no socket, clock, thread, file or
+logger. Bytes and times are arguments. An import contract checks this. Verdicts on a peer's
+behaviour are in `scaraspec.judge`.
 """

@@ -1,7 +1,7 @@
-"""THE table: every command of clauses 4 and 5, once.
+"""The command table: one row for every command of clauses 4 and 5.
 
 Codec, strategies, controller dispatch, client methods, decoder texts, dissectors and the command
-reference are made from these rows. To add a command, add a row; behaviour goes elsewhere.
+reference are derived from these rows. To add a command, add a row. Behaviour is not defined here.
 """
 
 from collections.abc import Mapping
@@ -27,14 +27,14 @@ from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
 from scaraspec.protocol.payloads import (
     FLAG,
-    Answer,
     Decoded,
     FinalResult,
     FirstReply,
     Jog,
     NameList,
-    Nothing,
+    NoData,
     OptionalName,
+    OptionalRecord,
     Payload,
     Record,
 )
@@ -42,7 +42,7 @@ from scaraspec.protocol.transfer import FILE_DATA
 
 
 class Network(NamedTuple):
-    """Address, mask and gateway, dotted IPv4 (L150)."""
+    """Address, mask and gateway as dotted IPv4 (L150)."""
 
     ip: str
     mask: str
@@ -65,7 +65,7 @@ class Point(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """Tool coordinates, in mm and degrees (L447); thetaY and thetaZ mean nothing here (L1006)."""
+    """Tool coordinates, in mm and degrees (L447); thetaY and thetaZ have no meaning (L1006)."""
 
     x: float
     y: float
@@ -76,7 +76,7 @@ class Pose(NamedTuple):
 
 
 class MoveTarget(NamedTuple):
-    """Where to move, and at what share of full speed, in percent (L483-488)."""
+    """The target of a move, and the speed in percent of full speed (L483-488)."""
 
     speed: int
     x: float
@@ -88,7 +88,7 @@ class MoveTarget(NamedTuple):
 
 
 class JointValues(NamedTuple):
-    """One number for each joint, in the order of L299: °C in 0x0F, degrees (wrist mm) in 0x3C."""
+    """One number per joint, in the order of L299: °C in 0x0F, degrees (wrist: mm) in 0x3C."""
 
     inner_arm: float
     outer_arm: float
@@ -97,7 +97,7 @@ class JointValues(NamedTuple):
 
 
 class RunningProgram(NamedTuple):
-    """The running program's name, and for how many seconds it has run (L226)."""
+    """The name of the running program, and its run time in seconds (L226)."""
 
     name: bytes
     run_time_s: int
@@ -114,37 +114,37 @@ _XYZ = (Number("x", "mm"), Number("y", "mm"), Number("z", "mm"))
 _THETAS = (Number("theta_x", "°"), Number("theta_y", "°"), Number("theta_z", "°"))
 _JOINTS = ("inner_arm", "outer_arm", "wrist", "rotation")
 
-_NONE = Nothing()
+_NONE = NoData()
 _NAME = Record((Name("name"),))
 _NETWORK = Record((Address("ip"), Address("mask"), Address("gateway")), Network)
 _TIME = Record((Clock("time"),))
 _POINT = Record(_XYZ, Point)
 _POSE = Record(_XYZ + _THETAS, Pose)
-_REASONED = FirstReply()
-_UNREASONED = FirstReply(reasoned=False)
-_BARE = FirstReply(bare_key="err_bare0")
+_REPLY = FirstReply()
+_REPLY_WITHOUT_CODE = FirstReply(has_code=False)
+_REPLY_BARE_0 = FirstReply(bare_reading="err_bare0")
 _RESULT = FinalResult()
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One row: what goes out, what comes back, and what it may do to a robot.
+    """One row of the table: the messages of a command and its hazard.
 
     Attributes:
         opcode: 命令字, one byte.
-        name: The command's one name everywhere: methods, driver operations, reports.
-        title: What it does, in English.
-        original: The heading's words.
-        clause: For example "4.15".
-        lines: First and last line of its text in the document.
+        name: The name of the command in methods, driver operations and reports.
+        title: What the command does, in English.
+        original: The heading in the document.
+        clause: The clause, for example "4.15".
+        lines: First and last line of the clause in the document.
         request: Data of the request.
         reply: Data of the first reply.
-        result: Data of the final result behind the 0x90 tag; None for one-stage commands.
-        hazard: The worst it does to a real robot.
-        asker: Who sends the request; the controller only for 0x56 (A-5-19).
-        alternate_opcode: Another opcode printed for the same command, request and reply (A-4.12-1).
-        alternate_reply_opcode: Another opcode printed for the reply alone (A-4.14-1).
-        secret: Its request holds passwords: masked wherever it is shown.
+        result: Data of the final result, which has the 0x90 tag; None for one-stage commands.
+        hazard: The worst effect on a real robot.
+        initiator: The sender of the request; the controller only for 0x56 (A-5-19).
+        alternate_opcode: Another opcode that the document prints for the command (A-4.12-1).
+        alternate_reply_opcode: Another opcode that the document prints for the reply (A-4.14-1).
+        secret: The request contains passwords, which are masked in all decoded output.
     """
 
     opcode: int
@@ -168,7 +168,7 @@ class Command:
         return self.result is not None
 
     def payload(self, frame: Frame) -> Payload | None:
-        """The payload that a frame of this command holds; None for a tag it cannot bear."""
+        """Return the payload of a frame of this command; None for a tag on a one-stage command."""
         if frame.tagged:
             return self.result
         return self.request if frame.direction is self.initiator else self.reply
@@ -196,8 +196,8 @@ COMMANDS: Final = (
             _NONE, Record((StatusCode("code"),)), _RO),
     Command(0x0A, "get_running_program", "Get the running program", "获取当前机器人运行程序信息",
             "4.9", (219, 237), _NONE,
-            Answer(Record((Name("name"), RunTime("run_time_s", "s")), RunningProgram),
-                   none_key="runinfo_none"), _RO),
+            OptionalRecord(Record((Name("name"), RunTime("run_time_s", "s")), RunningProgram),
+                   none_reading="runinfo_none"), _RO),
     Command(0x0B, "list_programs", "List the programs", "获取用户程序列表", "4.10", (239, 251),
             _NONE, NameList(), _RO),
     Command(0x0C, "delete_program", "Delete a program", "删除用户应用程序", "4.11", (253, 263),
@@ -210,13 +210,13 @@ COMMANDS: Final = (
             (289, 302), _NONE, Record(tuple(Number(j, "°C") for j in _JOINTS), JointValues), _RO,
             alternate_reply_opcode=0x0E),
     Command(0x30, "run_program", "Run a program", "运行程序", "4.15", (304, 328),
-            _NAME, _REASONED, _MO, _RESULT),
+            _NAME, _REPLY, _MO, _RESULT),
     Command(0x31, "simulate_program", "Simulate a program", "模拟运行程序", "4.16", (330, 354),
-            _NAME, _REASONED, _MO, _RESULT),
+            _NAME, _REPLY, _MO, _RESULT),
     Command(0x32, "emergency_stop", "Emergency stop", "急停命令", "4.17", (356, 383),
-            _NONE, _UNREASONED, _MO, _RESULT),
+            _NONE, _REPLY_WITHOUT_CODE, _MO, _RESULT),
     Command(0x33, "reset", "Reset the robot", "复位机器人", "4.18", (385, 419),
-            _NONE, _REASONED, _MO, _RESULT),
+            _NONE, _REPLY, _MO, _RESULT),
     Command(0x34, "get_gripper_center", "Get the gripper centre", "获取夹具中心点", "4.19",
             (421, 431), _NONE, _POINT, _RO),
     Command(0x35, "set_gripper_center", "Set the gripper centre", "设置夹具中心点", "4.20",
@@ -230,29 +230,29 @@ COMMANDS: Final = (
     Command(0x39, "set_tool_coordinates", "Move to tool coordinates", "设置工具坐标", "4.24",
             (481, 516),
             Record((Integer("speed", "%", minimum=1, maximum=100), *_XYZ, *_THETAS), MoveTarget),
-            _BARE, _MO, _RESULT),
+            _REPLY_BARE_0, _MO, _RESULT),
     Command(0x3A, "release_joints", "Release all joints", "松开所有关节", "4.25", (518, 549),
-            _NONE, _REASONED, _MO, _RESULT),
+            _NONE, _REPLY, _MO, _RESULT),
     Command(0x3B, "lock_joints", "Lock all joints", "锁住所有关节", "4.26", (551, 582),
-            _NONE, _REASONED, _MO, _RESULT),
+            _NONE, _REPLY, _MO, _RESULT),
     Command(0x3C, "get_joint_angles", "Get the joint angles", "获取各关节角度", "4.27", (584, 594),
             _NONE, Record(tuple(Number(j, "mm" if j == "wrist" else "°") for j in _JOINTS),
                           JointValues), _RO),
     Command(0x3D, "jog", "Jog until stopped", "持续移动机器人关节", "4.28", (596, 637),
-            Jog(), _REASONED, _MO, _RESULT),
+            Jog(), _REPLY, _MO, _RESULT),
     Command(0x42, "get_digital_inputs", "Get the digital inputs", "获取某输入 IO 端口数字输入值",
-            "4.31", (639, 651), _NONE, Answer(Record((Bits("bits", count=8),))), _RO),
+            "4.31", (639, 651), _NONE, OptionalRecord(Record((Bits("bits", count=8),))), _RO),
     Command(0x43, "set_digital_output", "Set a digital output", "设置某 IO 端口数字输出值", "4.32",
             (653, 663),
             Record((Integer("port", minimum=1, maximum=40), Integer("value", maximum=1)),
                    PortValue), FLAG, _MO),
     Command(0x44, "get_analog_input", "Get an analog input", "获取某 IO 端口的输入模拟量", "4.33",
             (665, 675), Record((Integer("port", minimum=1, maximum=40, width=2),)),
-            Answer(Record((Number("value"),))), _RO),
+            OptionalRecord(Record((Number("value"),))), _RO),
     Command(0x49, "get_digital_outputs", "Get the digital outputs", "获取某输出 IO 端口数字输入值",
-            "4.34", (677, 687), _NONE, Answer(Record((Bits("bits", count=16),))), _RO),
+            "4.34", (677, 687), _NONE, OptionalRecord(Record((Bits("bits", count=16),))), _RO),
     Command(0x60, "shutdown", "Shut the robot down", "关闭机器人", "4.35", (689, 706),
-            _NONE, _REASONED, _DE),
+            _NONE, _REPLY, _DE),
     Command(0x50, "upload_name", "Begin an upload", "文件名传输协议", "5.2", (743, 751),
             _NAME, FLAG, _ST),
     Command(0x52, "upload_chunk", "Upload a chunk", "文件内容传输协议", "5.2", (753, 763),
@@ -265,26 +265,29 @@ COMMANDS: Final = (
 # fmt: on
 
 BY_NAME: Final[Mapping[str, Command]] = MappingProxyType({c.name: c for c in COMMANDS})
-"""Rows by name."""
+"""Commands by name."""
 
 BY_OPCODE: Final[Mapping[int, Command]] = MappingProxyType(
     {c.opcode: c for c in COMMANDS}
     | {c.alternate_opcode: c for c in COMMANDS if c.alternate_opcode is not None}
 )
-"""Rows by opcode, 0x0D and 0x13 giving the same one."""
+"""Commands by opcode; 0x0D and 0x13 give the same command."""
 
 UNDOCUMENTED_GAP: Final = range(0x3E, 0x42)
-"""Two clauses and four opcodes were cut from this edition; they probably move (A-0-5)."""
+"""Four opcodes that are missing in this edition, with two clauses; they probably move (A-0-5)."""
 
 
-def plausible(opcode: int, tagged: bool) -> bool:  # noqa: FBT001 - the framer's foothold has these two
-    """Whether a frame of any direction may bear this opcode: for footholds in mid-stream."""
+def is_known_opcode(opcode: int, tagged: bool) -> bool:  # noqa: FBT001 - a resync filter has these two
+    """Return whether a frame may have this opcode and tag, in either direction.
+
+    Pass this function to a `Framer` as its resync or recovery filter.
+    """
     command = BY_OPCODE.get(opcode)
     return command is not None and (command.two_stage or not tagged)
 
 
 class Parsed(NamedTuple):
-    """A frame read against the table: its row, which of its payloads, and what that says."""
+    """A frame decoded with the table: its command, the part of the exchange, and the payload."""
 
     command: Command
     part: str  # "request", "reply" or "result"
@@ -292,13 +295,14 @@ class Parsed(NamedTuple):
 
 
 @lru_cache(maxsize=1024)
-def read(frame: Frame) -> Parsed | None:
-    """Read a frame by its own opcode, without regard to what was asked before.
+def parse_frame(frame: Frame) -> Parsed | None:
+    """Decode a frame by its own opcode, without regard to earlier requests.
 
-    A client that polls says the same again and again, hence the cache.
+    A reply to 0x0F with the opcode 0x0E (A-4.14-1) is recognized by its four fields. The results
+    are cached, because polling clients repeat the same frames.
 
-    A reply to 0x0F under opcode 0x0E (A-4.14-1) is told by its four fields. None for an
-    undefined opcode, and for a tag on a one-stage command.
+    Returns:
+        None for an undefined opcode, and for a tag on a one-stage command.
     """
     command = BY_OPCODE.get(frame.opcode)
     if (

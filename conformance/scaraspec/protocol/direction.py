@@ -1,10 +1,10 @@
-"""The two directions of the link. Everything that belongs to one of them is keyed by it."""
+"""The two directions of the link."""
 
 from enum import Enum
 
 
 class Direction(Enum):
-    """Who sends: ``A2C`` the client (应用层), ``C2A`` the controller (控制层), L92-94."""
+    """The sender: ``A2C`` is the client (应用层), ``C2A`` the controller (控制层), L92-94."""
 
     A2C = "A2C"
     C2A = "C2A"
@@ -24,7 +24,7 @@ class Direction(Enum):
 
     @property
     def opposite(self) -> "Direction":
-        """The direction of the answer."""
+        """The direction of the reply."""
         return Direction.C2A if self is Direction.A2C else Direction.A2C
 
 

@@ -1,6 +1,6 @@
-"""Table 8-1, the error list: what the two characters of a code mean and where they may stand.
+"""Table 8-1, the error codes: what each code means and in which messages it may occur.
 
-The table and its look-up live here. What a robot does when a code occurs does not.
+This module contains the table and its lookup. It does not define what a robot does on an error.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,7 +22,7 @@ class Joint(Enum):
 
 
 class Kind(Enum):
-    """What sort of thing a code reports; the three states of 4.8 (L214) are the first three."""
+    """What a code reports; the first three are the states of 4.8 (L214)."""
 
     IDLE = "idle"
     RUNNING = "running"
@@ -36,12 +36,12 @@ class Code:
     """One row of table 8-1.
 
     Attributes:
-        text: The two characters on the wire, upper case ("1A"): text, not a number (L1014).
+        text: The two characters on the wire in upper case ("1A"); text, not a number (L1014).
         meaning: The meaning in English.
-        original: The document's words without the closing punctuation.
-        line: Where they stand (1038).
-        kind: The sort of report.
-        joints: The joints whose motors are at fault, in table order; empty for all but 11-1F.
+        original: The document's text without the closing punctuation.
+        line: The line of the document, for example 1038.
+        kind: What the code reports.
+        joints: The joints with a motor fault, in table order; empty except for 11-1F.
     """
 
     text: str
@@ -52,44 +52,44 @@ class Code:
     joints: tuple[Joint, ...] = ()
 
 
-_ENGLISH = {
+_ENGLISH_NAMES = {
     Joint.INNER_ARM: "inner arm",
     Joint.OUTER_ARM: "outer arm",
     Joint.WRIST: "wrist",
     Joint.ROTATION: "rotation",
 }
 
-# In the order in which a row of the table names them.
-_CHINESE = {
+# In the order in which the rows of the table list the joints.
+_CHINESE_NAMES = {
     Joint.ROTATION: "夹具关节",
     Joint.WRIST: "手腕关节",
     Joint.INNER_ARM: "大臂关节",
     Joint.OUTER_ARM: "小臂关节",
 }
 
-# Three rows are worded unlike their neighbours; 关机 in the last is a slip for 关节 (A-0-8).
-_ODDLY_WORDED = {
+# Three rows differ in wording from the others; 关机 in the last is a misprint of 关节 (A-0-8).
+_IRREGULAR_WORDING = {
     0b0011: "大臂和小臂电机同时出错",
     0b0111: "手腕关节，大臂关节和小臂关节出错",
     0b1111: "所有关机电机都出错",
 }
 
 
-def _enumerate(words: list[str], comma: str, conjunction: str) -> str:
+def _join_words(words: list[str], comma: str, conjunction: str) -> str:
     *head, last = words
     return comma.join(head) + conjunction + last if head else last
 
 
 def _motor_code(mask: int) -> Code:
-    """The row for a set of joints: hex 10 plus their bits (A-8-1, L1029-1043)."""
+    """Return the row for a set of joints: hex 10 plus their bits (A-8-1, L1029-1043)."""
     joints = tuple(joint for joint in Joint if joint.value & mask)
-    english = [_ENGLISH[joint] for joint in joints]
-    chinese = [word for joint, word in _CHINESE.items() if joint in joints]
+    english = [_ENGLISH_NAMES[joint] for joint in joints]
+    chinese = [word for joint, word in _CHINESE_NAMES.items() if joint in joints]
     verb = "电机错误" if len(joints) == 1 else "电机出错"
     return Code(
         text=f"{0x10 + mask:02X}",
-        meaning=f"motor fault: {_enumerate(english, ', ', ' and ')}",
-        original=_ODDLY_WORDED.get(mask, _enumerate(chinese, "，", "和") + verb),
+        meaning=f"motor fault: {_join_words(english, ', ', ' and ')}",
+        original=_IRREGULAR_WORDING.get(mask, _join_words(chinese, "，", "和") + verb),
         line=1028 + mask,
         kind=Kind.FAULT,
         joints=joints,
@@ -113,39 +113,41 @@ _CODES = (
 )
 
 TABLE_8_1: Mapping[str, Code] = MappingProxyType({code.text: code for code in _CODES})
-"""Every code of the table by its upper-case text, in the table's order (L1016-1044)."""
+"""All codes of the table by their upper-case text, in the order of the table (L1016-1044)."""
 
 RESERVED = frozenset(code for code in _CODES if code.kind is Kind.RESERVED)
-"""07-10: no controller may send them (A-8-3)."""
+"""The codes 07-10, which a controller must not send (A-8-3)."""
 
 FAILURES = frozenset(code for code in _CODES if code.kind is Kind.FAULT)
 """Codes of a failed final result, ``00|code`` (A-8-5).
 
-``00|00``, for a command that 0x32 interrupted (A-4.17-4), and ``00|20``, for a missing program
-found late (A-4.15-1), are tolerated by their own entries and are not in here.
+``00|00`` for a command that 0x32 interrupted (A-4.17-4) and ``00|20`` for a missing program that
+is found late (A-4.15-1) are not included: their own register entries tolerate them.
 """
 
 STATES = FAILURES | {code for code in _CODES if code.kind in (Kind.IDLE, Kind.RUNNING)}
 """Codes that 0x09 may report (A-8-5)."""
 
 REFUSALS = FAILURES | {code for code in _CODES if code.kind in (Kind.RUNNING, Kind.MISSING_FILE)}
-"""Codes of a refusing first reply, ``0|code`` (A-8-5)."""
+"""Codes of a first reply that refuses a command, ``0|code`` (A-8-5)."""
 
 
 def lookup(text: str) -> Code | None:
-    """The code with this text in either case (A-T-7), or None where the table has no such row."""
+    """Return the code with this text in either case (A-T-7), or None if the table has none."""
     return TABLE_8_1.get(text.upper())
 
 
 def code_for_joints(joints: Iterable[Joint]) -> Code:
-    """The code that reports motor faults of exactly these joints (A-8-1).
+    """Return the code that reports motor faults of exactly these joints (A-8-1).
 
     Raises:
-        ValueError: No joint is given.
+        ValueError: `joints` is empty.
     """
     mask = 0
     for joint in joints:
         mask |= joint.value
     if not mask:
-        raise ValueError("a motor fault needs at least one joint: table 8-1 has no code for none")
+        raise ValueError(
+            "a motor fault needs at least one joint: table 8-1 has no code without a joint"
+        )
     return TABLE_8_1[f"{0x10 + mask:02X}"]

@@ -1,8 +1,8 @@
 """Fields: one value between two bars (the text conventions of clauses 3 and 4).
 
-Each field reads leniently and writes strictly. Reading never raises: it returns the value that
-was most likely meant, and complaints about how it was written. What a complaint costs is for the
-judge. How fields make up a payload stands in `payloads`.
+Each field is decoded leniently and encoded strictly. Decoding never raises: it returns the value
+that was most likely intended, and an issue for each deviation from the document. The judge decides
+the verdict on an issue. Payloads, which consist of fields, are in `payloads`.
 """
 
 import re
@@ -17,32 +17,32 @@ from scaraspec.protocol.readings import Dialect
 from scaraspec.user_message import UserMessage
 
 NAME_MAX_BYTES: Final = 30
-"""一般不超过 30 个字节 (L226): soft for what is received, hard for what we send (A-4.9-5)."""
+"""一般不超过 30 个字节 (L226): a recommendation for received names, a limit for ours (A-4.9-5)."""
 
 
 class PayloadError(ValueError):
-    """A value cannot be written as the document wants it; the text says which and why."""
+    """A value cannot be encoded as the document requires; the message states which and why."""
 
 
 class Defect(Enum):
-    """How a payload departs from the document. The judge maps each to a requirement."""
+    """How a payload deviates from the document. The judge maps each defect to a requirement."""
 
-    SIZE = "size"  # no data where some is due, data where none is, a wrong fixed length
+    SIZE = "size"  # missing data, unexpected data, or a wrong fixed length
     FIELD_COUNT = "field count"
-    SPACE_FOR_BAR = "space for bar"  # written from a copy that lost the bars (A-0-1)
+    SPACE_FOR_BAR = "space for bar"  # the document prints spaces for lost bars (A-0-1)
     QUOTES = "quotes"
     TRAILING_NUL = "trailing NUL"
     TRAILING_BAR = "trailing bar"
     BLANKS = "blanks"
-    NO_CODE = "no code"  # a refusal without its reason (A-4.24-3)
-    BINARY = "binary digit"  # 0x00-0x09 where an ASCII digit is due (A-T-1)
+    NO_CODE = "no code"  # a refusal without an error code (A-4.24-3)
+    BINARY = "binary digit"  # 0x00-0x09 in place of an ASCII digit (A-T-1)
     FLAG = "flag"
     NUMBER = "number"
     RANGE = "range"
     CODE = "code"  # not two characters of table 8-1
     RESERVED_CODE = "reserved code"
     CLOCK = "clock"  # not 14 digits
-    CALENDAR = "calendar"  # 14 digits that no calendar holds
+    CALENDAR = "calendar"  # 14 digits that are not a valid date and time
     RUN_TIME = "run time"
     ADDRESS = "address"
     BITS = "bits"
@@ -59,26 +59,29 @@ class Defect(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DecodeIssue:
-    """One thing wrong with a payload, in a short clause of English."""
+    """One deviation of a payload from the document, with a short description."""
 
-    wrong: Defect
+    defect: Defect
     text: str
 
 
 @dataclass(slots=True)
 class Diagnostics:
-    """What a reader noticed: complaints, and readings that the bytes give away."""
+    """What a decoder found: issues, and the readings of open points that the bytes show."""
 
-    complaints: list[DecodeIssue] = field(default_factory=list)
+    issues: list[DecodeIssue] = field(default_factory=list)
     readings: dict[str, str] = field(default_factory=dict)
 
-    def add(self, wrong: Defect, text: str) -> None:
-        """Note one complaint."""
-        self.complaints.append(DecodeIssue(wrong, text))
+    def add(self, defect: Defect, text: str) -> None:
+        """Add one issue."""
+        self.issues.append(DecodeIssue(defect, text))
 
 
 def show(data: bytes, limit: int = 60) -> str:
-    """Bytes as a reader can take them: UTF-8, else GB18030, else escapes (A-T-2); never control."""
+    """Return bytes as printable text: UTF-8, else GB18030, else Latin-1 (A-T-2).
+
+    Unprintable characters are escaped. A text longer than `limit` characters is cut.
+    """
     for encoding in ("utf-8", "gb18030"):
         try:
             text = data.decode(encoding)
@@ -93,10 +96,12 @@ def show(data: bytes, limit: int = 60) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Field(ABC):
-    """A named field; subclasses say how it is read and written.
+    """A named field; each subclass defines one text format.
 
     Attributes:
-        opaque: Its bytes mean nothing to the protocol: blanks at its ends belong to it.
+        name: The name of the field.
+        unit: The unit of the value, empty if it has none.
+        opaque: The protocol does not interpret the bytes: spaces at the ends belong to the value.
     """
 
     name: str
@@ -104,15 +109,15 @@ class Field(ABC):
     opaque: ClassVar[bool] = False
 
     @abstractmethod
-    def read(self, text: bytes, notes: Diagnostics) -> Any:
-        """Return the value, or None where there is none to be had; add complaints to `notes`."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> Any:
+        """Decode the value, or return None if that is impossible; add issues to `diagnostics`."""
 
     @abstractmethod
     def write(self, value: Any, dialect: Dialect) -> bytes:
-        """Return the text of `value`.
+        """Encode the value.
 
         Raises:
-            PayloadError: The value has no legal text.
+            PayloadError: The document allows no encoding of this value.
         """
 
 
@@ -122,26 +127,26 @@ _INTEGER = re.compile(rb"-?[0-9]+")
 
 @dataclass(frozen=True, slots=True)
 class Number(Field):
-    """A plain decimal number with "." as its mark (A-T-5); at most 3 decimals are written."""
+    """A plain decimal number with a decimal point (A-T-5), encoded with at most 3 decimals."""
 
-    def read(self, text: bytes, notes: Diagnostics) -> float | None:
-        """Read a number; what other notations mean is guessed for the reader, and complained of."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> float | None:
+        """Decode a number; any other notation is an issue and has no value."""
         if _DECIMAL.fullmatch(text):
             return float(text)
-        notes.add(
+        diagnostics.add(
             Defect.NUMBER,
             UserMessage(
-                "{self_} {text!r} is no plain decimal number", self_=self.name, text=show(text)
+                "{field} {text!r} is not a plain decimal number", field=self.name, text=show(text)
             ),
         )
         return None
 
     def write(self, value: float, dialect: Dialect) -> bytes:
-        """Write a finite number; 1e6 has no exponent, -0.0 no sign."""
-        if not abs(value) < 1e15:  # noqa: PLR2004 - nan fails the comparison too; beyond it floats skip integers
+        """Encode a finite number without an exponent; -0.0 has no sign."""
+        if not abs(value) < 1e15:  # noqa: PLR2004 - nan fails the comparison, too; larger floats skip integers
             raise PayloadError(
                 UserMessage(
-                    "{self_} must be a finite number, not {value!r}", self_=self.name, value=value
+                    "{field} must be a finite number, not {value!r}", field=self.name, value=value
                 )
             )
         if dialect["num_format"] == "one-decimal":
@@ -152,27 +157,27 @@ class Number(Field):
 
 @dataclass(frozen=True, slots=True)
 class Integer(Field):
-    """An integer within bounds, padded with zeros to `width` characters where that is drawn."""
+    """An integer within bounds, padded with zeros to `width` characters."""
 
     minimum: int = 0
     maximum: int = 255
     width: int = 1
 
-    def read(self, text: bytes, notes: Diagnostics) -> int | None:
-        """Read an integer; out of bounds it is complained of and still returned."""
-        if not _INTEGER.fullmatch(text) or len(text) > 20:  # noqa: PLR2004 - more digits are no integer of this protocol
-            notes.add(
+    def read(self, text: bytes, diagnostics: Diagnostics) -> int | None:
+        """Decode an integer; a value out of bounds is an issue and is returned."""
+        if not _INTEGER.fullmatch(text) or len(text) > 20:  # noqa: PLR2004 - no integer of this protocol has more digits
+            diagnostics.add(
                 Defect.NUMBER,
-                UserMessage("{self_} {text!r} is no integer", self_=self.name, text=show(text)),
+                UserMessage("{field} {text!r} is not an integer", field=self.name, text=show(text)),
             )
             return None
         value = int(text)
         if not self.minimum <= value <= self.maximum:
-            notes.add(
+            diagnostics.add(
                 Defect.RANGE,
                 UserMessage(
-                    "{self_} {value} is outside {minimum} to {maximum}",
-                    self_=self.name,
+                    "{field} {value} is out of range: {minimum} to {maximum}",
+                    field=self.name,
                     value=value,
                     minimum=self.minimum,
                     maximum=self.maximum,
@@ -181,12 +186,12 @@ class Integer(Field):
         return value
 
     def write(self, value: int, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
-        """Write an integer within its bounds."""
+        """Encode an integer within its bounds."""
         if value != int(value) or not self.minimum <= value <= self.maximum:
             raise PayloadError(
                 UserMessage(
-                    "{self_} must be an integer, {minimum} to {maximum}, not {value!r}",
-                    self_=self.name,
+                    "{field} must be an integer from {minimum} to {maximum}, not {value!r}",
+                    field=self.name,
                     minimum=self.minimum,
                     maximum=self.maximum,
                     value=value,
@@ -197,90 +202,92 @@ class Integer(Field):
 
 @dataclass(frozen=True, slots=True)
 class Text(Field):
-    """Opaque bytes: a password (L109). Not empty, no bar (A-T-6)."""
+    """Opaque bytes, such as a password (L109): not empty, without a bar (A-T-6)."""
 
     opaque: ClassVar[bool] = True
     maximum_bytes: int = 255
 
-    def read(self, text: bytes, notes: Diagnostics) -> bytes:
-        """Read the bytes as they are."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> bytes:
+        """Return the bytes unchanged."""
         if not text:
-            notes.add(Defect.SIZE, UserMessage("{self_} is empty", self_=self.name))
+            diagnostics.add(Defect.SIZE, UserMessage("{field} is empty", field=self.name))
         elif b"|" in text:
-            notes.add(
+            diagnostics.add(
                 Defect.BAR_IN_NAME,
-                UserMessage("{self_} contains the separator '|'", self_=self.name),
+                UserMessage("{field} contains the separator '|'", field=self.name),
             )
         return text
 
     def write(self, value: bytes, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
-        """Write the bytes as they are."""
+        """Return the bytes unchanged."""
         if not 1 <= len(value) <= self.maximum_bytes:
             raise PayloadError(
                 UserMessage(
-                    "{self_} must have 1 to {maximum_bytes} bytes, not {value_count}",
-                    self_=self.name,
+                    "{field} must have 1 to {maximum_bytes} bytes, not {byte_count}",
+                    field=self.name,
                     maximum_bytes=self.maximum_bytes,
-                    value_count=len(value),
+                    byte_count=len(value),
                 )
             )
         if b"|" in value:
             raise PayloadError(
-                UserMessage("{self_} must not contain '|', the separator (L125)", self_=self.name)
+                UserMessage("{field} must not contain '|', the separator (L125)", field=self.name)
             )
         return value
 
 
 @dataclass(frozen=True, slots=True)
 class Name(Field):
-    """A program or file name (A-5-20): opaque bytes, at most 30 by L226."""
+    """A program or file name (A-5-20): opaque bytes, at most 30 (L226)."""
 
     opaque: ClassVar[bool] = True
 
-    def read(self, text: bytes, notes: Diagnostics) -> bytes:
-        """Read the bytes as they are."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> bytes:
+        """Return the bytes unchanged."""
         if not text:
-            notes.add(Defect.EMPTY_NAME, UserMessage("{self_} is empty", self_=self.name))
+            diagnostics.add(Defect.EMPTY_NAME, UserMessage("{field} is empty", field=self.name))
         if b"|" in text:
-            notes.add(
+            diagnostics.add(
                 Defect.BAR_IN_NAME,
                 UserMessage(
-                    "{self_} {text!r} contains the separator '|'", self_=self.name, text=show(text)
+                    "{field} {text!r} contains the separator '|'", field=self.name, text=show(text)
                 ),
             )
         if len(text) > NAME_MAX_BYTES:
-            notes.add(
+            diagnostics.add(
                 Defect.LONG_NAME,
                 UserMessage(
-                    "{self_} has {text_count} bytes, more than 30",
-                    self_=self.name,
-                    text_count=len(text),
+                    "{field} has {byte_count} bytes, more than 30",
+                    field=self.name,
+                    byte_count=len(text),
                 ),
             )
         if b"/" in text or b"\\" in text or b"\0" in text or text in (b".", b".."):
-            notes.add(
+            diagnostics.add(
                 Defect.PATH_IN_NAME,
-                UserMessage("{self_} {text!r} has path elements", self_=self.name, text=show(text)),
+                UserMessage(
+                    "{field} {text!r} contains a path element", field=self.name, text=show(text)
+                ),
             )
         return text
 
     def write(self, value: bytes, dialect: Dialect) -> bytes:
-        """Write a name that every reading of the document takes."""
+        """Encode a name that every reading of the document allows."""
         maximum = 255 if dialect["name_max"] == "255" else NAME_MAX_BYTES
         if not 1 <= len(value) <= maximum:
             raise PayloadError(
                 UserMessage(
-                    "{self_} must have 1 to {maximum} bytes, not {value_count}",
-                    self_=self.name,
+                    "{field} must have 1 to {maximum} bytes, not {byte_count}",
+                    field=self.name,
                     maximum=maximum,
-                    value_count=len(value),
+                    byte_count=len(value),
                 )
             )
         if any(c in value for c in (b"|", b"/", b"\\", b"\0")) or value in (b".", b".."):
             raise PayloadError(
                 UserMessage(
-                    "{self_} {value!r} has a separator or path element in it",
-                    self_=self.name,
+                    "{field} {value!r} contains a separator or path element",
+                    field=self.name,
                     value=show(value),
                 )
             )
@@ -291,45 +298,43 @@ class Name(Field):
 class Flag(Field):
     """``1`` or ``0``."""
 
-    def read(self, text: bytes, notes: Diagnostics) -> bool | None:
-        """Read the flag; a binary 0 or 1 is understood and complained of (A-T-1)."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> bool | None:
+        """Decode the flag; a binary 0 or 1 is an issue and is returned (A-T-1)."""
         if text in (b"1", b"0"):
             return text == b"1"
         if text in (b"\x00", b"\x01"):
-            notes.add(
+            diagnostics.add(
                 Defect.BINARY,
                 UserMessage(
-                    "{self_} is the byte {text:02X}, not an ASCII digit",
-                    self_=self.name,
-                    text=text[0],
+                    "{field} is the byte {byte:02X}, not an ASCII digit",
+                    field=self.name,
+                    byte=text[0],
                 ),
             )
             return text == b"\x01"
-        notes.add(
+        diagnostics.add(
             Defect.FLAG,
-            UserMessage(
-                "{self_} is {text!r}, neither '1' nor '0'", self_=self.name, text=show(text)
-            ),
+            UserMessage("{field} is {text!r}, not '1' or '0'", field=self.name, text=show(text)),
         )
         return None
 
     def write(self, value: bool, dialect: Dialect) -> bytes:  # noqa: ARG002, FBT001 - one signature for all fields
-        """Write the flag."""
+        """Encode the flag."""
         return b"1" if value else b"0"
 
 
 @dataclass(frozen=True, slots=True)
 class Clock(Field):
-    """YYYYMMDDHHMMSS (L169, L186), read and written as a naive `datetime` (A-4.5-1)."""
+    """YYYYMMDDHHMMSS (L169, L186); the value is a naive `datetime` (A-4.5-1)."""
 
-    def read(self, text: bytes, notes: Diagnostics) -> datetime | None:
-        """Read a calendar time."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> datetime | None:
+        """Decode a date and time."""
         if len(text) != 14 or not text.isdigit():  # noqa: PLR2004 - YYYYMMDDHHMMSS
-            notes.add(
+            diagnostics.add(
                 Defect.CLOCK,
                 UserMessage(
-                    "{self_} {text!r} is not 14 digits YYYYMMDDHHMMSS",
-                    self_=self.name,
+                    "{field} {text!r} is not 14 digits (YYYYMMDDHHMMSS)",
+                    field=self.name,
                     text=show(text),
                 ),
             )
@@ -339,16 +344,16 @@ class Clock(Field):
         try:
             return datetime(year, month, day, hour, minute, second)  # noqa: DTZ001 - the document names no zone
         except ValueError:
-            notes.add(
+            diagnostics.add(
                 Defect.CALENDAR,
                 UserMessage(
-                    "{self_} {text} is no time of the calendar", self_=self.name, text=show(text)
+                    "{field} {text} is not a valid date and time", field=self.name, text=show(text)
                 ),
             )
             return None
 
     def write(self, value: datetime, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
-        """Write a calendar time; fractions of a second are cut."""
+        """Encode a date and time; fractions of a second are cut."""
         return b"%04d" % value.year + b"%02d" * 5 % (
             value.month,
             value.day,
@@ -360,28 +365,32 @@ class Clock(Field):
 
 @dataclass(frozen=True, slots=True)
 class RunTime(Field):
-    """DDHHMMSS (L226), read and written in whole seconds; saturates after 99 days (A-4.9-3)."""
+    """DDHHMMSS (L226); the value is in whole seconds and saturates after 99 days (A-4.9-3)."""
 
-    def read(self, text: bytes, notes: Diagnostics) -> int | None:
-        """Read a duration in seconds."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> int | None:
+        """Decode a duration in seconds."""
         if len(text) != 8 or not text.isdigit():  # noqa: PLR2004 - DDHHMMSS
-            notes.add(
+            diagnostics.add(
                 Defect.RUN_TIME,
                 UserMessage(
-                    "{self_} {text!r} is not 8 digits DDHHMMSS", self_=self.name, text=show(text)
+                    "{field} {text!r} is not 8 digits (DDHHMMSS)", field=self.name, text=show(text)
                 ),
             )
             return None
         days, hours, minutes, seconds = (int(text[i : i + 2]) for i in range(0, 8, 2))
         if hours > 23 or minutes > 59 or seconds > 59:  # noqa: PLR2004 - a day, an hour, a minute
-            notes.add(
+            diagnostics.add(
                 Defect.RUN_TIME,
-                UserMessage("{self_} {text} does not carry over", self_=self.name, text=show(text)),
+                UserMessage(
+                    "{field} {text} has an hour above 23, or a minute or second above 59",
+                    field=self.name,
+                    text=show(text),
+                ),
             )
         return ((days * 24 + hours) * 60 + minutes) * 60 + seconds
 
     def write(self, value: int, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
-        """Write a duration in seconds."""
+        """Encode a duration in seconds."""
         minutes, seconds = divmod(min(int(value), 100 * 86400 - 1), 60)
         hours, minutes = divmod(minutes, 60)
         days, hours = divmod(hours, 24)
@@ -392,62 +401,64 @@ class RunTime(Field):
 class Address(Field):
     """An IPv4 address in dotted decimal (L150); zero padding is tolerated (A-4.3-2)."""
 
-    def read(self, text: bytes, notes: Diagnostics) -> str | None:
-        """Read an address; it is returned without padding."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> str | None:
+        """Decode an address; the value has no zero padding."""
         parts = text.split(b".")
         if (
             len(parts) != 4  # noqa: PLR2004 - IPv4
             or not all(p.isdigit() and len(p) <= 3 and int(p) <= 255 for p in parts)  # noqa: PLR2004 - IPv4
         ):
-            notes.add(
+            diagnostics.add(
                 Defect.ADDRESS,
                 UserMessage(
-                    "{self_} {text!r} is no dotted IPv4 address", self_=self.name, text=show(text)
+                    "{field} {text!r} is not a dotted IPv4 address",
+                    field=self.name,
+                    text=show(text),
                 ),
             )
             return None
         return ".".join(str(int(p)) for p in parts)
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
-        """Write an address."""
-        notes = Diagnostics()
-        if self.read(value.encode(), notes) is None:
-            raise PayloadError(notes.complaints[0].text)
+        """Encode an address."""
+        diagnostics = Diagnostics()
+        if self.read(value.encode(), diagnostics) is None:
+            raise PayloadError(diagnostics.issues[0].text)
         return value.encode()
 
 
 @dataclass(frozen=True, slots=True)
 class StatusCode(Field):
-    """Two characters of table 8-1 (L214, L1014), returned in upper case (A-T-7)."""
+    """A code of table 8-1: two characters (L214, L1014); the value is in upper case (A-T-7)."""
 
-    def read(self, text: bytes, notes: Diagnostics) -> str | None:
-        """Read a code."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> str | None:
+        """Decode a code."""
         code = errors.lookup(show(text))
         if code is None:
-            notes.add(
+            diagnostics.add(
                 Defect.CODE,
                 UserMessage(
-                    "{self_} {text!r} is no code of table 8-1", self_=self.name, text=show(text)
+                    "{field} {text!r} is not a code of table 8-1", field=self.name, text=show(text)
                 ),
             )
             return None
         if code in errors.RESERVED:
-            notes.add(
+            diagnostics.add(
                 Defect.RESERVED_CODE,
                 UserMessage(
-                    "{self_} {code_text} is reserved in table 8-1",
-                    self_=self.name,
+                    "{field} {code_text} is reserved in table 8-1",
+                    field=self.name,
                     code_text=code.text,
                 ),
             )
         return code.text
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
-        """Write a code."""
+        """Encode a code."""
         if errors.lookup(value) is None:
             raise PayloadError(
                 UserMessage(
-                    "{self_} {value!r} is no code of table 8-1", self_=self.name, value=value
+                    "{field} {value!r} is not a code of table 8-1", field=self.name, value=value
                 )
             )
         return value.encode()
@@ -455,18 +466,18 @@ class StatusCode(Field):
 
 @dataclass(frozen=True, slots=True)
 class Bits(Field):
-    """One digit a port, the highest port leftmost (L651, L684); a string as on the wire."""
+    """One digit per port, the highest port leftmost (L651, L684); the value is the string."""
 
     count: int = 8
 
-    def read(self, text: bytes, notes: Diagnostics) -> str | None:
-        """Read the digits."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> str | None:
+        """Decode the digits."""
         if len(text) != self.count or text.strip(b"01"):
-            notes.add(
+            diagnostics.add(
                 Defect.BITS,
                 UserMessage(
-                    "{self_} {text!r} is not {count} digits 0 or 1",
-                    self_=self.name,
+                    "{field} {text!r} is not {count} digits 0 or 1",
+                    field=self.name,
                     text=show(text),
                     count=self.count,
                 ),
@@ -475,12 +486,12 @@ class Bits(Field):
         return text.decode()
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
-        """Write the digits."""
+        """Encode the digits."""
         if len(value) != self.count or value.strip("01"):
             raise PayloadError(
                 UserMessage(
-                    "{self_} must be {count} digits 0 or 1, not {value!r}",
-                    self_=self.name,
+                    "{field} must have {count} digits 0 or 1, not {value!r}",
+                    field=self.name,
                     count=self.count,
                     value=value,
                 )
@@ -493,23 +504,25 @@ _VERSION = re.compile(rb"[0-9]+\.[0-9]+\.[0-9]+")
 
 @dataclass(frozen=True, slots=True)
 class Version(Field):
-    """A version text; three dotted integers are drawn (L203), any text is tolerated (A-4.7-1)."""
+    """A version text: three dotted integers (L203); any other text is tolerated (A-4.7-1)."""
 
-    def read(self, text: bytes, notes: Diagnostics) -> str:
-        """Read the text."""
+    def read(self, text: bytes, diagnostics: Diagnostics) -> str:
+        """Decode the text."""
         if not text:
-            notes.add(Defect.SIZE, UserMessage("{self_} is empty", self_=self.name))
+            diagnostics.add(Defect.SIZE, UserMessage("{field} is empty", field=self.name))
         elif not _VERSION.fullmatch(text):
-            notes.add(
+            diagnostics.add(
                 Defect.VERSION,
                 UserMessage(
-                    "{self_} {text!r} has not the form 1.0.0", self_=self.name, text=show(text)
+                    "{field} {text!r} does not have the form 1.0.0",
+                    field=self.name,
+                    text=show(text),
                 ),
             )
         return show(text, limit=255)
 
     def write(self, value: str, dialect: Dialect) -> bytes:  # noqa: ARG002 - one signature for all fields
-        """Write the text."""
+        """Encode the text."""
         if not 1 <= len(value.encode()) <= 255:  # noqa: PLR2004 - one length byte
-            raise PayloadError(UserMessage("{self_} must have 1 to 255 bytes", self_=self.name))
+            raise PayloadError(UserMessage("{field} must have 1 to 255 bytes", field=self.name))
         return value.encode()

@@ -1,8 +1,8 @@
-"""Frames (clause 3): bytes to frames and back, one `Framer` per direction.
+"""Frames (clause 3): encode frames, and find them in a byte stream with one `Framer` per direction.
 
-Lives here: the layout start, [0x90], opcode, length, data, end; finding frames in a byte stream;
-resynchronisation after bytes that are none. Does not live here: what an opcode means. Nothing in
-this file raises on bad input, and nothing grows with it.
+This module defines the layout start, [0x90], opcode, length, data, end, and the resynchronisation
+after invalid bytes. It does not know what an opcode means. The framer does not raise on invalid
+input, and its buffer does not grow with the input.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 from scaraspec.protocol.direction import Direction
 
 TAG: Final = 0x90
-"""标志符: after a controller's start byte it announces a final result (L320-321; A-3-5)."""
+"""标志符: marks a final result; follows the controller's start byte (L320-321; A-3-5)."""
 
 MAX_DATA_BYTES: Final = 255
 MAX_FRAME_BYTES: Final = MAX_DATA_BYTES + 5
@@ -20,7 +20,7 @@ _MIN_FRAME_BYTES: Final = 4
 
 
 class Frame(NamedTuple):
-    """One frame: who sent it, its opcode, its data, and whether it bore the 0x90 tag."""
+    """One frame: its sender, its opcode, its data, and whether it has the 0x90 tag."""
 
     direction: Direction
     opcode: int
@@ -31,11 +31,11 @@ class Frame(NamedTuple):
         """Return the frame's bytes: start, [tag], opcode, length, data, end (L89-98).
 
         Raises:
-            ValueError: The data is longer than the 255 bytes that one length byte can say (L89).
+            ValueError: The data has more than 255 bytes, the maximum of the length byte (L89).
         """
         if len(self.data) > MAX_DATA_BYTES:
             raise ValueError(
-                f"{len(self.data)} data bytes do not fit a frame: its length byte ends at 255 (L89)"
+                f"{len(self.data)} data bytes do not fit into a frame: the maximum is 255 (L89)"
             )
         head = (self.direction.start, TAG) if self.tagged else (self.direction.start,)
         return (
@@ -44,7 +44,7 @@ class Frame(NamedTuple):
 
     @property
     def size_bytes(self) -> int:
-        """How many bytes the frame takes on the wire."""
+        """Size of the frame on the wire, in bytes."""
         return len(self.data) + (5 if self.tagged else 4)
 
     def __str__(self) -> str:
@@ -53,77 +53,78 @@ class Frame(NamedTuple):
 
 
 class SkipReason(Enum):
-    """Why bytes are no part of any frame."""
+    """Why bytes do not belong to a frame."""
 
-    STRAY = "stray"  # no start byte of this direction begins here
-    BAD_END = "bad end"  # a start byte, but no end byte where the length says
-    IMPLAUSIBLE = "implausible"  # looking for a foothold: no command of this direction
-    TRUNCATED = "truncated"  # the stream ended, or was given up, inside a frame
+    STRAY = "stray"  # no start byte of this direction
+    BAD_END = "bad end"  # a start byte, but no end byte at the position that the length gives
+    IMPLAUSIBLE = "implausible"  # during resynchronisation: the filter rejects the opcode
+    TRUNCATED = "truncated"  # the stream ended, or the frame timed out, inside a frame
 
 
 class Skipped(NamedTuple):
-    """Bytes between frames: dropped one at a time, told in runs of one reason."""
+    """A run of consecutive bytes that belong to no frame, all for the same reason."""
 
     data: bytes
     why: SkipReason
 
     @property
     def size_bytes(self) -> int:
-        """How many bytes were skipped."""
+        """Number of skipped bytes."""
         return len(self.data)
 
 
 StreamItem = Frame | Skipped
-"""What a stream is tiled with: every byte belongs to one of them, so that offsets are sums."""
+"""An item of a stream. Every byte belongs to exactly one item, so offsets are sums of sizes."""
 
 
 class Framer:
-    """Finds the frames of one direction in its bytes, however they are split or joined.
+    """Finds the frames of one direction in a byte stream, however the stream is split.
 
-    After a wrong end byte one byte is dropped and the scan goes on (A-3-10, reading "byte-wise").
-    At most one unfinished frame (260 bytes) is held back.
+    After a wrong end byte the framer drops one byte and continues (A-3-10, reading "byte-wise").
+    It buffers at most one unfinished frame (260 bytes).
 
     Args:
-        direction: Whose frames these are.
+        direction: The sender of the frames.
         resync_filter: If given, the scan starts unsynchronised (a capture that begins mid-stream).
-            The first frame is one for which ``resync_filter(opcode, tagged)`` is true.
-        recovery: Where given, this is asked of the first frame behind bytes that are none: a wrong
-            end byte may look like a start byte, and "CC CC 09 ..." is no frame with the opcode CC.
+            The first frame must satisfy ``resync_filter(opcode, tagged)``.
+        recovery_filter: If given, the first frame after invalid bytes must satisfy this filter: a
+            wrong end byte may look like a start byte, and "CC CC 09 ..." is not a frame with the
+            opcode CC.
     """
 
     def __init__(
         self,
         direction: Direction,
         resync_filter: Callable[[int, bool], bool] | None = None,
-        recovery: Callable[[int, bool], bool] | None = None,
+        recovery_filter: Callable[[int, bool], bool] | None = None,
     ) -> None:
         self.direction = direction
         self.offset_bytes = 0
-        """Stream offset of the first byte not yet told as part of a frame or a skipped run."""
-        self._held = b""
-        self._foothold = resync_filter
-        self._recovery = recovery
+        """Stream offset of the first byte that no returned item contains yet."""
+        self._buffer = b""
+        self._resync_filter = resync_filter
+        self._recovery_filter = recovery_filter
         self._start, self._end = direction.start, direction.end
         self._tag = TAG if direction is Direction.C2A else -1  # clients send no tag (3/15)
-        # Making a tuple costs a third of calling Frame; one look-up gives all that the loop needs.
-        self._marks = (direction, self._start, self._end, self._tag, tuple.__new__)
+        # Making a tuple costs a third of calling Frame; one lookup gives all that the loop needs.
+        self._loop_constants = (direction, self._start, self._end, self._tag, tuple.__new__)
 
     @property
     def held_bytes(self) -> int:
-        """How many bytes of an unfinished frame are held back."""
-        return len(self._held)
+        """Number of buffered bytes of an unfinished frame."""
+        return len(self._buffer)
 
     def feed(self, data: bytes) -> list[StreamItem]:
-        """Take the next bytes of the stream and return what they complete, in order.
+        """Add the next bytes of the stream and return the items that they complete, in order.
 
-        The first thing found begins at `offset_bytes` as it was before the call, each other where
-        the one before it ends. The loop below is the tool's hottest.
+        The first item begins at the value of `offset_bytes` before the call. Each further item
+        begins where the previous one ends. The loop below is the hottest of the tool.
         """
-        buffer = self._held + data if self._held else data
+        buffer = self._buffer + data if self._buffer else data
         found: list[StreamItem] = []
         at, size = 0, len(buffer)
-        if self._foothold is None:
-            direction, start, end, tag, make = self._marks
+        if self._resync_filter is None:
+            direction, start, end, tag, make = self._loop_constants
             take = found.append
             while size - at >= _MIN_FRAME_BYTES and buffer[at] == start:
                 opcode = buffer[at + 1]
@@ -142,90 +143,107 @@ class Framer:
                 at = stop + 1
         if at < size:
             at = self._search(buffer, at, found)
-        self._held = buffer[at:]
+        self._buffer = buffer[at:]
         self.offset_bytes += at
         return found
 
     def finish(self) -> list[StreamItem]:
-        """Give up on an unfinished frame: the stream ended, or was silent for too long (A-3-11).
+        """Drop the unfinished frame: the stream ended, or a timeout expired (A-3-11).
 
-        What is held is searched once more for whole frames; the rest is told as truncated.
+        The buffered bytes are searched once more for complete frames. The rest is returned as
+        truncated.
         """
-        return self._give_up()
+        return self._drop_unfinished()
 
-    def stands_behind(self, held_bytes: int, data: bytes) -> bool:
-        """Whether a whole frame stands behind so many held bytes, once these data have come."""
-        found = Framer(self.direction, self._recovery).feed(self._held[held_bytes:] + data)
+    def frame_follows(self, held_bytes: int, data: bytes) -> bool:
+        """Return whether a complete frame begins right after the first `held_bytes` buffered bytes.
+
+        Args:
+            held_bytes: The number of buffered bytes before the possible frame.
+            data: The next bytes of the stream, which are not buffered yet.
+        """
+        found = Framer(self.direction, self._recovery_filter).feed(self._buffer[held_bytes:] + data)
         return bool(found) and isinstance(found[0], Frame)
 
     def announced_bytes(self, held_bytes: int) -> int:
-        """How long the frame is that so many held bytes begin; as long as they are if unsaid."""
-        head = 4 if self._held[1:2] == bytes((TAG,)) and self._tag == TAG else 3
-        return head + self._held[head - 1] + 1 if held_bytes >= head else held_bytes
+        """Return the size of the unfinished frame, according to its length byte.
+
+        Return `held_bytes` if the first `held_bytes` buffered bytes do not contain the length byte.
+        """
+        head = 4 if self._buffer[1:2] == bytes((TAG,)) and self._tag == TAG else 3
+        return head + self._buffer[head - 1] + 1 if held_bytes >= head else held_bytes
 
     def abandon(self, held_bytes: int) -> list[StreamItem]:
-        """Give up the frame that so many held bytes begin; what is behind them begins anew."""
-        self._held, rest = self._held[:held_bytes], self._held[held_bytes:]
-        return self._give_up() + self.feed(rest)
+        """Drop the frame that the first `held_bytes` buffered bytes begin; scan the rest again."""
+        self._buffer, rest = self._buffer[:held_bytes], self._buffer[held_bytes:]
+        return self._drop_unfinished() + self.feed(rest)
 
-    def lose(
+    def skip_gap(
         self, length_bytes: int, resync_filter: Callable[[int, bool], bool]
     ) -> list[StreamItem]:
-        """Account for bytes that passed unseen: finish, move on, and look for a new foothold."""
+        """Account for a gap: drop the unfinished frame, advance the offset, and resynchronise.
+
+        Args:
+            length_bytes: The number of missing bytes.
+            resync_filter: The first frame after the gap must satisfy it.
+        """
         found = self.finish()
         self.offset_bytes += length_bytes
-        self._foothold = resync_filter
+        self._resync_filter = resync_filter
         return found
 
     def _search(self, buffer: bytes, at: int, found: list[StreamItem]) -> int:
-        """Take frames and skipped runs from `at` on; return where an unfinished frame begins."""
+        """Add the items from `at` on to `found`; return where an unfinished frame begins."""
         size, start = len(buffer), bytes((self._start,))
-        run_from, run_why = at, SkipReason.STRAY  # bytes skipped since the last frame, and why
+        run_from, run_reason = (
+            at,
+            SkipReason.STRAY,
+        )  # start of the bytes skipped since the last frame
 
-        def tell_run(until: int) -> None:
+        def add_run(until: int) -> None:
             if run_from < until:
-                found.append(Skipped(buffer[run_from:until], run_why))
+                found.append(Skipped(buffer[run_from:until], run_reason))
 
         while at < size:
             if buffer[at] != self._start:
                 next_start = buffer.find(start, at)
                 at = size if next_start < 0 else next_start
-                self._foothold = self._foothold or self._recovery
+                self._resync_filter = self._resync_filter or self._recovery_filter
                 continue
             tagged = size - at > 1 and buffer[at + 1] == self._tag
             head = at + 4 if tagged else at + 3
             stop = head + buffer[head - 1] if head <= size else size
-            asked = self._foothold if head <= size else None
-            plausible = not asked or asked(buffer[head - 2], tagged)
+            accepts = self._resync_filter if head <= size else None
+            plausible = not accepts or accepts(buffer[head - 2], tagged)
             if stop >= size and plausible:
                 break
             if plausible and buffer[stop] == self._end:
-                tell_run(at)
-                self._foothold = None
+                add_run(at)
+                self._resync_filter = None
                 found.append(Frame(self.direction, buffer[head - 2], buffer[head:stop], tagged))
                 at = run_from = stop + 1
-                run_why = SkipReason.STRAY
+                run_reason = SkipReason.STRAY
                 continue
             if (
-                run_why is SkipReason.STRAY
-            ):  # stray bytes before a false frame are a run of their own
-                tell_run(at)
+                run_reason is SkipReason.STRAY
+            ):  # stray bytes before an invalid frame are a separate run
+                add_run(at)
                 run_from = at
-                run_why = SkipReason.BAD_END if plausible else SkipReason.IMPLAUSIBLE
-            self._foothold = self._foothold or self._recovery
+                run_reason = SkipReason.BAD_END if plausible else SkipReason.IMPLAUSIBLE
+            self._resync_filter = self._resync_filter or self._recovery_filter
             at += 1
-        tell_run(at)
+        add_run(at)
         return at
 
-    def _give_up(self) -> list[StreamItem]:
-        """Drop the held start byte, take whole frames hidden behind it; the rest is truncated."""
+    def _drop_unfinished(self) -> list[StreamItem]:
+        """Drop the buffered start byte and find complete frames after it; the rest is truncated."""
         found: list[StreamItem] = []
         run = b""
-        while self._held:
-            held, self._held = self._held, b""
-            run += held[:1]
+        while self._buffer:
+            buffered, self._buffer = self._buffer, b""
+            run += buffered[:1]
             self.offset_bytes += 1
-            for item in self.feed(held[1:]):
+            for item in self.feed(buffered[1:]):
                 if isinstance(item, Skipped):
                     run += item.data
                     continue

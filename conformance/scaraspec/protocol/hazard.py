@@ -1,7 +1,7 @@
-"""The worst that a command can do to a real robot; what a run permits is decided elsewhere.
+"""Hazard: the worst effect that a command can have on a real robot.
 
-The four hazards are kinds, not degrees: a run that allows motion has not thereby allowed a change
-of state. Whoever permits a hazard names it.
+The four hazards are kinds, not degrees: a run that allows motion does not thereby allow a change
+of state. The user allows each hazard by name. This module does not decide what a run allows.
 """
 
 from enum import Enum
@@ -11,10 +11,10 @@ class Hazard(Enum):
     """The worst effect of one command or one test case on a real robot."""
 
     READ_ONLY = "read-only"
-    """Nothing outlives the reply: the robot is asked, not told."""
+    """The command only queries the robot; nothing remains after the reply."""
     STATE = "state"
-    """Session, clock, settings or stored files change; nothing moves."""
+    """The session, clock, settings or stored files change; nothing moves."""
     MOTION = "motion"
     """The arm, its brakes or its outputs can move."""
     DESTRUCTIVE = "destructive"
-    """Something is lost or access is cut: deletion, password, network, shutdown."""
+    """Data or access may be lost: deletion, password, network settings, shutdown."""

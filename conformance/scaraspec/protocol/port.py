@@ -1,4 +1,4 @@
-"""The TCP port on which a controller serves."""
+"""The TCP port of a controller."""
 
 from typing import Final
 

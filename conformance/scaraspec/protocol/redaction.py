@@ -1,8 +1,8 @@
-"""Secrets: where passwords stand in frames, and the same bytes without them.
+"""Redaction: find passwords in frames and mask them.
 
-Which commands hold passwords is said by the table (`Command.secret`), how they are hidden only
-here. What is hidden keeps its length and its bars, so that it still reads as the same frames. In
-doubt, in bytes that are no frame, too much is hidden and never too little.
+The command table states which commands carry passwords (`Command.secret`). Masked data keep their
+length and their bars, so that the frames keep their structure. In bytes that are not a frame, the
+functions mask too much rather than too little.
 """
 
 import re
@@ -12,37 +12,40 @@ from scaraspec.protocol.commands import COMMANDS
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
 
-_SECRET: Final = bytes(command.opcode for command in COMMANDS if command.secret)
-_HEAD: Final = re.compile(
-    b"[%c%c][%b].?" % (A2C.start, C2A.start, re.escape(_SECRET)),
+_SECRET_OPCODES: Final = bytes(command.opcode for command in COMMANDS if command.secret)
+_HEADER: Final = re.compile(
+    b"[%c%c][%b].?" % (A2C.start, C2A.start, re.escape(_SECRET_OPCODES)),
     re.DOTALL,
 )
 
 
 def is_secret(frame: Frame) -> bool:
-    """Whether a frame's data may hold a password.
+    """Return whether a frame's data may contain a password.
 
-    A reply of one byte cannot: it is the flag of L114 and L136. A longer one is a fault, and may
-    repeat what was asked.
+    A reply of one byte contains none: it is the flag of L114 and L136. A longer reply violates
+    the protocol and may repeat the data of the request.
     """
-    return frame.opcode in _SECRET and (frame.direction is A2C or len(frame.data) > 1)
+    return frame.opcode in _SECRET_OPCODES and (frame.direction is A2C or len(frame.data) > 1)
 
 
 def mask(data: bytes) -> bytes:
-    """Data of the same length with its bars, and of nothing else a trace."""
+    """Return data of the same length in which every byte except the bars is ``*``."""
     return b"|".join(b"*" * len(part) for part in data.split(b"|"))
 
 
-def mask_loose(data: bytes) -> bytes:
-    """Hide what follows anything that looks like the head of a secret frame, to the end.
+def mask_unframed(data: bytes) -> bytes:
+    """Mask everything after the first bytes that look like the header of a secret frame.
 
-    For bytes that are no frame, such as a login with a wrong length.
+    Use this for bytes that are not a frame, such as a login with a wrong length.
     """
-    begin = loose_secret(data)
-    return data[:begin] + mask(data[begin:])
+    offset = secret_offset(data)
+    return data[:offset] + mask(data[offset:])
 
 
-def loose_secret(data: bytes) -> int:
-    """Where what may be secret begins in bytes that are no frame; their end where nothing is."""
-    found = _HEAD.search(data)
-    return found.end() if found else len(data)
+def secret_offset(data: bytes) -> int:
+    """Return the offset of the first byte that may be secret in bytes that are not a frame.
+
+    The offset is the length of the data if no byte may be secret.
+    """
+    match = _HEADER.search(data)
+    return match.end() if match else len(data)

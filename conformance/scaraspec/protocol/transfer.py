@@ -1,7 +1,7 @@
-"""File transfer (clause 5): fileData, and both of its ends as state machines.
+"""File transfer (clause 5): the structure fileData, and state machines for sender and receiver.
 
-Sender and receiver know neither link nor opcode: an upload's sender is the client (0x52), a
-download's the controller (0x56). Time comes in as seconds of any monotonic clock.
+Sender and receiver do not depend on a link or an opcode: the client sends an upload (0x52), the
+controller sends a download (0x56). Times are seconds of any monotonic clock.
 """
 
 import struct
@@ -20,16 +20,16 @@ BUFFER_BYTES: Final = 200
 
 HEAD_BYTES: Final = 12
 FILE_DATA_BYTES: Final = HEAD_BYTES + BUFFER_BYTES
-"""sizeof(fileData) under every packing (A-5-1)."""
+"""sizeof(fileData), the same for every packing (A-5-1)."""
 
 _ORDERS: Final = {"little": struct.Struct("<III"), "big": struct.Struct(">III")}
 
 
 class Chunk(NamedTuple):
-    """One fileData (L718-723): the file's size, where this piece belongs, and its buffer.
+    """One fileData (L718-723): the size of the file, the position of the chunk, and its buffer.
 
-    `length` is what the structure says, which a faulty peer may set to anything; `data` is the
-    part of the buffer that it calls valid.
+    `length` is the value in the structure; a faulty peer may send any value. `data` is the valid
+    part of the buffer according to `length`.
     """
 
     file_size: int
@@ -39,17 +39,17 @@ class Chunk(NamedTuple):
 
     @property
     def data(self) -> bytes:
-        """The valid bytes, as far as they are there."""
+        """The valid bytes, as far as they are present."""
         return self.buffer[: self.length]
 
     @property
     def last(self) -> bool:
-        """Whether this piece ends the file: position + length == fileSize (L737)."""
+        """Whether this chunk ends the file: position + length == fileSize (L737)."""
         return self.position + self.length == self.file_size
 
     @property
     def legal(self) -> bool:
-        """Length 1 to 200, within the file (L735-737; A-5-6)."""
+        """Whether the length is 1 to 200 and the chunk is within the file (L735-737; A-5-6)."""
         return (
             1 <= self.length <= min(BUFFER_BYTES, len(self.buffer))
             and self.position + self.length <= self.file_size
@@ -60,23 +60,26 @@ class Chunk(NamedTuple):
 class FileData(Payload):
     """The structure fileData as data of a frame (L756, L780).
 
-    The byte order is not stated (A-5-2). The one is taken in which length and position are in
-    bounds, or, where both or neither are, in which the numbers are smaller.
+    The document does not state the byte order (A-5-2). Decoding chooses the order in which length
+    and position are in bounds. If both or neither are, it chooses the order with smaller numbers.
     """
 
     @property
     def form(self) -> str:
-        """The structure's members."""
+        """The members of the structure."""
         return "fileSize, position, length (uint32 each), data[200]"
 
-    def read(self, data: bytes, notes: Diagnostics) -> Chunk | None:
-        """Read the structure; an empty payload (the error signal of L787) is None."""
+    def read(self, data: bytes, diagnostics: Diagnostics) -> Chunk | None:
+        """Decode the structure; the value is None for less than 12 bytes.
+
+        An empty payload is the error signal of L787.
+        """
         if len(data) < HEAD_BYTES:
-            notes.add(
+            diagnostics.add(
                 Defect.SIZE,
                 UserMessage(
-                    "{data_count} bytes are no fileData of {file_data_bytes}",
-                    data_count=len(data),
+                    "{byte_count} bytes, but fileData has {file_data_bytes} bytes",
+                    byte_count=len(data),
                     file_data_bytes=FILE_DATA_BYTES,
                 ),
             )
@@ -86,27 +89,27 @@ class FileData(Payload):
         order = min(legal or chunks, key=lambda o: sum(chunks[o][:3]))
         chunk = chunks[order]
         if len(legal) == 1:
-            notes.readings["endian"] = order
+            diagnostics.readings["endian"] = order
         if len(data) == FILE_DATA_BYTES:
             if chunk.length < BUFFER_BYTES:
-                notes.readings["chunk_trunc"] = "full"
+                diagnostics.readings["chunk_trunc"] = "full"
         elif len(data) == HEAD_BYTES + chunk.length:
-            notes.readings["chunk_trunc"] = "truncated"
+            diagnostics.readings["chunk_trunc"] = "truncated"
         else:
-            notes.add(
+            diagnostics.add(
                 Defect.SIZE,
                 UserMessage(
-                    "{data_count} bytes are no fileData of {file_data_bytes}",
-                    data_count=len(data),
+                    "{byte_count} bytes, but fileData has {file_data_bytes} bytes",
+                    byte_count=len(data),
                     file_data_bytes=FILE_DATA_BYTES,
                 ),
             )
         if not chunk.legal:
-            notes.add(
+            diagnostics.add(
                 Defect.CHUNK,
                 UserMessage(
                     "length {length} at position {position} is out of bounds (buffer "
-                    "{buffer_bytes}, file {file_size})",
+                    "{buffer_bytes} bytes, file {file_size} bytes)",
                     length=chunk.length,
                     position=chunk.position,
                     buffer_bytes=BUFFER_BYTES,
@@ -116,12 +119,12 @@ class FileData(Payload):
         return chunk
 
     def write(self, value: Chunk, dialect: Dialect) -> bytes:
-        """Write the structure, padded to 212 bytes unless the dialect truncates (A-5-3)."""
+        """Encode the structure, padded to 212 bytes unless the dialect truncates it (A-5-3)."""
         try:
             head = _ORDERS[dialect["endian"]].pack(value.file_size, value.position, value.length)
         except struct.error:
             raise PayloadError(
-                "fileSize, position and length must fit 32 bits (L719-721)"
+                "fileSize, position and length must fit into 32 bits (L719-721)"
             ) from None
         if len(value.buffer) > BUFFER_BYTES:
             raise PayloadError(
@@ -138,57 +141,57 @@ FILE_DATA: Final = FileData()
 
 
 def read_as(data: bytes, order: str) -> Chunk:
-    """Read a fileData of at least 12 bytes in the byte order ``little`` or ``big``."""
+    """Decode a fileData of at least 12 bytes in the byte order ``little`` or ``big``."""
     file_size, position, length = _ORDERS[order].unpack_from(data)
     return Chunk(file_size, position, length, data[HEAD_BYTES:])
 
 
 def chunks_of(content: bytes) -> Iterator[Chunk]:
-    """Cut a file into chunks, in ascending order (A-5-8); an empty file has none (A-5-10)."""
+    """Split a file into chunks, in ascending order (A-5-8); an empty file has none (A-5-10)."""
     for position in range(0, len(content), BUFFER_BYTES):
-        piece = content[position : position + BUFFER_BYTES]
-        yield Chunk(len(content), position, len(piece), piece)
+        data = content[position : position + BUFFER_BYTES]
+        yield Chunk(len(content), position, len(data), data)
 
 
 class State(Enum):
-    """How far a transfer is."""
+    """The state of a transfer."""
 
     ACTIVE = "active"
     DONE = "done"
     FAILED = "failed"
 
 
-class _End:
-    """What both ends share: a state, a reason, and the 30 s since the last frame (L763, L795)."""
+class _TransferEnd:
+    """Common part of sender and receiver: state, failure reason, and timeout (L763, L795)."""
 
     def __init__(self, dialect: Dialect, now_s: float) -> None:
         self.state = State.ACTIVE
         self.reason = ""
-        """Why it failed, one clause of English."""
+        """Why the transfer failed, without a final period; empty unless it failed."""
         self._timeout_s = dialect.seconds("xfer_timeout")
-        self._heard_s = now_s
+        self._last_frame_s = now_s
 
     @property
     def deadline_s(self) -> float | None:
-        """When silence ends the transfer, or None where it never does or has ended already."""
+        """When the transfer times out; None if it never does or has ended."""
         if self.state is not State.ACTIVE or self._timeout_s is None:
             return None
-        return self._heard_s + self._timeout_s
+        return self._last_frame_s + self._timeout_s
 
     def expire(self, now_s: float) -> None:
-        """Give up if nothing was heard for longer than the time-out (L763, L787, L795)."""
+        """Fail if no frame has arrived for longer than the timeout (L763, L787, L795)."""
         deadline_s = self.deadline_s
         if deadline_s is not None and now_s > deadline_s:
-            self.fail(UserMessage("nothing heard for {timeout_s:g} s", timeout_s=self._timeout_s))
+            self.fail(UserMessage("no frame for {timeout_s:g} s", timeout_s=self._timeout_s))
 
     def fail(self, reason: str) -> None:
-        """End the transfer without success; a transfer that has ended stays as it is."""
+        """End the transfer as failed; no effect if it has already ended."""
         if self.state is State.ACTIVE:
             self.state, self.reason = State.FAILED, reason
 
 
-class Sender(_End):
-    """The end that has the file: one chunk, its acknowledgement, the next chunk (A-5-9)."""
+class Sender(_TransferEnd):
+    """Sends a file: one chunk, its acknowledgement, the next chunk (A-5-9)."""
 
     def __init__(self, content: bytes, now_s: float, dialect: Dialect = DEFAULT) -> None:
         super().__init__(dialect, now_s)
@@ -200,21 +203,23 @@ class Sender(_End):
             self.fail("an empty file cannot be transferred (A-5-10)")
 
     def next_chunk(self) -> Chunk | None:
-        """The chunk to send now, or None while one is outstanding or the transfer has ended."""
+        """Return the chunk to send now; None if one is unacknowledged or the transfer has ended."""
         if self.state is not State.ACTIVE or self._outstanding:
             return None
         self._outstanding = next(self._chunks)
         return self._outstanding
 
     def acknowledge(self, accepted: bool, now_s: float) -> None:  # noqa: FBT001 - it is the flag on the wire
-        """Take the answer to the outstanding chunk; ``0`` ends the transfer (A-5-14)."""
+        """Process the acknowledgement of the last chunk; ``0`` ends the transfer (A-5-14)."""
         if self.state is not State.ACTIVE or self._outstanding is None:
             return
         chunk, self._outstanding = self._outstanding, None
-        self._heard_s = now_s
+        self._last_frame_s = now_s
         if not accepted:
             self.fail(
-                UserMessage("the receiver refused the chunk at {position}", position=chunk.position)
+                UserMessage(
+                    "the receiver refused the chunk at position {position}", position=chunk.position
+                )
             )
             return
         self.acknowledged_bytes += chunk.length
@@ -222,14 +227,14 @@ class Sender(_End):
             self.state = State.DONE
 
 
-class Receiver(_End):
-    """The end that wants the file: it judges each chunk and finds the end itself (L793).
+class Receiver(_TransferEnd):
+    """Receives a file: it checks each chunk and detects the end of the file itself (L793).
 
     Args:
         now_s: When the transfer began.
-        dialect: Order, byte order of the answer to an empty file, and time-out.
-        limit_bytes: The largest file that there is room for; a larger one is refused at its
-            first chunk, where its size is first known (A-5-25).
+        dialect: Determines the allowed chunk order, the handling of an empty file, and the timeout.
+        limit_bytes: The maximum file size. A larger file is refused at its first chunk, which is
+            the first message that contains the size (A-5-25).
     """
 
     def __init__(
@@ -242,29 +247,29 @@ class Receiver(_End):
         self._pieces: dict[int, bytes] = {}
         self.received_bytes = 0
         self.size_bytes: int | None = None
-        """The file's size, once a chunk has told it."""
+        """The size of the file; None before the first valid chunk."""
 
     @property
     def content(self) -> bytes:
-        """The file so far, without what is missing."""
+        """The bytes received so far, in the order of their positions."""
         return b"".join(self._pieces[position] for position in sorted(self._pieces))
 
     def take(self, data: bytes, now_s: float) -> bool | None:
-        """Judge the data of one chunk frame.
+        """Process the data of one chunk frame.
 
         Returns:
-            The flag to answer: True ``1``, False ``0``; None for no answer at all, which is due
-            to the error signal of length 0 (L787; A-5-10) and to a transfer that has ended.
+            The flag of the reply: True for ``1``, False for ``0``. None if no reply must be sent:
+            after the error signal of length 0 (L787; A-5-10) and after the end of the transfer.
         """
         if self.state is not State.ACTIVE:
             return None
-        self._heard_s = now_s
+        self._last_frame_s = now_s
         chunk = FILE_DATA.decode(data).value
         if chunk is None or chunk.length == 0:
             if chunk and chunk.file_size == 0 and self._empty_is_a_file:
                 self.size_bytes, self.state = 0, State.DONE
                 return True
-            self.fail("the sender signalled an error with a length of 0 (L787)")
+            self.fail("the sender signalled an error with length 0 (L787)")
             return None
         problem = self._problem(chunk)
         if problem:
@@ -278,17 +283,34 @@ class Receiver(_End):
         return True
 
     def _problem(self, chunk: Chunk) -> str:
-        """Why this chunk cannot be taken, or nothing."""
+        """Return why this chunk is refused; empty if it is accepted."""
         if not chunk.legal:
-            return f"length {chunk.length} at {chunk.position} is out of bounds (L735)"
+            return UserMessage(
+                "length {length} at position {position} is out of bounds (L735)",
+                length=chunk.length,
+                position=chunk.position,
+            )
         if self.size_bytes is not None and chunk.file_size != self.size_bytes:
-            return f"the file size changed from {self.size_bytes} to {chunk.file_size} (A-5-7)"
+            return UserMessage(
+                "the file size changed from {before_bytes} to {file_bytes} bytes (A-5-7)",
+                before_bytes=self.size_bytes,
+                file_bytes=chunk.file_size,
+            )
         if chunk.file_size > self._limit_bytes:
-            return f"no room for {chunk.file_size} bytes (A-5-25)"
+            return UserMessage(
+                "no room for {file_bytes} bytes (A-5-25)", file_bytes=chunk.file_size
+            )
         if self._any_order:
             end = chunk.position + chunk.length
             if any(p < end and chunk.position < p + len(d) for p, d in self._pieces.items()):
-                return f"the chunk at {chunk.position} overlaps an earlier one (A-5-8)"
+                return UserMessage(
+                    "the chunk at position {position} overlaps an earlier one (A-5-8)",
+                    position=chunk.position,
+                )
         elif chunk.position != self.received_bytes:
-            return f"a chunk at {chunk.position} where {self.received_bytes} was due (A-5-8)"
+            return UserMessage(
+                "the chunk is at position {position}, expected {expected_position} (A-5-8)",
+                position=chunk.position,
+                expected_position=self.received_bytes,
+            )
         return ""

@@ -1,7 +1,7 @@
-"""The lengths that the document's own examples get wrong, and how to know a peer that copied one.
+"""Wrong lengths in the examples of the document, and detection of peers that copied one.
 
-Fourteen frame rows print a length that is not that of the data they print. A frame made after
-such a row breaks clause 3 (L98) and is lost; this file tells whoever looks at the lost bytes why.
+Fourteen frame rows print a length that differs from the length of the printed data. A frame that
+copies such a row violates clause 3 (L98), so a framer skips it. This module explains such bytes.
 """
 
 import re
@@ -14,13 +14,14 @@ from scaraspec.protocol.frames import MAX_DATA_BYTES, Frame
 
 @dataclass(frozen=True, slots=True)
 class WrongLength:
-    """A frame row of the document whose length is wrong.
+    """A frame row of the document with a wrong length.
 
     Attributes:
-        clause: Where it stands ("4.3").
-        line: The line of the row (153).
+        clause: The clause that contains the row, for example "4.3".
+        line: The line of the row, for example 153.
         declared: The length that the row prints, in bytes.
-        frame: The frame that is meant: the row's text with the bars it lost (A-0-1), all counted.
+        frame: The intended frame: the text of the row with its lost bars (A-0-1) and the correct
+            length.
     """
 
     clause: str
@@ -30,7 +31,7 @@ class WrongLength:
 
     @property
     def header(self) -> bytes:
-        """The bytes before the data, as a peer sends them that copied the row."""
+        """The bytes before the data, as sent by a peer that copied the row."""
         before_data = self.frame.encode()[: -len(self.frame.data) - 1]
         return before_data[:-1] + bytes((self.declared,))
 
@@ -54,33 +55,33 @@ WRONG_LENGTHS: Final = (
     WrongLength("4.34", 687, 3, Frame(C2A, 0x49, b"1|1001000011110000")),
     WrongLength("5.3", 770, 8, Frame(A2C, 0x54, b"file2.txt")),
 )
-"""The fourteen rows, in the document's order."""
+"""The fourteen rows, in the order of the document."""
 
 _BY_HEADER: Final = {wrong.header: wrong for wrong in WRONG_LENGTHS}
 
 _TEXT = re.compile(rb"[ -~]{1,%d}" % MAX_DATA_BYTES)
 
 
-def recognise(direction: Direction, raw: bytes) -> WrongLength | None:
-    """The row whose wrong length the sender copied, or None.
+def find_copied_length(direction: Direction, raw: bytes) -> WrongLength | None:
+    """Return the row whose wrong length the sender copied, or None.
 
-    The text may be another than the row's: what is copied is the length. Recognised is a frame
-    with the row's opcode and length whose printable text ends somewhere else: at the end byte or,
-    behind the length, where `raw` breaks off.
+    The text may differ from that of the row: only the length is copied. A match has the opcode and
+    the length of a row, and its printable text has another length: the text ends at an end byte,
+    or it is longer than the printed length and `raw` ends with it.
 
     Args:
-        direction: Who sent the bytes.
-        raw: Bytes that form no frame, from a start byte on; more may follow them.
+        direction: The sender of the bytes.
+        raw: Bytes that are not a frame, beginning with a start byte; more bytes may follow.
     """
     wrong = _BY_HEADER.get(raw[:3]) or _BY_HEADER.get(raw[:4])
     if wrong is None or wrong.frame.direction is not direction:
         return None
-    head = len(wrong.header)
-    text = _TEXT.match(raw, head)
+    header_bytes = len(wrong.header)
+    text = _TEXT.match(raw, header_bytes)
     if text is None:
         return None
     stop = text.end()
-    length_bytes = stop - head
+    length_bytes = stop - header_bytes
     ends = raw[stop : stop + 1] == bytes((direction.end,)) and length_bytes != wrong.declared
-    breaks_off = stop == len(raw) and length_bytes > wrong.declared
-    return wrong if ends or breaks_off else None
+    cut_off = stop == len(raw) and length_bytes > wrong.declared
+    return wrong if ends or cut_off else None

@@ -13,8 +13,8 @@ from typing import Final
 from scaraspec.judge.verdicts import Finding, Verdict
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.payloads import Answer, FinalResult, FirstReply, NameList, Payload
-from scaraspec.protocol.redaction import is_secret, mask, mask_loose
+from scaraspec.protocol.payloads import FinalResult, FirstReply, NameList, OptionalRecord, Payload
+from scaraspec.protocol.redaction import is_secret, mask, mask_unframed
 from scaraspec.protocol.transfer import Chunk
 from scaraspec.report.model import Evidence, FrameField
 from scaraspec.traffic.events import (
@@ -86,7 +86,7 @@ class Exhibits:
 def exhibit(seen: FrameSeen | InvalidBytes) -> Evidence:
     """A frame, or bytes that are none, as evidence; passwords are hidden."""
     if isinstance(seen, InvalidBytes):
-        return _evidence(seen.place, f"no frame: {seen.why.value}", mask_loose(seen.data))
+        return _evidence(seen.place, f"no frame: {seen.why.value}", mask_unframed(seen.data))
     frame = seen.frame
     if is_secret(frame):
         frame = frame._replace(data=mask(frame.data))
@@ -159,7 +159,7 @@ def _names(payload: Payload | None, count: int) -> tuple[str, ...]:
             drawn: tuple[str, ...] = ("flag", "code")
         case NameList():
             drawn = ("flag", *("name",) * (count - 1))
-        case Answer():
+        case OptionalRecord():
             drawn = ("flag", *fields)
         case _:
             drawn = fields if count == len(fields) else ()

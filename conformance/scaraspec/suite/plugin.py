@@ -27,7 +27,7 @@ from scaraspec.suite.engine.ics import Ics
 from scaraspec.suite.engine.journal import ControllerBusyError, Journal, JournalError
 from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.suite.engine.run import Run
-from scaraspec.transports.connect import resolved
+from scaraspec.transports.connect import resolve_url
 from scaraspec.transports.link import LinkError
 
 _RUN: Final = pytest.StashKey[Run[ControllerUnderTest]]()
@@ -71,7 +71,7 @@ def pytest_configure(config: pytest.Config) -> None:
                 examples=config.getoption("--examples"),
             ),
             link=url,
-            journal=held.enter_context(Journal.of(resolved(url), folder)),
+            journal=held.enter_context(Journal.of(resolve_url(url), folder)),
         )
     except ControllerBusyError as error:
         pytest.exit(f"{error}", int(ExitStatus.INCONCLUSIVE))

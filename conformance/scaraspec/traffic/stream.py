@@ -27,7 +27,7 @@ class Stream:
     def __init__(self, connection: str, direction: Direction) -> None:
         self._connection = connection
         self._direction = direction
-        self._framer = Framer(direction, recovery=commands.plausible)
+        self._framer = Framer(direction, recovery_filter=commands.is_known_opcode)
         self._pieces: deque[tuple[int, int]] = deque()  # offset of the first byte, time
         self._run: InvalidBytes | None = None
         self._in_step = True
@@ -54,7 +54,7 @@ class Stream:
         if event.time_ns - self._pieces[-1][1] >= _SILENCE_NS:
             self._silent_bytes = framer.offset_bytes + framer.held_bytes
         at, held_bytes = framer.offset_bytes, self._silent_bytes - framer.offset_bytes
-        if held_bytes > 0 and framer.stands_behind(held_bytes, event.data):
+        if held_bytes > 0 and framer.frame_follows(held_bytes, event.data):
             self._claimed_bytes = at + framer.announced_bytes(held_bytes)
             wrong = [
                 item if isinstance(item, Frame) else item._replace(why=SkipReason.BAD_END)
@@ -82,7 +82,7 @@ class Stream:
     def lose(self, length_bytes: int) -> Iterator[FrameSeen | InvalidBytes]:
         """Bytes passed unseen; a frame that they tear is not searched for others."""
         at = self._framer.offset_bytes
-        found = self._framer.lose(max(length_bytes, 0), commands.plausible)
+        found = self._framer.skip_gap(max(length_bytes, 0), commands.is_known_opcode)
         torn = b"".join(i.encode() if isinstance(i, Frame) else i.data for i in found)
         if torn:
             yield from self._tell(at, [Skipped(torn, SkipReason.TRUNCATED)], certain=False)
@@ -119,7 +119,7 @@ class Stream:
                 if self._run:
                     yield from self.flush()
                 sure = certain and end > self._claimed_bytes
-                yield FrameSeen(item, place, begun_ns, commands.read(item), sure)
+                yield FrameSeen(item, place, begun_ns, commands.parse_frame(item), sure)
             else:
                 yield from self._skip(item, place)
 

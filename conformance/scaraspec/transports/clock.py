@@ -11,14 +11,14 @@ _SINCE_BOOT: Final[int | None] = getattr(time, "CLOCK_BOOTTIME", None)
 """One that goes on while the machine sleeps; not every system has it."""
 
 
-def passed_ns() -> int:
+def monotonic_ns() -> int:
     """Nanoseconds from an instant that never changes."""
     return time.monotonic_ns() if _SINCE_BOOT is None else time.clock_gettime_ns(_SINCE_BOOT)
 
 
-_BOOT_NS: Final = time.time_ns() - passed_ns()
+_BOOT_NS: Final = time.time_ns() - monotonic_ns()
 
 
 def now_ns() -> int:
     """Nanoseconds since the Unix epoch."""
-    return _BOOT_NS + passed_ns()
+    return _BOOT_NS + monotonic_ns()

@@ -28,7 +28,7 @@ def connect(url: str, timeout_s: float = CONNECT_TIMEOUT_S) -> Link:
             return SerialLink(address)
 
 
-def resolved(url: str) -> str:
+def resolve_url(url: str) -> str:
     """A URL with its address resolved: two names of one controller give the same text.
 
     Raises:

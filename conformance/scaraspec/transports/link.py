@@ -24,7 +24,7 @@ class Arrival(NamedTuple):
     """Bytes, never none of them, or the end; and when, in nanoseconds since the Unix epoch."""
 
     time_ns: int
-    what: bytes | Ending
+    content: bytes | Ending
 
 
 class Link(Protocol):

@@ -64,7 +64,7 @@ class MemoryNetwork:
         self._epoch_ns = epoch_ns
         self._links: dict[int, MemoryLink] = {}
         self._opened = 0
-        self._line = 0  # the connection of the serial line
+        self._serial_connection = 0  # the connection of the serial line
 
     @property
     def time_ns(self) -> int:
@@ -76,17 +76,19 @@ class MemoryNetwork:
 
         There is one serial line; that it is opened again the machine does not notice.
         """
-        end: MemoryLink
-        if link == "serial" and self._line:
-            end = self._links[self._line] = _LineEnd(self, self._line)
-            return end
+        link_end: MemoryLink
+        if link == "serial" and self._serial_connection:
+            link_end = self._links[self._serial_connection] = _SerialMemoryLink(
+                self, self._serial_connection
+            )
+            return link_end
         self._opened += 1
         if link == "serial":
-            self._line = self._opened
-        end = (_LineEnd if link == "serial" else MemoryLink)(self, self._opened)
-        self._links[self._opened] = end
-        self.perform(self._machine.open(self._opened, self.now_s, link))
-        return end
+            self._serial_connection = self._opened
+        link_end = (_SerialMemoryLink if link == "serial" else MemoryLink)(self, self._opened)
+        self._links[self._opened] = link_end
+        self.apply(self._machine.open(self._opened, self.now_s, link))
+        return link_end
 
     def run_until(self, time_s: float) -> None:
         """Let time pass, and everything happen in it."""
@@ -99,33 +101,33 @@ class MemoryNetwork:
         if event_s is not None and event_s <= self.now_s:
             event_s = self.now_s + _STEP_S
         self.now_s = limit_s if event_s is None else min(event_s, limit_s)
-        self.perform(self._machine.advance(self.now_s))
+        self.apply(self._machine.advance(self.now_s))
 
     def deliver(self, connection: int, data: bytes) -> None:
         """Bring bytes to the machine."""
-        self.perform(self._machine.receive(connection, data, self.now_s))
+        self.apply(self._machine.receive(connection, data, self.now_s))
 
     def hang_up(self, connection: int) -> None:
         """Tell the machine that a client sends no more; for it, that ends the connection."""
-        self.perform(self._machine.close(connection, self.now_s))
-        end = self._links.pop(connection, None)
-        if end is not None:
-            end.take(None)
+        self.apply(self._machine.close(connection, self.now_s))
+        link_end = self._links.pop(connection, None)
+        if link_end is not None:
+            link_end.enqueue(None)
 
-    def leave(self, connection: int) -> None:
+    def disconnect(self, connection: int) -> None:
         """Bring nothing more to the client's end."""
         self._links.pop(connection, None)
 
-    def perform(self, actions: Sequence[Action]) -> None:
+    def apply(self, actions: Sequence[Action]) -> None:
         """Bring about what the machine does."""
         for action in actions:
-            end = self._links.get(action.connection)
-            if end is not None:
-                end.take(action.data)
+            link_end = self._links.get(action.connection)
+            if link_end is not None:
+                link_end.enqueue(action.data)
             if action.data is None:
-                self.leave(action.connection)
-                if action.connection == self._line:
-                    self._line = 0
+                self.disconnect(action.connection)
+                if action.connection == self._serial_connection:
+                    self._serial_connection = 0
 
 
 class MemoryLink:
@@ -137,15 +139,15 @@ class MemoryLink:
         self._network = network
         self._connection = connection
         self._arrivals: deque[Arrival] = deque()
-        self._sends = True
-        self._receives = True
+        self._can_send = True
+        self._can_receive = True
 
     @property
     def now_s(self) -> float:
         """The present instant of the network's clock."""
         return self._network.now_s
 
-    def take(self, data: bytes | None) -> None:
+    def enqueue(self, data: bytes | None) -> None:
         """Keep what the machine did for `receive`."""
         what = Ending.CLOSED if data is None else data
         if what:
@@ -153,50 +155,50 @@ class MemoryLink:
 
     def send(self, data: bytes) -> int:
         """Send all of `data`; see `Link.send`."""
-        if not self._sends:
+        if not self._can_send:
             raise LinkError("this link has been closed")
-        if self._arrivals and self._arrivals[-1].what is Ending.CLOSED:
+        if self._arrivals and self._arrivals[-1].content is Ending.CLOSED:
             raise LinkError("the peer has ended the connection")
         time_ns = self._network.time_ns
         self._network.deliver(self._connection, data)
         return time_ns
 
     @property
-    def arrived(self) -> bool:
+    def has_arrivals(self) -> bool:
         """Whether anything is there to be received."""
         return bool(self._arrivals)
 
     def receive(self, deadline_s: float, others: Sequence[Any] = (), /) -> Arrival | None:
         """Let time pass until bytes or the end arrive; see `Link.receive`."""
-        if not self._receives:
+        if not self._can_receive:
             raise LinkError("this link has been closed")
-        while not (self._arrivals or any(other.arrived for other in others)):
+        while not (self._arrivals or any(other.has_arrivals for other in others)):
             if self.now_s >= deadline_s:
                 break
             self._network.step(deadline_s)
         if not self._arrivals:
             return None
-        if isinstance(self._arrivals[0].what, Ending):
+        if isinstance(self._arrivals[0].content, Ending):
             return self._arrivals[0]
         return self._arrivals.popleft()
 
     def half_close(self) -> None:
         """Send no more; see `Link.half_close`."""
-        if self._sends:
-            self._sends = False
+        if self._can_send:
+            self._can_send = False
             self._network.hang_up(self._connection)
 
     def close(self) -> None:
         """End the link; see `Link.close`."""
         self.half_close()
-        self._receives = False
+        self._can_receive = False
 
     def reset(self) -> None:
         """Cut the link off, which the machine cannot tell from closing."""
         self.close()
 
 
-class _LineEnd(MemoryLink):
+class _SerialMemoryLink(MemoryLink):
     """The end of the serial line, which is closed without the machine's notice."""
 
     def half_close(self) -> None:
@@ -205,5 +207,5 @@ class _LineEnd(MemoryLink):
 
     def close(self) -> None:
         """Close the device."""
-        self._sends = self._receives = False
-        self._network.leave(self._connection)
+        self._can_send = self._can_receive = False
+        self._network.disconnect(self._connection)

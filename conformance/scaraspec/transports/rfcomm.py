@@ -30,8 +30,8 @@ def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
         connected.connect(tuple(address))
     except OSError as error:
         connected.close()
-        why = error.strerror or f"no answer in {timeout_s:g} s"
+        reason = error.strerror or f"no answer in {timeout_s:g} s"
         raise LinkError(
-            UserMessage("cannot connect to {address}: {why}", address=address, why=why)
+            UserMessage("cannot connect to {address}: {reason}", address=address, reason=reason)
         ) from None
     return SocketLink(connected)

@@ -31,8 +31,8 @@ class _Clock(selectors.SelectSelector):
         if timeout != 0:
             if self.now_s >= self.until_s:
                 self.stop()
-            due_s = self.until_s if timeout is None else self.now_s + timeout
-            self.now_s = max(self.now_s, min(due_s, self.until_s))
+            next_s = self.until_s if timeout is None else self.now_s + timeout
+            self.now_s = max(self.now_s, min(next_s, self.until_s))
         return super().select(0)
 
 
@@ -48,7 +48,7 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
         super().__init__(self._clock)
         self._clock.stop = self.stop
         self._epoch_ns = epoch_ns
-        self._dialled: deque[SimulatedLink] = deque()
+        self._unaccepted: deque[SimulatedLink] = deque()
         self.ports: set[int] = set()
         """Where somebody listens."""
 
@@ -81,15 +81,15 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
         protocol = factory()
         link = SimulatedLink(self, protocol, port)
         protocol.connection_made(link.transport)
-        self._dialled.append(link)
+        self._unaccepted.append(link)
         self.wake()
         return link.transport, protocol
 
     def accept(self, deadline_s: float) -> "SimulatedLink | None":
         """The next connection; None if none comes by then, or something else woke us."""
-        if not self._dialled:
+        if not self._unaccepted:
             self.run_until(max(deadline_s, self.time()))
-        return self._dialled.popleft() if self._dialled else None
+        return self._unaccepted.popleft() if self._unaccepted else None
 
 
 class _Transport(asyncio.Transport):
@@ -102,7 +102,7 @@ class _Transport(asyncio.Transport):
     def write(self, data: Any) -> None:
         """Send."""
         if data:
-            self._link.take(bytes(data))
+            self._link.enqueue(bytes(data))
 
     def can_write_eof(self) -> bool:
         """It can."""
@@ -110,11 +110,11 @@ class _Transport(asyncio.Transport):
 
     def write_eof(self) -> None:
         """Send no more, and hear on."""
-        self._link.take_end(Ending.CLOSED)
+        self._link.enqueue_end(Ending.CLOSED)
 
     def is_closing(self) -> bool:
         """Whether it has been ended."""
-        return self._link.over
+        return self._link.ended
 
     def close(self) -> None:
         """End in order."""
@@ -132,7 +132,7 @@ class SimulatedLink:
 
     def __init__(self, loop: SimulatedLoop, protocol: asyncio.Protocol, port: int) -> None:
         self.transport = _Transport(self)
-        self.over = False
+        self.ended = False
         self.port = port
         self._loop, self._protocol = loop, protocol
         self._arrivals: deque[Arrival] = deque()
@@ -143,29 +143,29 @@ class SimulatedLink:
         """The present instant of the loop."""
         return self._loop.time()
 
-    def take(self, data: bytes) -> None:
+    def enqueue(self, data: bytes) -> None:
         """The program has sent something."""
-        if not self.over:
+        if not self.ended:
             self._arrivals.append(Arrival(self._loop.time_ns, data))
             self._loop.wake()
 
-    def take_end(self, ending: Ending) -> None:
+    def enqueue_end(self, ending: Ending) -> None:
         """The program sends no more."""
         self._arrivals.append(Arrival(self._loop.time_ns, ending))
         self._loop.wake()
 
     def end(self, ending: Ending) -> None:
         """The program has ended it."""
-        if not self.over:
-            self.over = True
-            self.take_end(ending)
+        if not self.ended:
+            self.ended = True
+            self.enqueue_end(ending)
             self._loop.call_soon(self._protocol.connection_lost, None)
 
     def send(self, data: bytes) -> int:
         """Send all of `data`; see `Link.send`."""
         if self._closed:
             raise LinkError("this link has been closed")
-        if self.over:
+        if self.ended:
             raise LinkError("the peer has ended the connection")
         self._loop.call_soon(self._deliver, data)
         return self._loop.time_ns
@@ -181,35 +181,35 @@ class SimulatedLink:
             self._loop.run_until(max(deadline_s, self.now_s))
         if not self._arrivals:
             return None
-        if isinstance(self._arrivals[0].what, Ending):
+        if isinstance(self._arrivals[0].content, Ending):
             return self._arrivals[0]
         return self._arrivals.popleft()
 
     def half_close(self) -> None:
         """Send no more; see `Link.half_close`."""
-        self._loop.call_soon(self._tell_eof)
+        self._loop.call_soon(self._notify_eof)
 
     def close(self) -> None:
         """End the link; see `Link.close`."""
         if not self._closed:
             self._closed = True
-            self._loop.call_soon(self._lose, None)
+            self._loop.call_soon(self._notify_connection_lost, None)
 
     def reset(self) -> None:
         """Cut the link off; see `Link.reset`."""
         if not self._closed:
             self._closed = True
-            self._loop.call_soon(self._lose, ConnectionResetError())
+            self._loop.call_soon(self._notify_connection_lost, ConnectionResetError())
 
     def _deliver(self, data: bytes) -> None:
-        if not self.over:
+        if not self.ended:
             self._protocol.data_received(data)
 
-    def _tell_eof(self) -> None:
-        if not self.over and not self._protocol.eof_received():
+    def _notify_eof(self) -> None:
+        if not self.ended and not self._protocol.eof_received():
             self.end(Ending.CLOSED)
 
-    def _lose(self, error: Exception | None) -> None:
-        if not self.over:
-            self.over = True
+    def _notify_connection_lost(self, error: Exception | None) -> None:
+        if not self.ended:
+            self.ended = True
             self._protocol.connection_lost(error)

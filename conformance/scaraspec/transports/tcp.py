@@ -27,7 +27,7 @@ _LINGER_0 = struct.pack("ii", 1, 0)
 _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)  # Linux has it
 
 
-def ready_of(deadline_s: float, *sources: Any) -> list[Any]:
+def wait_readable(deadline_s: float, *sources: Any) -> list[Any]:
     """Wait until one of these can be read, or until then; those that can."""
     with _Selector() as selector:
         for source in sources:
@@ -49,7 +49,7 @@ class SocketLink:
         self._socket = connected
         self._selector = selectors.DefaultSelector()
         self._selector.register(connected, selectors.EVENT_READ)
-        self._cut = False  # sending showed that the peer has cut the connection
+        self._reset_by_peer = False  # sending showed that the peer has cut the connection
         self._ending: Ending | None = None
 
     @property
@@ -73,7 +73,7 @@ class SocketLink:
                     )
                     raise LinkError(sentence) from None
             except OSError as error:
-                self._cut = True
+                self._reset_by_peer = True
                 raise LinkError(
                     UserMessage(
                         "the peer has ended the connection: {strerror}", strerror=error.strerror
@@ -100,7 +100,7 @@ class SocketLink:
             else:
                 if data:
                     return Arrival(now_ns(), data)
-                self._ending = Ending.RESET if self._cut else Ending.CLOSED
+                self._ending = Ending.RESET if self._reset_by_peer else Ending.CLOSED
         return Arrival(now_ns(), self._ending)
 
     def half_close(self) -> None:
@@ -131,7 +131,7 @@ class SocketLink:
     def _readable(self, timeout_s: float, others: Sequence[Any]) -> bool:
         """Wait until something has come; False when the time is up, or it came elsewhere."""
         if others:
-            return self in ready_of(self.now_s + timeout_s, self, *others)
+            return self in wait_readable(self.now_s + timeout_s, self, *others)
         return bool(self._selector.select(timeout_s))
 
     def _writable(self, timeout_s: float) -> bool:
@@ -182,9 +182,9 @@ def connect_tcp(address: Tcp, timeout_s: float) -> TcpLink:
             )
         ) from None
     except (OSError, UnicodeError) as error:  # a name that IDNA cannot encode is a UnicodeError
-        why = error.strerror if isinstance(error, OSError) else "the host name is malformed"
+        reason = error.strerror if isinstance(error, OSError) else "the host name is malformed"
         raise LinkError(
-            UserMessage("cannot connect to {address}: {why}", address=address, why=why)
+            UserMessage("cannot connect to {address}: {reason}", address=address, reason=reason)
         ) from None
     if _is_to_itself(connected):
         connected.close()

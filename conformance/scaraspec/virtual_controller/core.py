@@ -17,7 +17,7 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import Defect
 from scaraspec.protocol.frames import TAG, Frame, Skipped, StreamItem
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.protocol.payloads import FLAG, Acceptance, Answer, FirstReply
+from scaraspec.protocol.payloads import FLAG, Acceptance, FirstReply, OptionalRecord
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import State
 from scaraspec.virtual_controller.behaviour import SILENCE, Behaviour
@@ -194,7 +194,7 @@ class ControllerCore(Behaviour):
         payload = command.payload(frame)
         assert payload is not None, "no client's frame bears a tag"
         decoded = payload.decode(frame.data)
-        if any(complaint.wrong not in _FORGIVEN for complaint in decoded.complaints):
+        if any(complaint.defect not in _FORGIVEN for complaint in decoded.issues):
             return None
         if ("jog_byte", "ascii") in decoded.readings and self.dialect["jog_byte"] == "binary":
             return None
@@ -316,6 +316,6 @@ def _failure(command: Command) -> Any:
         return SILENCE
     if isinstance(command.reply, FirstReply):
         return Acceptance(accepted=False, code=BAD_ARGUMENT)
-    if isinstance(command.reply, Answer):
+    if isinstance(command.reply, OptionalRecord):
         return None
     return False if command.reply is FLAG else SILENCE

@@ -155,7 +155,7 @@ def test_the_password_may_come_from_the_environment(
         (["tcp://127.0.0.1", "?"], "there is no command '?': scaraspec call --help lists them"),
         (["tcp://127.0.0.1", "jog", "up"], "direction 'up' is none of +y, -y, +x, -x"),
         (["tcp://127.0.0.1", "jog"], "jog takes DIRECTION: 0 given"),
-        (["tcp://127.0.0.1", "set_digital_output", "8", "2"], "value 2 is outside 0 to 1"),
+        (["tcp://127.0.0.1", "set_digital_output", "8", "2"], "value 2 is out of range: 0 to 1"),
         (["tcp://127.0.0.1", "get_version", "--jsn"], "get_version takes no arguments: 1 given"),
         (["robot", "get_version"], "'robot' is no link: write for example tcp://"),
     ],

@@ -186,7 +186,7 @@ def test_a_length_of_zero_ends_a_download_unanswered(play: Any, signal: bytes) -
     play.sent()
     play.says(DOWN_CHUNK, signal)
     assert play.sent() == []
-    with pytest.raises(TransferFailed, match="length of 0"):
+    with pytest.raises(TransferFailed, match="length 0"):
         transfer.outcome()
 
 

@@ -93,7 +93,7 @@ def test_a_conforming_capture_conforms(capture: Callable[[str], Any], name: str)
     record = capture(name)
     frames = [h for h in record.happenings if isinstance(h, FrameSeen)]
     assert len(frames) == CONFORMING[name]
-    assert all(seen.parsed and not seen.parsed.decoded.complaints for seen in frames)
+    assert all(seen.parsed and not seen.parsed.decoded.issues for seen in frames)
     assert not record.undecodable
     assert not record.unasked
     assert broken(record) == []

@@ -138,10 +138,10 @@ class Client:
         """Take what has arrived; hang up where the controller has."""
         frames = []
         while self.open and (arrival := self.link.receive(self.link.now_s)):
-            if isinstance(arrival.what, Ending):
+            if isinstance(arrival.content, Ending):
                 self.hang_up()
             else:
-                frames += [f for f in self._framer.feed(arrival.what) if isinstance(f, Frame)]
+                frames += [f for f in self._framer.feed(arrival.content) if isinstance(f, Frame)]
         return frames
 
     def hang_up(self) -> None:

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scaraspec.protocol.commands import read
+from scaraspec.protocol.commands import parse_frame
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, Framer
-from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS, recognise
+from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS, find_copied_length
 
 BOTH_WAYS = pytest.mark.parametrize("direction", Direction, ids=lambda direction: direction.name)
 
@@ -156,10 +156,10 @@ def test_no_row_is_a_frame_of_the_other_side(rows: list[Row]) -> None:
 def test_the_command_table_reads_every_row(rows: list[Row]) -> None:
     """Each payload is one of its clause's command, and nothing about it is complained of."""
     for row in rows:
-        reading = read(row.frame)
+        reading = parse_frame(row.frame)
         assert reading is not None, row
         assert reading.command.clause == row.clause, row
-        assert reading.decoded.complaints == (), row
+        assert reading.decoded.issues == (), row
         asks = row.direction == reading.command.initiator.name
         assert reading.part == ("result" if row.tagged else "request" if asks else "reply"), row
 
@@ -168,11 +168,11 @@ def test_the_empty_cell_may_hold_eight_bytes(rows: list[Row]) -> None:
     """L601 prints no data: 1 to 4 mean the same four directions as digits and as numbers."""
     (row,) = (row for row in rows if row.legal_payloads_hex)
     readings = [
-        read(row.frame._replace(data=bytes.fromhex(payload)))
+        parse_frame(row.frame._replace(data=bytes.fromhex(payload)))
         for payload in row.legal_payloads_hex or ()
     ]
     decoded = [reading.decoded for reading in readings if reading]
-    assert [bool(item.complaints) for item in decoded] == [False] * 8
+    assert [bool(item.issues) for item in decoded] == [False] * 8
     directions = [str(item.value) for item in decoded]
     assert directions == ["+y", "-y", "+x", "-x"] * 2
 
@@ -195,5 +195,7 @@ def test_a_printed_wrong_length_is_recognised(rows: list[Row], wrong: list[Row])
     assert [(row.line, row.clause, row.declared_length, row.frame) for row in wrong] == [
         (known.line, known.clause, known.declared, known.frame) for known in WRONG_LENGTHS
     ]
-    assert [recognise(row.frame.direction, row.miscounted) for row in wrong] == [*WRONG_LENGTHS]
-    assert not any(recognise(row.frame.direction, row.raw) for row in rows)
+    assert [find_copied_length(row.frame.direction, row.miscounted) for row in wrong] == [
+        *WRONG_LENGTHS
+    ]
+    assert not any(find_copied_length(row.frame.direction, row.raw) for row in rows)

@@ -1,4 +1,4 @@
-"""Table 8-1 against the document's rows, typed here by hand."""
+"""Table 8-1 compared with the rows of the document, which are typed here by hand."""
 
 from collections.abc import Iterable
 from itertools import combinations
@@ -56,45 +56,45 @@ def texts(codes: Iterable[Code]) -> list[str]:
     return sorted(code.text for code in codes)
 
 
-def test_the_table_is_the_documents() -> None:
-    """Texts, lines, words, kinds and joints are those of the 27 rows, in their order."""
+def test_table_matches_the_document() -> None:
+    """The 27 rows have the texts, lines, wording, kinds, joints and order of the document."""
     assert [
         (key, code.line, code.original, code.kind, code.joints) for key, code in TABLE_8_1.items()
     ] == DOCUMENT
     assert all(key == code.text for key, code in TABLE_8_1.items())
 
 
-def test_motor_faults_read_as_english() -> None:
-    """The English meaning of a motor code names its joints in joint order."""
+def test_meaning_of_motor_faults() -> None:
+    """The English meaning of a motor code lists its joints in the order of `Joint`."""
     assert TABLE_8_1["12"].meaning == "motor fault: outer arm"
     assert TABLE_8_1["15"].meaning == "motor fault: inner arm and wrist"
     assert TABLE_8_1["1F"].meaning == "motor fault: inner arm, outer arm, wrist and rotation"
 
 
-def test_every_set_of_joints_has_its_code() -> None:
-    """Any non-empty set of joints, in any order and with repetitions, finds the row naming it."""
+def test_code_for_joints() -> None:
+    """Any non-empty set of joints has its row, whatever the order and repetitions."""
     sets = [joints for size in (1, 2, 3, 4) for joints in combinations(Joint, size)]
     assert [code_for_joints([*reversed(joints), *joints]).joints for joints in sets] == sets
 
 
-def test_no_joint_has_no_code() -> None:
-    """The table has no motor code for no motor; 10 is reserved."""
+def test_code_for_no_joint() -> None:
+    """The table has no motor code without a joint; 10 is reserved."""
     with pytest.raises(ValueError, match="at least one joint"):
         code_for_joints([])
 
 
-def test_lookup_takes_either_case() -> None:
-    """Codes are compared as text in either case (A-T-7)."""
+def test_lookup_ignores_case() -> None:
+    """Codes are compared as text, upper or lower case (A-T-7)."""
     assert lookup("1a") is lookup("1A") is TABLE_8_1["1A"]
 
 
 @pytest.mark.parametrize("text", ["", "0", "21", "FF", "1G", " 1A", "001", "１１", "0x11"])
-def test_lookup_of_anything_else_is_none(text: str) -> None:
+def test_lookup_of_unknown_text(text: str) -> None:
     """Only the two characters of a row are a code."""
     assert lookup(text) is None
 
 
-def test_where_a_code_may_stand() -> None:
+def test_allowed_codes_of_each_message() -> None:
     """States, refusals and failures are the sets of A-8-5; none holds a reserved code."""
     motors = [f"1{digit}" for digit in "123456789ABCDEF"]
     assert texts(STATES) == ["00", "01", "02", "03", "04", "05", "06", *motors]

@@ -1,4 +1,4 @@
-"""What decoders make of payloads that depart from the document, and of each reading."""
+"""Decoding of payloads that deviate from the document, and of each reading."""
 
 from datetime import datetime
 from typing import Any
@@ -24,12 +24,12 @@ NOT_THERE = Acceptance(accepted=False, code="05")
 
 
 def listed(*names: bytes) -> NameListPart:
-    """The last message of a list."""
+    """Return the last message of a list."""
     return NameListPart(more=False, names=names)
 
 
 def payload(where: str) -> Payload:
-    """The payload named like ``reset.reply``."""
+    """Return the payload with a name such as ``reset.reply``."""
     name, part = where.split(".")
     found: Payload = getattr(BY_NAME[name], part)
     return found
@@ -78,10 +78,10 @@ def payload(where: str) -> Payload:
         ("upload_name.request", b"n" * 31, b"n" * 31, Defect.LONG_NAME),
     ],
 )  # fmt: skip
-def test_departures(where: str, data: bytes, value: Any, wrong: Defect) -> None:
-    """Each departure has its complaint, and what was meant is read where that can be told."""
+def test_deviations(where: str, data: bytes, value: Any, wrong: Defect) -> None:
+    """Each deviation gives its issue; the intended value is decoded if it is clear."""
     decoded = payload(where).decode(data)
-    assert wrong in {c.wrong for c in decoded.complaints}
+    assert wrong in {c.defect for c in decoded.issues}
     assert decoded.value == value
 
 
@@ -94,10 +94,10 @@ def test_departures(where: str, data: bytes, value: Any, wrong: Defect) -> None:
         ("login.request", b" password ", b" password "),
     ],
 )
-def test_blanks_belong_to_names_and_passwords(where: str, data: bytes, value: Any) -> None:
-    """They are kept byte for byte and complained of by nobody; they are opaque (A-T-2)."""
+def test_names_and_passwords_keep_spaces(where: str, data: bytes, value: Any) -> None:
+    """Names and passwords are opaque (A-T-2): spaces are kept and give no issue."""
     decoded = payload(where).decode(data)
-    assert (decoded.value, decoded.complaints) == (value, ())
+    assert (decoded.value, decoded.issues) == (value, ())
     assert payload(where).encode(value) == data
 
 
@@ -121,19 +121,19 @@ def test_blanks_belong_to_names_and_passwords(where: str, data: bytes, value: An
     ],
 )  # fmt: skip
 def test_readings(where: str, data: bytes, value: Any, key: str, option: str) -> None:
-    """A listed reading is read without complaint, named, and written again by its dialect."""
+    """A listed reading is decoded without an issue, reported, and encoded again in its dialect."""
     decoded = payload(where).decode(data)
-    assert decoded.complaints == ()
+    assert decoded.issues == ()
     assert decoded.value == value
     assert (key, option) in decoded.readings
     assert payload(where).encode(value, Dialect.of(**{key: option})) == data
 
 
 def test_a_binary_flag_may_end_with_a_nul() -> None:
-    """Of two NULs the first is the flag: two readings at once (A-T-1, A-T-3)."""
+    """The first of two NULs is the flag: two readings at once (A-T-1, A-T-3)."""
     decoded = payload("get_running_program.reply").decode(b"\0\0")
     assert decoded.value is None
-    assert [c.wrong for c in decoded.complaints] == [Defect.TRAILING_NUL]
+    assert [c.defect for c in decoded.issues] == [Defect.TRAILING_NUL]
     assert ("runinfo_binary", "binary") in decoded.readings
 
 
@@ -142,20 +142,20 @@ def test_a_binary_flag_may_end_with_a_nul() -> None:
     [
         ("login.request", b"", "1 to 255 bytes"),
         ("login.request", b"a|b", "separator"),
-        ("set_password.request", (b"a" * 200, b"b" * 200), "do not fit one frame"),
+        ("set_password.request", (b"a" * 200, b"b" * 200), "do not fit into one frame"),
         ("upload_name.request", b"n" * 31, "1 to 30 bytes"),
         ("upload_name.request", b"a/b", "path element"),
         ("set_tool_coordinates.request", (0, 1, 2, 3, 4, 5, 6), "1 to 100"),
         ("set_gripper_center.request", (float("nan"), 0, 0), "finite"),
-        ("set_network.request", ("10.0.0.1", "10.0.0", "10.0.0.1"), "no dotted IPv4"),
+        ("set_network.request", ("10.0.0.1", "10.0.0", "10.0.0.1"), "not a dotted IPv4"),
         ("set_digital_output.request", (8, 2), "0 to 1"),
-        ("reset.reply", Acceptance(accepted=False, code="21"), "no code of table 8-1"),
+        ("reset.reply", Acceptance(accepted=False, code="21"), "not a code of table 8-1"),
         ("reset.reply", Acceptance(accepted=False), "needs a code"),
         ("reset.result", Outcome(done=False), "needs a code"),
     ],
 )
-def test_refuses_to_write(where: str, value: Any, says: str) -> None:
-    """What the document forbids is not written, and the sentence says why."""
+def test_encoding_errors(where: str, value: Any, says: str) -> None:
+    """Encoding a forbidden value raises an error that states the reason."""
     with pytest.raises(PayloadError, match=says):
         payload(where).encode(value)
 
@@ -170,8 +170,8 @@ def test_refuses_to_write(where: str, value: Any, says: str) -> None:
         ("set_time.request", datetime(2014, 12, 22, 14, 30), b"20141222143000"),  # noqa: DTZ001 - the document names no zone
     ],
 )
-def test_written_as_drawn(where: str, value: Any, data: bytes) -> None:
-    """Padding, plain decimals and saturation are as the document draws them."""
+def test_encoding(where: str, value: Any, data: bytes) -> None:
+    """Padding, plain decimals and saturation follow the document."""
     assert payload(where).encode(value) == data
 
 
@@ -187,5 +187,5 @@ def test_written_as_drawn(where: str, value: Any, data: bytes) -> None:
     ],
 )
 def test_show(data: bytes, text: str) -> None:
-    """Bytes are shown as text where they are, never as control characters, never at length."""
+    """Bytes are shown as text if possible, without control characters, and cut to the limit."""
     assert show(data) == text

@@ -1,10 +1,10 @@
-"""Passwords are told from what is none, and hidden so that frames stay frames."""
+"""Which frames may contain a password, and how passwords are masked."""
 
 import pytest
 
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.redaction import is_secret, mask, mask_loose
+from scaraspec.protocol.redaction import is_secret, mask, mask_unframed
 
 
 @pytest.mark.parametrize(
@@ -17,13 +17,13 @@ from scaraspec.protocol.redaction import is_secret, mask, mask_loose
         (Frame(A2C, 0x09), False),
     ],
 )
-def test_what_is_secret(frame: Frame, secret: object) -> None:
-    """The requests of 4.1 and 4.2, and a reply that repeats them; no flag."""
+def test_is_secret(frame: Frame, secret: object) -> None:
+    """The requests of 4.1 and 4.2 are secret, and replies that repeat them; a flag is not."""
     assert is_secret(frame) is secret
 
 
-def test_masked_data_keep_length_and_bars() -> None:
-    """The frame reads as before, with other passwords."""
+def test_mask_keeps_length_and_bars() -> None:
+    """Masked data keep their length and their bars."""
     assert mask(b"old|newer") == b"***|*****"
 
 
@@ -36,6 +36,6 @@ def test_masked_data_keep_length_and_bars() -> None:
         (b"nothing here", b"nothing here"),
     ],
 )
-def test_loose_masking_keeps_what_comes_before(data: bytes, masked: bytes) -> None:
-    """Only what follows the head of a secret frame is hidden."""
-    assert mask_loose(data) == masked
+def test_mask_unframed_keeps_the_bytes_before_the_secret(data: bytes, masked: bytes) -> None:
+    """Only the bytes after the header of a secret frame are masked."""
+    assert mask_unframed(data) == masked

@@ -1,4 +1,4 @@
-"""fileData, and both ends of a transfer with injected time (clause 5)."""
+"""The structure fileData, and sender and receiver with injected time (clause 5)."""
 
 import pytest
 from hypothesis import given
@@ -24,7 +24,7 @@ dialects = st.sampled_from(
 
 
 def transfer(content: bytes, dialect: Dialect) -> tuple[Sender, Receiver]:
-    """A whole transfer, sender to receiver."""
+    """Run a complete transfer and return its sender and receiver."""
     sender, receiver = Sender(content, 0, dialect), Receiver(0, dialect)
     while chunk := sender.next_chunk():
         assert sender.next_chunk() is None  # one outstanding
@@ -33,8 +33,8 @@ def transfer(content: bytes, dialect: Dialect) -> tuple[Sender, Receiver]:
 
 
 @given(contents, dialects)
-def test_arrives_whole(content: bytes, dialect: Dialect) -> None:
-    """Any file arrives unchanged in every dialect, and both ends know that it ended (A-5-15)."""
+def test_file_arrives_unchanged(content: bytes, dialect: Dialect) -> None:
+    """Any file arrives unchanged in every dialect, and both sides detect the end (A-5-15)."""
     sender, receiver = transfer(content, dialect)
     assert (sender.state, receiver.state) == (State.DONE, State.DONE)
     assert receiver.content == content
@@ -49,7 +49,7 @@ def test_structure_is_212_bytes() -> None:
 
 @pytest.mark.parametrize("order", ["little", "big"])
 def test_byte_order_is_detected(order: str) -> None:
-    """Length and position are in bounds in one order only."""
+    """Length and position are in bounds in only one byte order."""
     chunk = Chunk(51_200, 400, 200, bytes(200))
     decoded = FILE_DATA.decode(FILE_DATA.encode(chunk, Dialect.of(endian=order)))
     assert decoded.value == chunk
@@ -61,13 +61,13 @@ def test_byte_order_is_detected(order: str) -> None:
     [
         (Chunk(300, 0, 201, bytes(200)), "out of bounds"),
         (Chunk(100, 0, 101, bytes(200)), "out of bounds"),
-        (Chunk(600, 400, 200, bytes(200)), "where 200 was due"),
-        (Chunk(600, 100, 200, bytes(200)), "where 200 was due"),
+        (Chunk(600, 400, 200, bytes(200)), "expected 200"),
+        (Chunk(600, 100, 200, bytes(200)), "expected 200"),
         (Chunk(601, 200, 200, bytes(200)), "file size changed"),
     ],
 )
-def test_bad_chunks_are_refused(chunk: Chunk, reason: str) -> None:
-    """Over 200, beyond the end, gaps, overlaps and a changed size are answered "0" (A-5-6 to 8)."""
+def test_invalid_chunks_are_refused(chunk: Chunk, reason: str) -> None:
+    """Wrong lengths, gaps, overlaps and a changed size get the reply "0" (A-5-6 to 8)."""
     receiver = Receiver(0)
     assert receiver.take(FILE_DATA.encode(Chunk(600, 0, 200, bytes(200))), 0) is True
     assert receiver.take(FILE_DATA.encode(chunk), 0) is False
@@ -77,14 +77,14 @@ def test_bad_chunks_are_refused(chunk: Chunk, reason: str) -> None:
 
 @pytest.mark.parametrize("signal", [b"", FILE_DATA.encode(Chunk(600, 200, 0, b""))])
 def test_length_0_is_the_error_signal(signal: bytes) -> None:
-    """A frame or a chunk of length 0 ends the transfer without an answer (L787; A-5-10)."""
+    """A frame or a chunk of length 0 ends the transfer without a reply (L787; A-5-10)."""
     receiver = Receiver(0)
     assert receiver.take(signal, 0) is None
     assert receiver.state is State.FAILED
 
 
 def test_empty_file_by_reading() -> None:
-    """An empty file is refused by default; by one reading its single chunk is legal (A-5-10)."""
+    """The default reading refuses an empty file; another one allows one chunk (A-5-10)."""
     assert Sender(b"", 0).state is State.FAILED
     empty = FILE_DATA.encode(Chunk(0, 0, 0, b""))
     receiver = Receiver(0, Dialect.of(empty_file="chunk"))
@@ -93,7 +93,7 @@ def test_empty_file_by_reading() -> None:
 
 
 def test_any_order_by_reading() -> None:
-    """By one reading chunks come in any order, and the end is when all are there (A-5-8)."""
+    """One reading allows any chunk order; the transfer ends when all bytes are there (A-5-8)."""
     content = bytes(range(256)) * 3
     receiver = Receiver(0, Dialect.of(chunk_order="any"))
     for chunk in reversed(list(chunks_of(content))):
@@ -103,14 +103,14 @@ def test_any_order_by_reading() -> None:
 
 
 def test_no_room() -> None:
-    """A file that does not fit is refused at its first chunk (A-5-25)."""
+    """A file larger than the limit is refused at its first chunk (A-5-25)."""
     receiver = Receiver(0, limit_bytes=100)
     assert receiver.take(FILE_DATA.encode(Chunk(101, 0, 101, bytes(101))), 0) is False
 
 
 @pytest.mark.parametrize(("silence_s", "state"), [(30.0, State.ACTIVE), (30.1, State.FAILED)])
 def test_thirty_seconds(silence_s: float, state: State) -> None:
-    """Silence of more than 30 s ends either side, counted from the last frame (L763, L795)."""
+    """Both sides time out more than 30 s after the last frame (L763, L795)."""
     sender, receiver = Sender(bytes(500), 0), Receiver(0)
     chunk = sender.next_chunk()
     assert chunk
@@ -121,33 +121,33 @@ def test_thirty_seconds(silence_s: float, state: State) -> None:
         assert end.state is state
 
 
-def test_never_by_reading() -> None:
-    """Another time-out may be claimed; the deadline says when it falls."""
+def test_timeout_by_reading() -> None:
+    """The dialect sets the timeout, and `deadline_s` reports when it expires."""
     sender = Sender(b"x", 0, Dialect.of(xfer_timeout="1"))
     assert sender.deadline_s == 1
     assert Sender(b"x", 0, DEFAULT).deadline_s == 30
 
 
-def test_a_refusal_ends_it() -> None:
-    """After "0" nothing more is sent (A-5-14)."""
+def test_refusal_ends_the_transfer() -> None:
+    """After the reply "0" the sender sends no more chunks (A-5-14)."""
     sender = Sender(bytes(500), 0)
     sender.next_chunk()
     sender.acknowledge(accepted=False, now_s=0)
     assert sender.next_chunk() is None
-    assert "refused the chunk at 0" in sender.reason
+    assert "refused the chunk at position 0" in sender.reason
 
 
 @given(st.lists(st.binary(max_size=255), max_size=8))
 def test_receiver_never_raises(stream: list[bytes]) -> None:
-    """No data makes a receiver raise, and what it holds stays within its limit."""
+    """A receiver never raises, and its content stays within its limit."""
     receiver = Receiver(0, limit_bytes=1000)
     for data in stream:
         receiver.take(data, 0)
     assert len(receiver.content) <= 1000
 
 
-def test_complaints() -> None:
-    """A structure of a wrong size or out of bounds is complained of, and still read."""
+def test_issues() -> None:
+    """A structure of a wrong size or out of bounds gives issues, and is decoded."""
     decoded = FILE_DATA.decode(FILE_DATA.encode(Chunk(100, 90, 20, bytes(20)))[:50])
-    assert {c.wrong for c in decoded.complaints} == {Defect.SIZE, Defect.CHUNK}
+    assert {c.defect for c in decoded.issues} == {Defect.SIZE, Defect.CHUNK}
     assert decoded.value[:3] == (100, 90, 20)

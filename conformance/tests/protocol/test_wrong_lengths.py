@@ -1,4 +1,4 @@
-"""Lost bytes that were made after one of the document's wrong examples."""
+"""Detection of invalid bytes that copy a wrong length from an example of the document."""
 
 import pytest
 from hypothesis import given
@@ -6,78 +6,80 @@ from hypothesis import strategies as st
 
 from scaraspec.protocol.direction import A2C, C2A, Direction
 from scaraspec.protocol.frames import Frame, Framer, Skipped
-from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS, WrongLength, recognise
+from scaraspec.protocol.wrong_lengths import WRONG_LENGTHS, WrongLength, find_copied_length
 
 each_row = pytest.mark.parametrize("wrong", WRONG_LENGTHS, ids=lambda wrong: f"L{wrong.line}")
 
 
 def copied(wrong: WrongLength, text: bytes) -> bytes:
-    """A frame with the row's wrong length around a text."""
+    """Return a frame with this text and the wrong length of the row."""
     return wrong.header + text + bytes((wrong.frame.direction.end,))
 
 
 def lost(direction: Direction, raw: bytes) -> bytes:
-    """What a framer first skips of these bytes when a good frame follows them."""
+    """Return the first bytes that a framer skips if a valid frame follows `raw`."""
     skipped = Framer(direction).feed(raw + Frame(direction, 0x08).encode())[0]
     assert isinstance(skipped, Skipped)
     return skipped.data
 
 
-def test_there_are_fourteen() -> None:
-    """Each is wrong, and no two begin alike."""
+def test_fourteen_rows() -> None:
+    """Each length is wrong, and all headers differ."""
     assert len(WRONG_LENGTHS) == len({wrong.header for wrong in WRONG_LENGTHS}) == 14
     assert all(wrong.declared != len(wrong.frame.data) for wrong in WRONG_LENGTHS)
 
 
-def test_a_header_is_what_stands_before_the_data() -> None:
-    """Start byte, tag where there is one, opcode, and the wrong length."""
+def test_header_is_the_bytes_before_the_data() -> None:
+    """A header is the start byte, the tag if present, the opcode, and the wrong length."""
     headers = {wrong.line: wrong.header for wrong in WRONG_LENGTHS}
     assert (headers[160], headers[417]) == (b"\xaa\x05\x24", b"\xcc\x90\x33\x04")
 
 
 @each_row
-def test_a_copy_is_recognised_in_what_a_framer_skips(wrong: WrongLength) -> None:
-    """The documented text with the documented length is lost, and its row is named."""
+def test_copied_row_is_found_in_skipped_bytes(wrong: WrongLength) -> None:
+    """The framer skips the printed text with the printed length; the function finds its row."""
     direction, text = wrong.frame.direction, wrong.frame.data
-    assert recognise(direction, lost(direction, copied(wrong, text))) is wrong
+    assert find_copied_length(direction, lost(direction, copied(wrong, text))) is wrong
 
 
 @each_row
-def test_a_copy_that_lost_its_bars_is_recognised(wrong: WrongLength) -> None:
-    """Who copied the blanks in place of the bars copied the length too."""
+def test_copied_row_without_bars_is_found(wrong: WrongLength) -> None:
+    """A peer that copied spaces in place of the bars also copied the length."""
     direction, text = wrong.frame.direction, wrong.frame.data.replace(b"|", b" ")
-    assert recognise(direction, lost(direction, copied(wrong, text))) is wrong
+    assert find_copied_length(direction, lost(direction, copied(wrong, text))) is wrong
 
 
 @each_row
-def test_the_length_is_copied_whatever_the_text(wrong: WrongLength) -> None:
-    """A peer that fills its own values into the example keeps the example's length."""
+def test_copied_length_with_another_text_is_found(wrong: WrongLength) -> None:
+    """A peer may insert its own values and keep the length of the example."""
     longer, shorter = b"9" * (wrong.declared + 4), b"9" * (wrong.declared - 1)
-    assert recognise(wrong.frame.direction, copied(wrong, longer)) is wrong
-    assert recognise(wrong.frame.direction, copied(wrong, shorter)) is (wrong if shorter else None)
+    assert find_copied_length(wrong.frame.direction, copied(wrong, longer)) is wrong
+    assert find_copied_length(wrong.frame.direction, copied(wrong, shorter)) is (
+        wrong if shorter else None
+    )
 
 
 @each_row
-def test_the_end_byte_may_be_missing_behind_the_length(wrong: WrongLength) -> None:
-    """Bytes that arrive one by one are given up where the end byte is due; less tells nothing."""
+def test_copied_row_without_end_byte_is_found(wrong: WrongLength) -> None:
+    """The bytes may stop where the end byte is expected; fewer bytes prove nothing."""
     direction, text = wrong.frame.direction, b"9" * (wrong.declared + 1)
-    assert recognise(direction, wrong.header + text) is wrong
-    assert recognise(direction, wrong.header + text[:-1]) is None
+    assert find_copied_length(direction, wrong.header + text) is wrong
+    assert find_copied_length(direction, wrong.header + text[:-1]) is None
 
 
 @each_row
-def test_right_frames_are_not_recognised(wrong: WrongLength) -> None:
-    """Neither the frame that is meant, nor one whose data has the printed length."""
+def test_correct_frames_are_not_found(wrong: WrongLength) -> None:
+    """Neither the intended frame nor a frame whose data has the printed length is found."""
     frame = wrong.frame
-    assert recognise(frame.direction, frame.encode()) is None
-    assert recognise(frame.direction, copied(wrong, b"9" * wrong.declared)) is None
+    assert find_copied_length(frame.direction, frame.encode()) is None
+    assert find_copied_length(frame.direction, copied(wrong, b"9" * wrong.declared)) is None
 
 
 @each_row
-def test_the_other_side_copies_nothing(wrong: WrongLength) -> None:
-    """A header belongs to the direction that its start byte names."""
+def test_other_direction_is_not_found(wrong: WrongLength) -> None:
+    """A header belongs to the direction of its start byte."""
     raw = copied(wrong, wrong.frame.data)
-    assert recognise(wrong.frame.direction.opposite, raw) is None
+    assert find_copied_length(wrong.frame.direction.opposite, raw) is None
 
 
 @pytest.mark.parametrize(
@@ -94,9 +96,9 @@ def test_the_other_side_copies_nothing(wrong: WrongLength) -> None:
     ],
     ids=["nothing", "start", "header", "no-text", "binary", "other-length", "endless", "untagged"],
 )
-def test_less_than_a_copy_is_none(direction: Direction, raw: bytes) -> None:
-    """Nothing is said about bytes that do not show a text of another length."""
-    assert recognise(direction, raw) is None
+def test_other_bytes_are_not_found(direction: Direction, raw: bytes) -> None:
+    """Bytes without a printable text of another length are not found."""
+    assert find_copied_length(direction, raw) is None
 
 
 @given(
@@ -104,9 +106,9 @@ def test_less_than_a_copy_is_none(direction: Direction, raw: bytes) -> None:
     st.sampled_from([b"", *(wrong.header for wrong in WRONG_LENGTHS)]),
     st.binary(max_size=300),
 )
-def test_any_bytes_may_be_asked_about(direction: Direction, head: bytes, tail: bytes) -> None:
-    """The answer is none, or a row of this direction whose header begins the bytes."""
-    wrong = recognise(direction, head + tail)
+def test_any_bytes_are_accepted(direction: Direction, head: bytes, tail: bytes) -> None:
+    """The result is None, or a row of this direction whose header begins the bytes."""
+    wrong = find_copied_length(direction, head + tail)
     assert wrong is None or (
         wrong.frame.direction is direction and (head + tail).startswith(wrong.header)
     )

@@ -17,7 +17,7 @@ from scaraspec.traffic.wire import WireRange
 def seen(frame: Frame, at: int = 0) -> FrameSeen:
     """A frame at this place of its stream."""
     place = WireRange("1", frame.direction, at, frame.size_bytes, 1000 + at)
-    return FrameSeen(frame, place, 1000 + at, commands.read(frame))
+    return FrameSeen(frame, place, 1000 + at, commands.parse_frame(frame))
 
 
 def undecodable(direction: Direction, data: bytes) -> InvalidBytes:

@@ -19,7 +19,7 @@ class _Echo:
     """Answers what it hears after one second, and says good-bye after ten; refuses serial."""
 
     due: list[tuple[float, _Act]] = field(default_factory=list)
-    told: list[str] = field(default_factory=list)
+    calls: list[str] = field(default_factory=list)
 
     @property
     def next_event_s(self) -> float | None:
@@ -36,7 +36,7 @@ class _Echo:
         return []
 
     def close(self, connection: int, now_s: float) -> list[_Act]:
-        self.told.append(f"{connection} closed at {now_s:g}")
+        self.calls.append(f"{connection} closed at {now_s:g}")
         return []
 
     def advance(self, now_s: float) -> list[_Act]:
@@ -59,8 +59,8 @@ def test_who_waits_makes_time_pass_from_event_to_event() -> None:
 def test_the_end_is_told_after_what_came_before_it() -> None:
     """The machine's last bytes, then its end, again and again; nothing can be sent any more."""
     link = MemoryNetwork(_Echo()).connect()
-    whats = [arrival.what for _ in range(3) if (arrival := link.receive(100.0))]
-    assert whats == [b"bye", Ending.CLOSED, Ending.CLOSED]
+    contents = [arrival.content for _ in range(3) if (arrival := link.receive(100.0))]
+    assert contents == [b"bye", Ending.CLOSED, Ending.CLOSED]
     assert link.now_s == 10.0
     with pytest.raises(LinkError, match="the peer has ended the connection"):
         link.send(b"x")
@@ -82,12 +82,12 @@ def test_a_link_may_be_refused() -> None:
     """The end is there at once."""
     arrival = MemoryNetwork(_Echo()).connect("serial").receive(0.0)
     assert arrival is not None
-    assert arrival.what is Ending.CLOSED
+    assert arrival.content is Ending.CLOSED
 
 
 class _Line(_Echo):
     def open(self, connection: int, now_s: float, link: str) -> list[_Act]:
-        self.told.append(f"{connection} opened at {now_s:g} over {link}")
+        self.calls.append(f"{connection} opened at {now_s:g} over {link}")
         return []
 
 
@@ -104,9 +104,9 @@ def test_a_serial_line_is_one_connection() -> None:
         network.run_until(network.now_s + wait_s)
     arrival = network.connect("serial").receive(100.0)
     assert arrival is not None
-    assert arrival.what == b"?"
+    assert arrival.content == b"?"
     assert network.now_s == 3.0
-    assert machine.told == ["1 opened at 0 over serial"]
+    assert machine.calls == ["1 opened at 0 over serial"]
 
 
 def test_links_share_a_machine_and_its_clock() -> None:
@@ -130,12 +130,12 @@ def test_the_machine_is_told_once_that_a_client_has_ended(end: str) -> None:
     network.run_until(3.0)
     getattr(link, end)()
     getattr(link, end)()
-    assert machine.told == ["1 closed at 3"]
+    assert machine.calls == ["1 closed at 3"]
     with pytest.raises(LinkError, match="has been closed"):
         link.send(b"x")
     if end == "half_close":
-        whats = [arrival.what for _ in range(2) if (arrival := link.receive(20.0))]
-        assert whats == [b"a", Ending.CLOSED]
+        contents = [arrival.content for _ in range(2) if (arrival := link.receive(20.0))]
+        assert contents == [b"a", Ending.CLOSED]
     else:
         with pytest.raises(LinkError, match="has been closed"):
             link.receive(20.0)

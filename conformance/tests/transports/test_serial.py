@@ -37,8 +37,8 @@ def test_bytes_go_both_ways_unchanged(pty: tuple[int, str]) -> None:
     while len(received) < len(every):
         arrival = link.receive(link.now_s + _SOON_S)
         assert arrival is not None
-        assert isinstance(arrival.what, bytes)
-        received += arrival.what
+        assert isinstance(arrival.content, bytes)
+        received += arrival.content
     assert received == every
     assert link.receive(link.now_s) is None
     link.close()
@@ -52,7 +52,7 @@ def test_a_device_that_vanishes_is_the_end(pty: tuple[int, str]) -> None:
     for _ in range(2):
         arrival = link.receive(link.now_s + _SOON_S)
         assert arrival is not None
-        assert arrival.what is Ending.CLOSED
+        assert arrival.content is Ending.CLOSED
     with pytest.raises(LinkError, match="takes no bytes"):
         link.send(b"x")
     link.close()

@@ -74,7 +74,7 @@ def test_bytes_both_ways(loop: SimulatedLoop, dialled: Dialled) -> None:
     arrival = link.receive(10.0)
     assert peer.heard == [b"down"]
     assert arrival
-    assert (arrival.what, arrival.time_ns) == (b"up", 3 * 10**9)
+    assert (arrival.content, arrival.time_ns) == (b"up", 3 * 10**9)
     assert link.receive(5.0) is None
     assert loop.time() == 5.0
 
@@ -85,7 +85,7 @@ def test_the_program_ends_it(dialled: Dialled, end: str, told: Ending) -> None:
     link, peer = dialled()
     peer.transport.write(b"bye")
     getattr(peer.transport, end)()
-    assert [getattr(link.receive(1.0), "what", None) for _ in range(3)] == [b"bye", told, told]
+    assert [getattr(link.receive(1.0), "content", None) for _ in range(3)] == [b"bye", told, told]
     assert peer.transport.is_closing()
     with pytest.raises(LinkError, match="has ended"):
         link.send(b"too late")

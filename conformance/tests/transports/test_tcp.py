@@ -56,7 +56,7 @@ def test_bytes_go_both_ways_with_their_times(pair: tuple[SocketLink, socket.sock
     peer.sendall(b"answer")
     arrival = link.receive(link.now_s + _SOON_S)
     assert arrival is not None
-    assert arrival.what == b"answer"
+    assert arrival.content == b"answer"
     assert arrival.time_ns >= sent_ns > 1.5e18
 
 
@@ -103,7 +103,7 @@ def test_what_comes_elsewhere_ends_the_waiting(
         assert link.receive(never_s, [other]) is None
         peer.sendall(b"b")
         arrivals = [each.receive(never_s, [other]) for each in (link, other)]
-    assert [arrival and arrival.what for arrival in arrivals] == [b"b", b"a"]
+    assert [arrival and arrival.content for arrival in arrivals] == [b"b", b"a"]
     other.close()
 
 
@@ -113,7 +113,7 @@ def test_the_end_is_told_after_what_came_before_it(pair: tuple[SocketLink, socke
     peer.sendall(b"last")
     peer.close()
     arrivals = [link.receive(link.now_s + _SOON_S) for _ in range(3)]
-    assert [arrival and arrival.what for arrival in arrivals] == [b"last", *[Ending.CLOSED] * 2]
+    assert [arrival and arrival.content for arrival in arrivals] == [b"last", *[Ending.CLOSED] * 2]
 
 
 def test_a_reset_is_told_as_such(pair: tuple[SocketLink, socket.socket]) -> None:
@@ -122,7 +122,7 @@ def test_a_reset_is_told_as_such(pair: tuple[SocketLink, socket.socket]) -> None
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     peer.close()
     arrivals = [link.receive(link.now_s + _SOON_S) for _ in range(2)]
-    assert [arrival and arrival.what for arrival in arrivals] == [Ending.RESET] * 2
+    assert [arrival and arrival.content for arrival in arrivals] == [Ending.RESET] * 2
 
 
 def test_a_link_that_is_half_closed_still_receives(pair: tuple[SocketLink, socket.socket]) -> None:
@@ -133,7 +133,7 @@ def test_a_link_that_is_half_closed_still_receives(pair: tuple[SocketLink, socke
     peer.sendall(b"answer")
     arrival = link.receive(link.now_s + _SOON_S)
     assert arrival is not None
-    assert arrival.what == b"answer"
+    assert arrival.content == b"answer"
 
 
 def test_a_link_that_is_closed_cannot_be_used(pair: tuple[SocketLink, socket.socket]) -> None:
@@ -167,7 +167,7 @@ def test_sending_to_a_peer_that_has_cut_the_link_fails(
         link.send(b"x")
     arrival = link.receive(link.now_s + _SOON_S)
     assert arrival is not None
-    assert arrival.what is Ending.RESET
+    assert arrival.content is Ending.RESET
 
 
 def test_a_link_that_the_peer_has_cut_cannot_be_half_closed(

@@ -76,8 +76,8 @@ def _ask(link: Link, request: bytes) -> bytes:
     link.send(request)
     arrival = link.receive(link.now_s + _SOON_S)
     assert arrival is not None
-    assert isinstance(arrival.what, bytes)
-    return arrival.what
+    assert isinstance(arrival.content, bytes)
+    return arrival.content
 
 
 def _say(process: subprocess.Popen[str], line: str) -> str:
@@ -111,7 +111,7 @@ def test_it_says_where_it_listens_and_ends_cleanly(
     assert _stop(process, number) == ""
     arrival = link.receive(link.now_s + _SOON_S)
     assert arrival is not None
-    assert not isinstance(arrival.what, bytes)
+    assert not isinstance(arrival.content, bytes)
     link.close()
 
 

@@ -24,7 +24,7 @@ class Passing(NamedTuple):
     @classmethod
     def of(cls, frame: Frame) -> Self:
         """Read it against the command table."""
-        if parsed := commands.read(frame):
+        if parsed := commands.parse_frame(frame):
             return cls(frame, parsed.command.name, parsed.part)
         part = "result" if frame.tagged else "request" if frame.direction is A2C else "reply"
         return cls(frame, "", part)

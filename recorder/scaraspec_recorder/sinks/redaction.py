@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from scaraspec.protocol.commands import plausible
+from scaraspec.protocol.commands import is_known_opcode
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.frames import Frame, Framer, Skipped
-from scaraspec.protocol.redaction import is_secret, loose_secret, mask
+from scaraspec.protocol.redaction import is_secret, mask, secret_offset
 from scaraspec.traffic.wire import Kind, WireEvent
 
 MASKED_NOTE: Final = "passwords masked"
@@ -43,7 +43,7 @@ class _Client:
         elif event.kind is Kind.HALF_CLOSED:
             self._note(framer.finish(), at)
         elif event.kind is Kind.GAP:
-            self._note(framer.lose(max(event.length_bytes, 0), plausible), at)
+            self._note(framer.skip_gap(max(event.length_bytes, 0), is_known_opcode), at)
             self.after_gap = True
         held = framer.held_bytes
         self.held = (self.held + event.data)[-held:] if held else b""
@@ -71,7 +71,7 @@ class _Client:
 
     def _note_loose(self, data: bytes, at: int) -> None:
         """Bytes that are no frame, or none yet: behind a gap they may end one that is secret."""
-        begin = 0 if self.after_gap else loose_secret(data)
+        begin = 0 if self.after_gap else secret_offset(data)
         if begin < len(data):
             self.hidden.append((at + begin, at + len(data)))
 

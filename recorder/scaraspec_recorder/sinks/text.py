@@ -15,8 +15,14 @@ from scaraspec.protocol.commands import Parsed
 from scaraspec.protocol.fields import StatusCode, show
 from scaraspec.protocol.frames import Frame
 from scaraspec.protocol.hazard import Hazard
-from scaraspec.protocol.payloads import Acceptance, Answer, NameListPart, OptionalName, Outcome
-from scaraspec.protocol.redaction import is_secret, mask_loose
+from scaraspec.protocol.payloads import (
+    Acceptance,
+    NameListPart,
+    OptionalName,
+    OptionalRecord,
+    Outcome,
+)
+from scaraspec.protocol.redaction import is_secret, mask_unframed
 from scaraspec.protocol.transfer import Chunk, State
 from scaraspec.traffic.events import (
     CaptureGap,
@@ -86,11 +92,11 @@ def frame_text(seen: FrameSeen) -> str:
 
 def complaints(seen: FrameSeen) -> tuple[str, ...]:
     """What is wrong with how a frame says it; of a secret one only the kind of wrong."""
-    found = seen.parsed.decoded.complaints if seen.parsed else ()
+    found = seen.parsed.decoded.issues if seen.parsed else ()
     if not found:
         return ()
     secret = is_secret(seen.frame)
-    return tuple(complaint.wrong.value if secret else complaint.text for complaint in found)
+    return tuple(complaint.defect.value if secret else complaint.text for complaint in found)
 
 
 def code_text(code: str) -> str:
@@ -134,7 +140,7 @@ def attachment_name(transfer: Transfer) -> str:
 
 def hex_text(item: InvalidBytes) -> str:
     """The first bytes of an undecodable run, passwords masked."""
-    data = mask_loose(item.data)
+    data = mask_unframed(item.data)
     more = "…" if item.place.length_bytes > _HEX_BYTES else ""
     return data[:_HEX_BYTES].hex(" ").upper() + more
 
@@ -186,7 +192,7 @@ def _exchange_level(exchange: Exchange) -> str:
 @lru_cache(maxsize=4096)
 def _text(frame: Frame) -> str:
     """What a frame says. Polling says the same again and again, hence the cache."""
-    parsed = commands.read(frame)
+    parsed = commands.parse_frame(frame)
     text = _value_text(parsed) if parsed else ""
     if not text and frame.data:
         text = show(frame.data)
@@ -213,7 +219,9 @@ def _value_text(parsed: Parsed) -> str:
             )
         case str() if len(fields) == 1 and isinstance(fields[0], StatusCode):
             text = code_text(value)
-        case None | b"" if isinstance(payload, Answer | OptionalName) and not decoded.complaints:
+        case None | b"" if (
+            isinstance(payload, OptionalRecord | OptionalName) and not decoded.issues
+        ):
             text = "none"
         case _:
             text = _scalar_text(value)

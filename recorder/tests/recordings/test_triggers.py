@@ -99,7 +99,7 @@ def test_malformed_is_what_is_no_frame_or_has_a_wrong_payload(session: Any) -> N
     found = fires("malformed", session.events)
     assert len(found) == 2
     assert "00 6E 6F 69 73 65" in found[0]
-    assert found[1] == "get_status: code 'ZZ' is no code of table 8-1"
+    assert found[1] == "get_status: code 'ZZ' is not a code of table 8-1"
 
 
 def test_a_frame_torn_by_a_gap_is_not_malformed(session: Any) -> None:

@@ -30,7 +30,7 @@ from scaraspec.suite.engine.journal import Journal
 from scaraspec.suite.engine.plan import Options, hazards
 from scaraspec.suite.engine.run import Run, collect
 from scaraspec.suite.engine.stall_detector import StallDetector
-from scaraspec.transports.connect import resolved
+from scaraspec.transports.connect import resolve_url
 
 _GROUPS = {
     "The subject": ("password", "ics", "transfer_timeout", "wait_for_lock"),
@@ -140,7 +140,7 @@ def command(  # noqa: PLR0913 - one for each option
         replay = f"scaraspec certify controller {where}{given}"
         with (
             Journal.of(
-                resolved(where), state_dir or state_directory(), wait_s=wait_for_lock
+                resolve_url(where), state_dir or state_directory(), wait_s=wait_for_lock
             ) as journal,
             Files(out, needs_login=access.needs_login) as files,
             Display(Console(), len(cases)) as display,

@@ -255,7 +255,7 @@ def one_open_request(x: Exchange, _: RobotState) -> RuleResult | None:
 
 def _due(x: Exchange) -> bool:
     """Whether an answer is due: to a valid request, behind a login, in its place."""
-    valid = x.request.parsed is not None and not x.request.parsed.decoded.complaints
+    valid = x.request.parsed is not None and not x.request.parsed.decoded.issues
     served = x.logged_in or x.name == "login"
     out_of_place = x.name == "upload_chunk" and (x.transfer is None or x.late)  # A-5-16
     error_signal = x.chunk is not None and x.chunk.length == 0

@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.frames import TAG, SkipReason
-from scaraspec.protocol.redaction import mask_loose
-from scaraspec.protocol.wrong_lengths import recognise
+from scaraspec.protocol.redaction import mask_unframed
+from scaraspec.protocol.wrong_lengths import find_copied_length
 from scaraspec.traffic.events import InvalidBytes
 from scaraspec.user_message import UserMessage
 
@@ -62,7 +62,7 @@ def diagnose(found: InvalidBytes) -> Diagnosis:
         return _stray(found)  # a start byte that begins nothing
     declared = data[head - 1]
     if len(data) == head + declared + 1:
-        observed = "another byte" if mask_loose(data) != data else f"{data[-1]:02X}"
+        observed = "another byte" if mask_unframed(data) != data else f"{data[-1]:02X}"
         return Diagnosis(Fault.END, f"{direction.end:02X}", observed)
     if data[-1] == direction.end:
         return _length(found, head)
@@ -104,7 +104,7 @@ def _length(found: InvalidBytes, head: int) -> Diagnosis:
     if len(data) <= head:
         return Diagnosis(Fault.UNCLEAR)
     declared, true_bytes = data[head - 1], found.place.length_bytes - head - 1
-    copied = recognise(found.place.direction, data)
+    copied = find_copied_length(found.place.direction, data)
     hint = f"copied from the document's example, L{copied.line}" if copied else ""
     if declared == found.place.length_bytes and data[-1] == found.place.direction.end:
         hint = hint or "the whole frame is counted"

@@ -16,8 +16,8 @@ def one_flag(x: Exchange, _: RobotState) -> RuleResult | None:
         return None
     if x.reply.frame.data in (b"0", b"1"):
         return PASSED
-    complaints = x.reply.parsed.decoded.complaints
-    if complaints and all(c.wrong in _OF_THE_TEXT for c in complaints):
+    complaints = x.reply.parsed.decoded.issues
+    if complaints and all(c.defect in _OF_THE_TEXT for c in complaints):
         return None
     return failed(
         UserMessage("the answer to {x} is not one flag", x=x.name),

@@ -13,7 +13,7 @@ from scaraspec.judge.rules.rule import PASSED, RuleResult, failed, payload_of, r
 from scaraspec.judge.rules.text import observed
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import Defect, Diagnostics, Number, show
-from scaraspec.protocol.payloads import tidy
+from scaraspec.protocol.payloads import normalize
 from scaraspec.traffic.events import Exchange, FrameSeen, InvalidBytes
 from scaraspec.traffic.robot_state import RobotState
 from scaraspec.user_message import UserMessage
@@ -132,11 +132,11 @@ def _form(
     if not seen.parsed or seen.parsed.part != part:
         return None
     payload, decoded = payload_of(seen), seen.parsed.decoded
-    for complaint in decoded.complaints:
-        if complaint.wrong in wrongs:
+    for complaint in decoded.issues:
+        if complaint.defect in wrongs:
             form = payload.form if payload else ""
             return failed(complaint.text, expected=form, observed=observed(seen))
-    readable = all(complaint.wrong not in _OF_THE_TEXT for complaint in decoded.complaints)
+    readable = all(complaint.defect not in _OF_THE_TEXT for complaint in decoded.issues)
     return PASSED if readable else None
 
 
@@ -145,12 +145,12 @@ def seven_numbers(seen: FrameSeen, scene: RobotState) -> RuleResult | None:
     """The request holds seven numbers (L483-486); that the first is an integer is said next."""
     judged = _form(seen, scene, part="request", wrongs=_COUNT)
     notes = Diagnostics()
-    texts = tidy(seen.frame.data, Diagnostics()).removesuffix(b"|").split(b"|")  # A-T-4
+    texts = normalize(seen.frame.data, Diagnostics()).removesuffix(b"|").split(b"|")  # A-T-4
     for text in texts if judged is PASSED else ():
         _NUMBER.read(text.strip(b" "), notes)
-    if not notes.complaints:
+    if not notes.issues:
         return judged
-    return failed(notes.complaints[0].text, expected="seven numbers", observed=observed(seen))
+    return failed(notes.issues[0].text, expected="seven numbers", observed=observed(seen))
 
 
 @rule("4.24/2", on=FrameSeen, names=_MOVE, sender=A2C)
@@ -158,7 +158,7 @@ def speed_in_percent(seen: FrameSeen, scene: RobotState) -> RuleResult | None:
     """Speed is an integer percentage, 1 to 100 (L488; A-4.24-4)."""
     if _form(seen, scene, part="request", wrongs=_COUNT) is not PASSED:
         return None
-    text = tidy(seen.frame.data, Diagnostics()).split(b"|")[0]
+    text = normalize(seen.frame.data, Diagnostics()).split(b"|")[0]
     if text.isdigit() and len(text) <= _SPEED_DIGITS and 1 <= int(text) <= 100:  # noqa: PLR2004 - percent
         return PASSED
     return failed(

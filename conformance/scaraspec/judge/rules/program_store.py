@@ -121,8 +121,8 @@ def no_odd_name(x: Exchange, scene: RobotState) -> RuleResult | None:
         return None
     names = _names(x)
     for part in x.parts:
-        for complaint in part.parsed.decoded.complaints if part.parsed else ():
-            if complaint.wrong is Defect.EMPTY_NAME:
+        for complaint in part.parsed.decoded.issues if part.parsed else ():
+            if complaint.defect is Defect.EMPTY_NAME:
                 return failed("a name in the list is empty", observed=show(part.frame.data))
     [(name, count)] = Counter(names).most_common(1) or [(b"", 0)]
     if count <= 1:

@@ -56,8 +56,8 @@ def program_is_told(x: Exchange, _: RobotState) -> RuleResult | None:
             observed=observed(x.reply),
             at=(program.request.place, *places_of(x)),
         )
-    for complaint in x.reply.parsed.decoded.complaints:
-        if complaint.wrong in (Defect.FLAG, Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR):
+    for complaint in x.reply.parsed.decoded.issues:
+        if complaint.defect in (Defect.FLAG, Defect.FIELD_COUNT, Defect.SPACE_FOR_BAR):
             return failed(complaint.text, expected="1|name|DDHHMMSS", observed=observed(x.reply))
     return PASSED if x.answer else None
 
@@ -112,8 +112,8 @@ def nothing_behind_none(x: Exchange, scene: RobotState) -> RuleResult | None:
     """Without a program the reply begins with "0" and gives no name and no time (L226, L237)."""
     if not x.reply or not x.reply.parsed or not _says_none(x):
         return None
-    complaints = x.reply.parsed.decoded.complaints
-    surplus = next((c.text for c in complaints if c.wrong is Defect.FLAG), "")
+    complaints = x.reply.parsed.decoded.issues
+    surplus = next((c.text for c in complaints if c.defect is Defect.FLAG), "")
     if surplus:
         return failed(surplus, expected="0", observed=observed(x.reply))
     return PASSED if not scene.busy else None

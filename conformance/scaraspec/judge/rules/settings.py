@@ -33,7 +33,7 @@ def in_force(setter: str, x: Exchange, scene: RobotState) -> Exchange | None:
     found = scene.memory.last(setter, before_ns=x.time_ns)
     if found is None or not found.accepted or scene.memory.asked.get(setter) is not found.request:
         return None
-    if found.request.parsed and found.request.parsed.decoded.complaints:
+    if found.request.parsed and found.request.parsed.decoded.issues:
         return None
     same = found.request.place.connection == x.request.place.connection
     if x.time_ns - found.time_ns > (_UNSEEN_HERE_NS if same else UNSEEN_NS):

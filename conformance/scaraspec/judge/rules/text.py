@@ -5,14 +5,14 @@ from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import Defect, Diagnostics, Number, StatusCode, show
 from scaraspec.protocol.payloads import (
     Acceptance,
-    Answer,
     FinalResult,
     FirstReply,
     NameList,
-    Nothing,
+    NoData,
+    OptionalRecord,
     Outcome,
     Payload,
-    tidy,
+    normalize,
 )
 from scaraspec.protocol.redaction import is_secret
 from scaraspec.protocol.transfer import FileData
@@ -28,11 +28,11 @@ def observed(seen: FrameSeen) -> str:
 
 
 def _is_text(payload: Payload) -> bool:
-    return not isinstance(payload, Nothing | FileData)
+    return not isinstance(payload, NoData | FileData)
 
 
 def _has_bars(payload: Payload) -> bool:
-    several = isinstance(payload, Answer | NameList | FirstReply | FinalResult)
+    several = isinstance(payload, OptionalRecord | NameList | FirstReply | FinalResult)
     return several or len(payload.fields) > 1
 
 
@@ -52,9 +52,9 @@ def has_codes(payload: Payload) -> bool:
 
 def _complaint(seen: FrameSeen, *wrongs: Defect) -> str:
     """The first complaint of these kinds, empty where there is none."""
-    if not seen.parsed or not seen.parsed.decoded.complaints:
+    if not seen.parsed or not seen.parsed.decoded.issues:
         return ""
-    return next((c.text for c in seen.parsed.decoded.complaints if c.wrong in wrongs), "")
+    return next((c.text for c in seen.parsed.decoded.issues if c.defect in wrongs), "")
 
 
 def _without(seen: FrameSeen, *wrongs: Defect) -> RuleResult:
@@ -111,12 +111,14 @@ def plain_numbers(seen: FrameSeen, _: RobotState) -> RuleResult | None:
         return PASSED if seen.value is not None else None
     payload = payload_of(seen)
     assert payload
-    texts = tidy(seen.frame.data, Diagnostics()).split(b"|")[isinstance(payload, Answer) :]
+    texts = normalize(seen.frame.data, Diagnostics()).split(b"|")[
+        isinstance(payload, OptionalRecord) :
+    ]
     notes = Diagnostics()
     for field, text in zip(payload.fields, texts, strict=False):
         if isinstance(field, Number):
             field.read(text.strip(b" "), notes)
-    return _broken(seen, notes.complaints[0].text) if notes.complaints else PASSED
+    return _broken(seen, notes.issues[0].text) if notes.issues else PASSED
 
 
 @rule("T/6", on=FrameSeen, sender=A2C, payload=_is_opaque)

@@ -25,8 +25,8 @@ _TIMES: Final = 10
 
 
 def _misses_its_form(seen: FrameSeen) -> bool:
-    complaints = seen.parsed.decoded.complaints if seen.parsed else ()
-    return any(c.wrong in (Defect.FLAG, Defect.FIELD_COUNT) for c in complaints)
+    complaints = seen.parsed.decoded.issues if seen.parsed else ()
+    return any(c.defect in (Defect.FLAG, Defect.FIELD_COUNT) for c in complaints)
 
 
 # First replies
@@ -42,7 +42,7 @@ def _without_code(x: Exchange) -> RuleResult | None:
     decoded, said = x.reply.parsed.decoded, f"the refusal of {x.name} has no code"
     if ("err_bare0", "0") in decoded.readings:
         return tolerated("err_bare0", "0", said)
-    if any(complaint.wrong is Defect.NO_CODE for complaint in decoded.complaints):
+    if any(complaint.defect is Defect.NO_CODE for complaint in decoded.issues):
         if x.logged_in is False:
             return tolerated(
                 "A-4-4", "0", UserMessage("{said}: its client has not logged in", said=said)
@@ -274,7 +274,7 @@ def jog_byte(seen: FrameSeen, _scene: RobotState) -> RuleResult | None:
         return None
     if seen.value is None:
         return failed(
-            seen.parsed.decoded.complaints[0].text,
+            seen.parsed.decoded.issues[0].text,
             expected="1 to 4",
             observed=seen.frame.data.hex(),
         )

@@ -22,7 +22,7 @@ def dotted_version(seen: FrameSeen, _: RobotState) -> RuleResult | None:
     """The version has the form digits.digits.digits (L203; A-4.7-1)."""
     if not seen.parsed or not seen.frame.data:
         return None
-    if all(c.wrong is not Defect.VERSION for c in seen.parsed.decoded.complaints):
+    if all(c.defect is not Defect.VERSION for c in seen.parsed.decoded.issues):
         return PASSED
     return tolerated(
         "A-4.7-1", "free text", UserMessage("the version is {seen}", seen=observed(seen))

@@ -86,7 +86,7 @@ class _TaglessFramer(Framer):
     def __init__(self) -> None:
         super().__init__(C2A)
         self._tag = -1
-        self._marks = (*self._marks[:3], self._tag, self._marks[4])
+        self._loop_constants = (*self._loop_constants[:3], self._tag, self._loop_constants[4])
 
 
 @mutant("3/13")

@@ -125,7 +125,7 @@ class _Deaf(Upload):
 
     def take(self, parsed: Parsed, data: bytes, now_s: float) -> list[Frame]:
         if self.deaf(data):
-            decoded = parsed.decoded._replace(value=True, complaints=())
+            decoded = parsed.decoded._replace(value=True, issues=())
             parsed = parsed._replace(decoded=decoded)
         return super().take(parsed, data, now_s)
 

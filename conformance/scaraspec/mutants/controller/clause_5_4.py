@@ -242,9 +242,9 @@ class GivesUpChunksTooEarly(JudgesChunks):
 
 class _FromTheBeginning(Receiver):
     def take(self, data: bytes, now_s: float) -> bool | None:
-        heard_s = self._heard_s
+        last_frame_s = self._last_frame_s
         taken = super().take(data, now_s)
-        self._heard_s = heard_s
+        self._last_frame_s = last_frame_s
         return taken
 
 

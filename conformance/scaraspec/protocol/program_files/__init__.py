@@ -12,7 +12,7 @@ from scaraspec.protocol.program_files.layout import (
     Layout,
     detect,
 )
-from scaraspec.protocol.program_files.lint import NO_PROGRAM, LintFinding, lint
+from scaraspec.protocol.program_files.lint import INVALID_PROGRAM_CODES, LintFinding, lint
 from scaraspec.protocol.program_files.listing import PointMeaning, listing
 from scaraspec.protocol.program_files.model import (
     Node,
@@ -45,10 +45,10 @@ from scaraspec.protocol.program_files.tables import (
 
 __all__ = [
     "DEFAULT_LAYOUT",
+    "INVALID_PROGRAM_CODES",
     "LAYOUTS",
     "MAX_FILE_BYTES",
     "MOVES",
-    "NO_PROGRAM",
     "RULES",
     "ByteOrder",
     "Condition",

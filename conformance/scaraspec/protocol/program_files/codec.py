@@ -8,7 +8,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import fields
 
-from scaraspec.protocol.program_files.defects import check_envelope, misfit
+from scaraspec.protocol.program_files.defects import check_envelope, layout_error
 from scaraspec.protocol.program_files.layout import (
     CONFIGURATION_BYTES,
     DEFAULT_LAYOUT,
@@ -51,7 +51,7 @@ def parse(data: bytes, layout: Layout | None = None) -> Program:
     check_envelope(data)
     possible = detect(data)
     if not possible or (layout and layout not in possible):
-        raise misfit(data, (layout,) if layout else tuple(LAYOUTS.values()))
+        raise layout_error(data, (layout,) if layout else tuple(LAYOUTS.values()))
     layout = layout or possible[0]
     order = layout.byte_order.prefix
     _, variables = layout.counts(data)
@@ -87,7 +87,7 @@ def build(program: Program, layout: Layout = DEFAULT_LAYOUT) -> bytes:
 
 def _records(program: Program, layout: Layout) -> Iterator[bytes]:
     order = layout.byte_order.prefix
-    image = _canvas(program.image, layout.header_bytes + CONFIGURATION_BYTES)
+    image = _record_buffer(program.image, layout.header_bytes + CONFIGURATION_BYTES)
     image[: len(MAGIC)] = MAGIC
     counts = len(program.nodes), len(program.variables)
     _write(image, f"{order}2I", layout.points_offset, *counts)
@@ -115,7 +115,7 @@ def _read_variable(image: bytes, layout: Layout) -> Variable:
 
 def _write_variable(variable: Variable, layout: Layout) -> bytes:
     order = layout.byte_order.prefix
-    image = _canvas(variable.image, VARIABLE_BYTES)
+    image = _record_buffer(variable.image, VARIABLE_BYTES)
     _write(image, f"{order}i", 0, variable.key)
     _write_name(image, 4, VARIABLE_NAME_BYTES, variable.name)
     _write(image, f"{order}i", 4 + VARIABLE_NAME_BYTES, variable.value)
@@ -135,7 +135,7 @@ def _read_node(image: bytes, layout: Layout) -> Node:
 
 
 def _write_node(node: Node, layout: Layout) -> bytes:
-    image = _canvas(node.image, layout.node_bytes)
+    image = _record_buffer(node.image, layout.node_bytes)
     if image[NODE_TYPE_OFFSET] != node.type:
         # What the union held for another type means nothing for this one.
         image[layout.data_offset :] = bytes(layout.node_bytes - layout.data_offset)
@@ -177,7 +177,7 @@ def _data_format(kind: type[NodeData], layout: Layout) -> str:
     return layout.byte_order.prefix + _FORMATS[kind]
 
 
-def _canvas(image: bytes, size: int) -> bytearray:
+def _record_buffer(image: bytes, size: int) -> bytearray:
     """The record as it was read, or zeros where it was not read or had another size."""
     return bytearray(image if len(image) == size else size)
 

@@ -38,14 +38,14 @@ class ProgramError(ValueError):
     """Bytes are no program by the size equation and the magics (6.1/3, 6.2/1, 6.6b/1).
 
     Attributes:
-        fault: What is wrong.
+        defect: What is wrong.
         offset_bytes: Where.
         reason: In one sentence.
     """
 
-    def __init__(self, fault: ProgramDefect, offset_bytes: int, reason: str) -> None:
+    def __init__(self, defect: ProgramDefect, offset_bytes: int, reason: str) -> None:
         super().__init__(f"not a program file, byte {offset_bytes}: {reason}")
-        self.fault = fault
+        self.defect = defect
         self.offset_bytes = offset_bytes
         self.reason = reason
 
@@ -87,7 +87,7 @@ def check_envelope(data: bytes) -> None:
         )
 
 
-def misfit(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
+def layout_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
     """Why a file that is long enough and begins as a program fits none of these layouts."""
     end = program_bytes(data)
     if end is not None and end < len(data):
@@ -115,7 +115,7 @@ def misfit(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
 def _size_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
     """Says what is missing or too much, in the likeliest layout that explains it."""
 
-    def badness(layout: Layout) -> tuple[bool, ...]:
+    def penalties(layout: Layout) -> tuple[bool, ...]:
         return (
             # Counts in the wrong byte order make sizes beyond all bounds.
             layout.file_bytes(*layout.counts(data)) > 2 * MAX_FILE_BYTES,
@@ -124,11 +124,11 @@ def _size_error(data: bytes, layouts: tuple[Layout, ...]) -> ProgramError:
             _miscount(data, layout)[0] is ProgramDefect.SIZE,
         )
 
-    likeliest = min(layouts, key=badness)
+    likeliest = min(layouts, key=penalties)
     points, variables = likeliest.counts(data)
-    fault, offset_bytes, room = _miscount(data, likeliest)
+    defect, offset_bytes, room = _miscount(data, likeliest)
     return ProgramError(
-        fault,
+        defect,
         offset_bytes,
         UserMessage(
             "the header's points = {points} and varNub = {variables} make {file_bytes} bytes "

@@ -167,7 +167,7 @@ def detect(data: bytes) -> tuple[Layout, ...]:
     whose values look least odd, then those that are likelier by themselves.
     """
     whole = [layout for layout, end in _ends(data) if end == len(data)]
-    return tuple(sorted(whole, key=lambda layout: _oddities(data, layout)))
+    return tuple(sorted(whole, key=lambda layout: _count_implausible_values(data, layout)))
 
 
 def program_bytes(data: bytes) -> int | None:
@@ -189,17 +189,17 @@ def _ends(data: bytes) -> Iterator[tuple[Layout, int]]:
                 yield layout, end
 
 
-def is_odd_coordinate(value: float) -> bool:
+def is_implausible_coordinate(value: float) -> bool:
     """Whether a number cannot well be mm or degrees; bytes in the wrong order rarely can."""
     return not (value == 0 or _LEAST_COORDINATE <= abs(value) <= _GREATEST_COORDINATE)
 
 
-def _oddities(data: bytes, layout: Layout) -> int:
+def _count_implausible_values(data: bytes, layout: Layout) -> int:
     """How many values look wrong under a layout, in the configuration and the first nodes."""
     order = layout.byte_order.prefix
     points, variables = layout.counts(data)
     configuration = struct.unpack_from(f"{order}9f", data, layout.header_bytes)
-    odd = sum(map(is_odd_coordinate, configuration))
+    odd = sum(map(is_implausible_coordinate, configuration))
     odd += any(data[len(MAGIC) : layout.points_offset])
     start = layout.nodes_offset(variables)
     offsets = range(start, start + points * layout.node_bytes, layout.node_bytes)
@@ -209,7 +209,7 @@ def _oddities(data: bytes, layout: Layout) -> int:
         match node_type:
             case NodeType.POINT:
                 point = struct.unpack_from(f"{order}4f", data, content)
-                odd += sum(map(is_odd_coordinate, point))
+                odd += sum(map(is_implausible_coordinate, point))
             case NodeType.WAIT_TIMER:
                 seconds, microseconds = timer.unpack_from(data, content)
                 unused = data[content + timer.size : offset + layout.node_bytes]

@@ -16,7 +16,7 @@ from scaraspec.protocol.program_files.rules import RULES, LintContext, Problem, 
 MAX_FINDINGS = 1000
 """More are not listed: errors are found first, and a file so wrong needs no longer list."""
 
-NO_PROGRAM = frozenset(
+INVALID_PROGRAM_CODES = frozenset(
     {"P-key-twice", "P-curve-short", "P-curve-child", "P-loop", "P-if", "P-else"}
 )
 """Codes of what makes a file that can be parsed no program all the same (6.5/28)."""
@@ -67,10 +67,10 @@ def lint(subject: Program | bytes) -> tuple[LintFinding, ...]:
     Bytes are judged in the best layout that fits them. Where more bytes follow a program, that is
     a finding and the program is judged without them.
     """
-    found = _in_bytes(subject) if isinstance(subject, bytes) else _in_program(subject, None)
+    found = _lint_bytes(subject) if isinstance(subject, bytes) else _lint_program(subject, None)
     findings = list(islice(found, MAX_FINDINGS + 1))
     capped = len(findings) > MAX_FINDINGS
-    findings = sorted(findings[:MAX_FINDINGS], key=_place)
+    findings = sorted(findings[:MAX_FINDINGS], key=_sort_key)
     if capped:
         findings.append(
             LintFinding("P-more", Severity.INFO, (), f"only {MAX_FINDINGS} findings are listed")
@@ -78,25 +78,27 @@ def lint(subject: Program | bytes) -> tuple[LintFinding, ...]:
     return tuple(findings)
 
 
-def _place(finding: LintFinding) -> tuple[int, int, int]:
+def _sort_key(finding: LintFinding) -> tuple[int, int, int]:
     """By node, what is about no node first; by the order of variables; worst first."""
     return finding.node or 0, finding.variable or 0, _WORST_FIRST.index(finding.severity)
 
 
-def _in_bytes(data: bytes) -> Iterator[LintFinding]:
+def _lint_bytes(data: bytes) -> Iterator[LintFinding]:
     try:
         program = parse(data)
     except ProgramError as error:
-        fault, end = error.fault, error.offset_bytes
-        severity = Severity.WARNING if fault is ProgramDefect.SURPLUS else Severity.ERROR
-        yield LintFinding(fault.code, severity, fault.requirements, error.reason, offset_bytes=end)
-        if fault in (ProgramDefect.SURPLUS, ProgramDefect.SECOND):
-            yield from _in_bytes(data[:end])
+        defect, end = error.defect, error.offset_bytes
+        severity = Severity.WARNING if defect is ProgramDefect.SURPLUS else Severity.ERROR
+        yield LintFinding(
+            defect.code, severity, defect.requirements, error.reason, offset_bytes=end
+        )
+        if defect in (ProgramDefect.SURPLUS, ProgramDefect.SECOND):
+            yield from _lint_bytes(data[:end])
     else:
-        yield from _in_program(program, detect(data)[0])
+        yield from _lint_program(program, detect(data)[0])
 
 
-def _in_program(program: Program, layout: Layout | None) -> Iterator[LintFinding]:
+def _lint_program(program: Program, layout: Layout | None) -> Iterator[LintFinding]:
     subject = LintContext(program, layout)
     for severity in _WORST_FIRST:
         for rule in RULES:

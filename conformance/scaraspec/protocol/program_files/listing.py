@@ -32,7 +32,7 @@ from scaraspec.protocol.program_files.tables import (
     ValueType,
 )
 
-_DEEPEST = 20  # levels of indentation: deeper nesting is hostile, and would fill the memory
+_MAX_DEPTH = 20  # levels of indentation: deeper nesting is hostile, and would fill the memory
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LAST_SECOND = 253_402_300_799  # of the year 9999, the last that a date can show
 
@@ -83,7 +83,7 @@ _PORT_TYPES: Mapping[int, str] = MappingProxyType(
         PortType.DIGITAL_OUTPUT: "digital output",
     }
 )
-_BARE: Mapping[int, str] = MappingProxyType(
+_NODE_TEXTS: Mapping[int, str] = MappingProxyType(
     {
         NodeType.STRAIGHT_MOVE: "move straight at {0.speed_rate} %, counts {0.counts}",
         NodeType.CURVE_MOVE: "move in a curve at {0.speed_rate} %, counts {0.counts}",
@@ -102,7 +102,7 @@ def listing(program: Program, points: PointMeaning = PointMeaning.JOINTS) -> str
         program: Any program, right or wrong.
         points: What the values of its points are taken for.
     """
-    return "".join(f"{line}\n" for line in _Lister(program, points).lines())
+    return "".join(f"{line}\n" for line in _ListingWriter(program, points).lines())
 
 
 def _coordinates(axes: tuple[tuple[str, str], ...], values: tuple[float, ...]) -> str:
@@ -112,7 +112,7 @@ def _coordinates(axes: tuple[tuple[str, str], ...], values: tuple[float, ...]) -
     )
 
 
-class _Lister:
+class _ListingWriter:
     """One program on its way to text."""
 
     def __init__(self, program: Program, points: PointMeaning) -> None:
@@ -139,7 +139,7 @@ class _Lister:
             yield f'variable {variable.key} "{show(variable.name)}" = {variable.value}'
         width = len(str(len(program.nodes)))
         for index, node in enumerate(program.nodes):
-            indent = "  " * min(self._structure.depths[index], _DEEPEST)
+            indent = "  " * min(self._structure.depths[index], _MAX_DEPTH)
             alias = f'  "{show(node.alias)}"' if node.alias else ""
             unmatched = "  (unmatched)" if index in self._unmatched else ""
             yield f"{index + 1:>{width}}  {indent}{self._meaning(node)}{alias}{unmatched}"
@@ -161,7 +161,7 @@ class _Lister:
             case Operation():
                 text = self._operation(node.type, node.data)
             case None:
-                text = _BARE.get(node.type, "(node type {0.type})").format(node)
+                text = _NODE_TEXTS.get(node.type, "(node type {0.type})").format(node)
         return text
 
     def _port(self, number: int) -> str:

@@ -83,7 +83,7 @@ def loop_readings(nodes: Sequence[Node], structure: Structure) -> dict[int, froz
 
 
 @dataclass(slots=True)
-class _Open:
+class _Scope:
     """A loop, or an IF with the last of its markers seen so far."""
 
     first: int
@@ -99,17 +99,17 @@ class _Markers:
         self.unbalanced: list[tuple[int, Unbalanced]] = []
         self._loops: int = 0
         self._ifs: int = 0
-        self._open: list[_Open] = []
+        self._open: list[_Scope] = []
         self._nodes = nodes
         for index, node in enumerate(nodes):
             depth = len(self._open)
             match node.type:
                 case NodeType.LOOP:
                     self._loops += 1
-                    self._open.append(_Open(index, index))
+                    self._open.append(_Scope(index, index))
                 case NodeType.IF:
                     self._ifs += 1
-                    self._open.append(_Open(index, index))
+                    self._open.append(_Scope(index, index))
                 case NodeType.ELSE:
                     depth = self._else(index)
                 case NodeType.END_LOOP:
@@ -120,7 +120,7 @@ class _Markers:
         while self._open:
             self._pop_unclosed()
 
-    def _is_loop(self, scope: _Open) -> bool:
+    def _is_loop(self, scope: _Scope) -> bool:
         return self._nodes[scope.first].type == NodeType.LOOP
 
     def _else(self, index: int) -> int:
@@ -146,7 +146,7 @@ class _Markers:
         self.partners[last], self.partners[index] = index, last
         return len(self._open)
 
-    def _pop(self) -> _Open:
+    def _pop(self) -> _Scope:
         scope = self._open.pop()
         if self._is_loop(scope):
             self._loops -= 1

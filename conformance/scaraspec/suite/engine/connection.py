@@ -237,14 +237,14 @@ class Connection:
                 arrival = Arrival(self._holder.now_ns, Ending.RESET)
             if arrival is None:
                 return False
-            if isinstance(arrival.what, Ending):
-                self.ending = arrival.what
-                kind = Kind.RESET if arrival.what is Ending.RESET else Kind.CLOSED
+            if isinstance(arrival.content, Ending):
+                self.ending = arrival.content
+                kind = Kind.RESET if arrival.content is Ending.RESET else Kind.CLOSED
                 self._take(self._theirs, self._streams[self._theirs].finish())
                 self._event(self._theirs, kind, arrival.time_ns)
             else:
-                self._event(self._theirs, Kind.BYTES, arrival.time_ns, arrival.what)
-                self._check_flood(len(arrival.what))
+                self._event(self._theirs, Kind.BYTES, arrival.time_ns, arrival.content)
+                self._check_flood(len(arrival.content))
             return True
 
     def _check_flood(self, size_bytes: int) -> None:

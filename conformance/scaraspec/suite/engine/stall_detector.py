@@ -8,7 +8,7 @@ import threading
 from types import TracebackType
 from typing import Final, Self
 
-from scaraspec.transports.clock import passed_ns
+from scaraspec.transports.clock import monotonic_ns
 
 BEAT_S: Final = 0.05
 STOOD_S: Final = 0.5
@@ -22,7 +22,7 @@ class StallDetector:
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._beat, name="pulse", daemon=True)
         self._lock = threading.Lock()
-        self._last_ns, self._longest_s = passed_ns(), 0.0
+        self._last_ns, self._longest_s = monotonic_ns(), 0.0
 
     def stood_still_s(self) -> float:
         """How long at most nothing happened here since this was asked last; 0 for what is usual."""
@@ -37,14 +37,14 @@ class StallDetector:
                 self._look()
 
     def _look(self) -> None:
-        before_ns, self._last_ns = self._last_ns, passed_ns()
+        before_ns, self._last_ns = self._last_ns, monotonic_ns()
         still_s = (self._last_ns - before_ns) / 1e9
         if still_s >= STOOD_S:
             self._longest_s = max(self._longest_s, still_s)
 
     def __enter__(self) -> Self:
         """Let it beat."""
-        self._last_ns = passed_ns()
+        self._last_ns = monotonic_ns()
         self._thread.start()
         return self
 

@@ -106,26 +106,26 @@ def payload_values(payload: payloads.Payload) -> SearchStrategy[Any]:
 
 
 @payload_values.register
-def _(payload: payloads.Nothing) -> SearchStrategy[None]:  # noqa: ARG001 - chosen by its type
+def _(payload: payloads.NoData) -> SearchStrategy[None]:  # noqa: ARG001 - chosen by its type
     return st.none()
 
 
 @payload_values.register
 def _(payload: payloads.Record) -> SearchStrategy[Any]:
-    make = payload.make
+    make = payload.factory
     if make is None:
         return values(payload.parts[0])
     return st.tuples(*map(values, payload.parts)).map(lambda v: make(*v))
 
 
 @payload_values.register
-def _(payload: payloads.Answer) -> SearchStrategy[Any]:
+def _(payload: payloads.OptionalRecord) -> SearchStrategy[Any]:
     return st.none() | payload_values(payload.inner)
 
 
 @payload_values.register
 def _(payload: payloads.FirstReply) -> SearchStrategy[payloads.Acceptance]:
-    refused = _refusals if payload.reasoned else st.none()
+    refused = _refusals if payload.has_code else st.none()
     return st.just(payloads.Acceptance(accepted=True)) | refused.map(
         lambda code: payloads.Acceptance(accepted=False, code=code)
     )

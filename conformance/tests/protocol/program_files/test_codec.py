@@ -162,7 +162,7 @@ def test_what_is_wrong_is_said_with_its_place(
     """Each way of not being a program has its fault and its offset."""
     with pytest.raises(ProgramError, match=f"byte {offset}: ") as caught:
         parse(data)
-    assert (caught.value.fault, caught.value.offset_bytes) == (fault, offset)
+    assert (caught.value.defect, caught.value.offset_bytes) == (fault, offset)
 
 
 @pytest.mark.parametrize(
@@ -218,7 +218,7 @@ def test_a_missing_record_is_told_in_the_layout_of_the_file(name: str) -> None:
     ):
         with pytest.raises(ProgramError, match=f"in layout {name}, .* room for") as caught:
             parse(file[:first] + file[first + size :])
-        assert caught.value.fault is fault
+        assert caught.value.defect is fault
 
 
 def test_another_layout_can_be_refused() -> None:

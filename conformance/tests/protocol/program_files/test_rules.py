@@ -5,8 +5,8 @@ import re
 import pytest
 
 from scaraspec.protocol.program_files import (
+    INVALID_PROGRAM_CODES,
     LAYOUTS,
-    NO_PROGRAM,
     RULES,
     LintRule,
     Node,
@@ -390,7 +390,7 @@ def test_every_rule_has_its_cases() -> None:
     every = [rule.code for rule in RULES] + [fault.code for fault in ProgramDefect]
     assert sorted(every) == sorted(CASES)
     assert all(broken and kept for broken, kept in CASES.values())
-    assert set(every) >= NO_PROGRAM
+    assert set(every) >= INVALID_PROGRAM_CODES
 
 
 def test_every_static_requirement_is_found_broken() -> None:

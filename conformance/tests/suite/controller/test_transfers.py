@@ -181,7 +181,7 @@ class SmallChunks(AltersChunkData):
             return super().download_chunk(request)
         transfer = request.session.transfer
         assert isinstance(transfer.end, Sender)
-        transfer.end._heard_s = request.now_s
+        transfer.end._last_frame_s = request.now_s
         super()._send_chunk(request.session, half)
         return SILENCE
 

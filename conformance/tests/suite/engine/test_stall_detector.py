@@ -77,7 +77,7 @@ def test_a_case_is_tried_anew(  # noqa: PLR0913, PLR0917 - a table
 def test_what_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The longest standstill, once; a moment is none."""
     instants_s = iter((0, 0.4, 2.4, 2.8))
-    monkeypatch.setattr(pulse, "passed_ns", lambda: int(next(instants_s) * 1e9))
+    monkeypatch.setattr(pulse, "monotonic_ns", lambda: int(next(instants_s) * 1e9))
     beating = StallDetector()
     assert beating.stood_still_s() == 0
     assert beating.stood_still_s() == pytest.approx(2)

@@ -38,10 +38,10 @@ class Client:
             arrival = self.link.receive(deadline_s)
             if arrival is None:
                 break
-            if isinstance(arrival.what, Ending):
-                self.ending = arrival.what
+            if isinstance(arrival.content, Ending):
+                self.ending = arrival.content
                 break
-            for frame in self._framer.feed(arrival.what):
+            for frame in self._framer.feed(arrival.content):
                 assert isinstance(frame, Frame), frame
                 names = [name for name, row in BY_NAME.items() if row.opcode == frame.opcode]
                 name = names[0] if names else f"0x{frame.opcode:02X}"

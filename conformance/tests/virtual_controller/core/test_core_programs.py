@@ -182,7 +182,7 @@ def test_which_opcode_asks_for_the_default_is_a_reading(
         client.link.send(bytes([0xAA, opcode, 0, 0xCC]))
         arrival = client.link.receive(client.link.now_s)
         if arrival:
-            assert arrival.what == bytes([0xCC, opcode, 1]) + b"p\xaa"
+            assert arrival.content == bytes([0xCC, opcode, 1]) + b"p\xaa"
             answered.add(opcode)
     assert answered == served
 

@@ -6,11 +6,11 @@ import pytest
 
 from scaraspec.protocol.commands import COMMANDS, Command
 from scaraspec.protocol.frames import Frame
-from scaraspec.protocol.payloads import Nothing
+from scaraspec.protocol.payloads import NoData
 from scaraspec.virtual_controller.core import ControllerCore
 from scaraspec.virtual_controller.session import Session
 
-_WITHOUT_DATA = [row.name for row in COMMANDS if isinstance(row.request, Nothing)]
+_WITHOUT_DATA = [row.name for row in COMMANDS if isinstance(row.request, NoData)]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)

@@ -19,7 +19,7 @@ from scaraspec.protocol.commands import JointValues, Pose
 from scaraspec.protocol.direction import A2C, C2A
 from scaraspec.protocol.fields import show
 from scaraspec.protocol.payloads import Acceptance, Outcome
-from scaraspec.protocol.redaction import mask_loose
+from scaraspec.protocol.redaction import mask_unframed
 from scaraspec.protocol.transfer import State
 from scaraspec.traffic.events import (
     Exchange,
@@ -198,7 +198,7 @@ class McapSink:
             offset_bytes=place.offset_bytes,
             size_bytes=place.length_bytes,
             why=item.why.value,
-            data=mask_loose(item.data),
+            data=mask_unframed(item.data),
         )
         self._add("/undecodable", data)
 

@@ -3,18 +3,18 @@
 import math
 from collections.abc import Iterator
 
-from scaraspec.protocol.program_files.layout import is_odd_coordinate
+from scaraspec.protocol.program_files.layout import is_implausible_coordinate
 from scaraspec.protocol.program_files.model import Point
 from scaraspec.protocol.program_files.rules.base import LintContext, LintRule, Problem, Severity
 from scaraspec.protocol.program_files.tables import PortType
 from scaraspec.user_message import UserMessage
 
 
-def _not_finite(subject: LintContext) -> Iterator[Problem]:
+def _not_finite(context: LintContext) -> Iterator[Problem]:
     """All floats are finite (A-6.1-4)."""
     for what, values in (
-        ("toolPos", subject.program.tool_position),
-        ("tcpPos", subject.program.tool_center),
+        ("toolPos", context.program.tool_position),
+        ("tcpPos", context.program.tool_center),
     ):
         for index, value in enumerate(values):
             if not math.isfinite(value):
@@ -26,7 +26,7 @@ def _not_finite(subject: LintContext) -> Iterator[Problem]:
                         value=value,
                     )
                 )
-    for node, point in subject.data(Point):
+    for node, point in context.data(Point):
         for index, value in enumerate(point.values):
             if not math.isfinite(value):
                 yield Problem(
@@ -39,9 +39,9 @@ def _not_finite(subject: LintContext) -> Iterator[Problem]:
                 )
 
 
-def _odd(what: str, values: tuple[float, ...]) -> Iterator[Problem]:
+def _implausible(what: str, values: tuple[float, ...]) -> Iterator[Problem]:
     for index, value in enumerate(values):
-        if math.isfinite(value) and is_odd_coordinate(value):
+        if math.isfinite(value) and is_implausible_coordinate(value):
             yield Problem(
                 UserMessage(
                     "{what}[{index}] is {value:g}, hardly mm or degrees: its bytes may be in "
@@ -53,19 +53,19 @@ def _odd(what: str, values: tuple[float, ...]) -> Iterator[Problem]:
             )
 
 
-def _tool_position(subject: LintContext) -> Iterator[Problem]:
+def _tool_position(context: LintContext) -> Iterator[Problem]:
     """The initial tool position is six values in mm and degrees (L846)."""
-    yield from _odd("toolPos", subject.program.tool_position)
+    yield from _implausible("toolPos", context.program.tool_position)
 
 
-def _tool_center(subject: LintContext) -> Iterator[Problem]:
+def _tool_center(context: LintContext) -> Iterator[Problem]:
     """The tool's working end is three values in mm (L848)."""
-    yield from _odd("tcpPos", subject.program.tool_center)
+    yield from _implausible("tcpPos", context.program.tool_center)
 
 
-def _port_type(subject: LintContext) -> Iterator[Problem]:
+def _port_type(context: LintContext) -> Iterator[Problem]:
     """A port type is 0 to 4 (L850-856)."""
-    for port, port_type in enumerate(subject.program.ports, start=1):
+    for port, port_type in enumerate(context.program.ports, start=1):
         if not PortType.has(port_type):
             yield Problem(
                 UserMessage(

@@ -13,9 +13,9 @@ _LEAST_CURVE_POINTS = 3
 _FULL_SPEED = 100
 
 
-def _speed(subject: LintContext) -> Iterator[Problem]:
+def _speed(context: LintContext) -> Iterator[Problem]:
     """The speed of a move is 1 to 100 percent (L922, A-6.5-3)."""
-    for index, node in subject.nodes(*MOVES):
+    for index, node in context.nodes(*MOVES):
         if not 1 <= node.speed_rate <= _FULL_SPEED:
             yield Problem(
                 UserMessage(
@@ -25,25 +25,25 @@ def _speed(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _counts_past_end(subject: LintContext) -> Iterator[Problem]:
+def _counts_past_end(context: LintContext) -> Iterator[Problem]:
     """A count does not reach beyond the last node (L924)."""
-    for index, node in subject.nodes(*_COUNTING):
-        if index + node.counts >= len(subject.program.nodes):
+    for index, node in context.nodes(*_COUNTING):
+        if index + node.counts >= len(context.program.nodes):
             yield Problem(
                 UserMessage(
                     "its counts {counts} reaches to node {index}, but the last one is node "
                     "{nodes_count}",
                     counts=node.counts,
                     index=index + 1 + node.counts,
-                    nodes_count=len(subject.program.nodes),
+                    nodes_count=len(context.program.nodes),
                 ),
                 node=index,
             )
 
 
-def _counts_ignored(subject: LintContext) -> Iterator[Problem]:
+def _counts_ignored(context: LintContext) -> Iterator[Problem]:
     """Only moves and loops have a count (L924)."""
-    for index, node in enumerate(subject.program.nodes):
+    for index, node in enumerate(context.program.nodes):
         # Whether an end of a loop has one is open (A-6.5-4).
         if node.counts and node.type not in _COUNTING | {NodeType.END_LOOP}:
             yield Problem(
@@ -56,18 +56,18 @@ def _counts_ignored(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _first_stranger(subject: LintContext, index: int, node: Node) -> int | None:
+def _first_non_point(context: LintContext, index: int, node: Node) -> int | None:
     """The first node that belongs to a move and is no point."""
-    for child in range(index + 1, min(index + 1 + node.counts, len(subject.program.nodes))):
-        if subject.program.nodes[child].type != NodeType.POINT:
+    for child in range(index + 1, min(index + 1 + node.counts, len(context.program.nodes))):
+        if context.program.nodes[child].type != NodeType.POINT:
             return child
     return None
 
 
-def _curve_short(subject: LintContext) -> Iterator[Problem]:
+def _curve_short(context: LintContext) -> Iterator[Problem]:
     """A curve has at least three points (不能少于 3 个, L942)."""
-    for index, node in subject.nodes(NodeType.CURVE_MOVE):
-        held = min(node.counts, len(subject.program.nodes) - index - 1)
+    for index, node in context.nodes(NodeType.CURVE_MOVE):
+        held = min(node.counts, len(context.program.nodes) - index - 1)
         if held < _LEAST_CURVE_POINTS:
             yield Problem(
                 UserMessage("a curve needs at least 3 points, but this one has {held}", held=held),
@@ -75,46 +75,46 @@ def _curve_short(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _curve_child(subject: LintContext) -> Iterator[Problem]:
+def _curve_child(context: LintContext) -> Iterator[Problem]:
     """A curve has only points (只能是结点坐标, L942)."""
-    for index, node in subject.nodes(NodeType.CURVE_MOVE):
-        if (child := _first_stranger(subject, index, node)) is not None:
+    for index, node in context.nodes(NodeType.CURVE_MOVE):
+        if (child := _first_non_point(context, index, node)) is not None:
             yield Problem(
                 UserMessage(
                     "node {child} belongs to the curve, but its type is {type} and not 1, a point",
                     child=child + 1,
-                    type=subject.program.nodes[child].type,
+                    type=context.program.nodes[child].type,
                 ),
                 node=index,
             )
 
 
-def _move_empty(subject: LintContext) -> Iterator[Problem]:
+def _move_empty(context: LintContext) -> Iterator[Problem]:
     """A straight move has a point to go to (A-6.5-6)."""
-    for index, node in subject.nodes(NodeType.STRAIGHT_MOVE):
+    for index, node in context.nodes(NodeType.STRAIGHT_MOVE):
         if not node.counts:
             yield Problem("no node belongs to the straight move, so it goes nowhere", node=index)
 
 
-def _move_child(subject: LintContext) -> Iterator[Problem]:
+def _move_child(context: LintContext) -> Iterator[Problem]:
     """The nodes of a straight move are points (A-6.5-6)."""
-    for index, node in subject.nodes(NodeType.STRAIGHT_MOVE):
-        if (child := _first_stranger(subject, index, node)) is not None:
+    for index, node in context.nodes(NodeType.STRAIGHT_MOVE):
+        if (child := _first_non_point(context, index, node)) is not None:
             yield Problem(
                 UserMessage(
                     "node {child} belongs to the straight move, but its type is {type} and "
                     "not 1, a point",
                     child=child + 1,
-                    type=subject.program.nodes[child].type,
+                    type=context.program.nodes[child].type,
                 ),
                 node=index,
             )
 
 
-def _point_bare(subject: LintContext) -> Iterator[Problem]:
+def _point_bare(context: LintContext) -> Iterator[Problem]:
     """A point belongs to a move (A-6.5-7)."""
-    for index, _ in subject.nodes(NodeType.POINT):
-        if subject.structure.owners[index] is None:
+    for index, _ in context.nodes(NodeType.POINT):
+        if context.structure.owners[index] is None:
             yield Problem(
                 "the point belongs to no move, so how and how fast the robot goes there is open",
                 node=index,
@@ -122,9 +122,9 @@ def _point_bare(subject: LintContext) -> Iterator[Problem]:
 
 
 def _marker(*kinds: Unbalanced) -> Callable[[LintContext], Iterator[Problem]]:
-    def check(subject: LintContext) -> Iterator[Problem]:
+    def check(context: LintContext) -> Iterator[Problem]:
         """Every marker has its partner (L913-919)."""
-        for index, kind in subject.structure.unbalanced:
+        for index, kind in context.structure.unbalanced:
             if kind in kinds:
                 yield Problem(
                     UserMessage("this is {kind_value}", kind_value=kind.value), node=index
@@ -133,23 +133,23 @@ def _marker(*kinds: Unbalanced) -> Callable[[LintContext], Iterator[Problem]]:
     return check
 
 
-def _common_reading(subject: LintContext) -> frozenset[CountsMode]:
+def _common_reading(context: LintContext) -> frozenset[CountsMode]:
     """The readings under which every count of a loop is right that is right under any."""
-    readings = loop_readings(subject.program.nodes, subject.structure).values()
+    readings = loop_readings(context.program.nodes, context.structure).values()
     return frozenset(CountsMode).intersection(*filter(None, readings))
 
 
-def _loop_counts(subject: LintContext) -> Iterator[Problem]:
+def _loop_counts(context: LintContext) -> Iterator[Problem]:
     """The count of a loop is that of its nodes, in the same reading for all loops (A-6.5-4)."""
-    common = _common_reading(subject)
-    for index, modes in loop_readings(subject.program.nodes, subject.structure).items():
+    common = _common_reading(context)
+    for index, modes in loop_readings(context.program.nodes, context.structure).items():
         if not modes:
-            records = subject.structure.loop_counts[index][CountsMode.RECORDS]
+            records = context.structure.loop_counts[index][CountsMode.RECORDS]
             yield Problem(
                 UserMessage(
                     "its counts is {counts}, but from the loop to its end it is {records}; "
                     "the end governs",
-                    counts=subject.program.nodes[index].counts,
+                    counts=context.program.nodes[index].counts,
                     records=records,
                 ),
                 node=index,
@@ -164,9 +164,9 @@ def _loop_counts(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _loop_reading(subject: LintContext) -> Iterator[Problem]:
+def _loop_reading(context: LintContext) -> Iterator[Problem]:
     """The count of a loop is that of all nodes before its end (A-6.5-4)."""
-    common = _common_reading(subject)
+    common = _common_reading(context)
     if common and CountsMode.RECORDS not in common:
         yield Problem(
             UserMessage(
@@ -175,13 +175,13 @@ def _loop_reading(subject: LintContext) -> Iterator[Problem]:
                 common=" or ".join(sorted(common)),
                 records=CountsMode.RECORDS,
             ),
-            node=min(subject.structure.loop_counts),
+            node=min(context.structure.loop_counts),
         )
 
 
-def _endless_loop(subject: LintContext) -> Iterator[Problem]:
+def _endless_loop(context: LintContext) -> Iterator[Problem]:
     """A program comes to an end (A-6.5-5)."""
-    for index in subject.structure.loop_counts:
+    for index in context.structure.loop_counts:
         yield Problem(
             "nothing ends the loop but an emergency stop: what follows it is never executed",
             node=index,

@@ -9,9 +9,9 @@ from scaraspec.protocol.program_files.tables import Condition, Numbered, PortTyp
 from scaraspec.user_message import UserMessage
 
 
-def _layout(subject: LintContext) -> Iterator[Problem]:
+def _layout(context: LintContext) -> Iterator[Problem]:
     """The layout is the default one (A-6.1-2)."""
-    layout = subject.layout
+    layout = context.layout
     if layout and layout != DEFAULT_LAYOUT:
         yield Problem(
             UserMessage(
@@ -24,9 +24,9 @@ def _layout(subject: LintContext) -> Iterator[Problem]:
         )
 
 
-def _layout_mixed(subject: LintContext) -> Iterator[Problem]:
+def _layout_mixed(context: LintContext) -> Iterator[Problem]:
     """Header and nodes are aligned alike (A-6.1-2)."""
-    if (layout := subject.layout) and layout.reading == "mixed":
+    if (layout := context.layout) and layout.reading == "mixed":
         yield Problem(
             UserMessage(
                 "no single packing makes a header of {header_bytes} bytes and nodes of "
@@ -38,19 +38,19 @@ def _layout_mixed(subject: LintContext) -> Iterator[Problem]:
         )
 
 
-def _table_numbers(subject: LintContext) -> Iterator[tuple[int, str, int, type[Numbered]]]:
+def _table_numbers(context: LintContext) -> Iterator[tuple[int, str, int, type[Numbered]]]:
     """What is 4 bytes long and should stand in a table: node, name, number, table."""
-    for index, wait in subject.data(WaitInput):
+    for index, wait in context.data(WaitInput):
         yield index, "condition", wait.condition, Condition
-    for index, output in subject.data(SetOutput):
+    for index, output in context.data(SetOutput):
         yield index, "output type", output.type, PortType
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         yield index, "result_type", operation.result_type, ResultType
 
 
-def _byte_order(subject: LintContext) -> Iterator[Problem]:
+def _byte_order(context: LintContext) -> Iterator[Problem]:
     """Every number has the byte order of the header (A-6.1-4)."""
-    for index, what, number, table in _table_numbers(subject):
+    for index, what, number, table in _table_numbers(context):
         swapped = int.from_bytes((number & 0xFFFFFFFF).to_bytes(4, "little"), "big")
         if table.has(swapped) and not table.has(number):
             yield Problem(

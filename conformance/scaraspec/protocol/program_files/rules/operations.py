@@ -20,9 +20,9 @@ def _operands(operation: Operation) -> tuple[tuple[str, int, int], ...]:
     )
 
 
-def _result_type(subject: LintContext) -> Iterator[Problem]:
+def _result_type(context: LintContext) -> Iterator[Problem]:
     """A result type is 1 to 4 (L961-965)."""
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         if not ResultType.has(operation.result_type):
             yield Problem(
                 UserMessage(
@@ -33,9 +33,9 @@ def _result_type(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _if_result(subject: LintContext) -> Iterator[Problem]:
+def _if_result(context: LintContext) -> Iterator[Problem]:
     """The operation of an IF is a comparison (A-6.5-14)."""
-    for index, node in subject.nodes(NodeType.IF):
+    for index, node in context.nodes(NodeType.IF):
         if isinstance(node.data, Operation) and node.data.result_type in _EFFECTS:
             yield Problem(
                 UserMessage(
@@ -47,18 +47,18 @@ def _if_result(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _comparison_lost(subject: LintContext) -> Iterator[Problem]:
+def _comparison_lost(context: LintContext) -> Iterator[Problem]:
     """The operation of a calculation node has an effect (A-6.5-14)."""
-    for index, node in subject.nodes(NodeType.COMPUTE):
+    for index, node in context.nodes(NodeType.COMPUTE):
         if isinstance(node.data, Operation) and node.data.result_type == ResultType.COMPARISON:
             yield Problem(
                 "the node compares, but only an IF does anything with the outcome", node=index
             )
 
 
-def _comparison_result(subject: LintContext) -> Iterator[Problem]:
+def _comparison_result(context: LintContext) -> Iterator[Problem]:
     """The result of a comparison is 0 in a file (A-6.6a-1)."""
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         if operation.result_type == ResultType.COMPARISON and operation.result != 0:
             yield Problem(
                 UserMessage(
@@ -70,10 +70,10 @@ def _comparison_result(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _result_key(subject: LintContext) -> Iterator[Problem]:
+def _result_key(context: LintContext) -> Iterator[Problem]:
     """A result is stored in a variable that exists (L963-964)."""
-    for index, operation in subject.data(Operation):
-        if operation.result_type in _STORED and operation.result not in subject.keys:
+    for index, operation in context.data(Operation):
+        if operation.result_type in _STORED and operation.result not in context.keys:
             yield Problem(
                 UserMessage(
                     "the result goes to key {result}, but no variable has it",
@@ -83,9 +83,9 @@ def _result_key(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _value_type(subject: LintContext) -> Iterator[Problem]:
+def _value_type(context: LintContext) -> Iterator[Problem]:
     """A value type is 0 to 3 (L967-973)."""
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         for name, value_type, _ in _operands(operation):
             if not ValueType.has(value_type):
                 yield Problem(
@@ -98,20 +98,20 @@ def _value_type(subject: LintContext) -> Iterator[Problem]:
                 )
 
 
-def _value_missing(subject: LintContext) -> Iterator[Problem]:
+def _value_missing(context: LintContext) -> Iterator[Problem]:
     """An operation has the values that it needs (A-6.6a-3)."""
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         if operation.value_a_type == ValueType.NONE:
             yield Problem("the operation has no value A", node=index)
         if operation.value_b_type == ValueType.NONE and operation.result_type in _COMPUTED:
             yield Problem("the operation has no value B, but needs two values", node=index)
 
 
-def _value_key(subject: LintContext) -> Iterator[Problem]:
+def _value_key(context: LintContext) -> Iterator[Problem]:
     """A value is that of a variable that exists (L972)."""
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         for name, value_type, value in _operands(operation):
-            if value_type == ValueType.VARIABLE and value not in subject.keys:
+            if value_type == ValueType.VARIABLE and value not in context.keys:
                 yield Problem(
                     UserMessage(
                         "value {name} is that of key {value}, but no variable has it",
@@ -122,9 +122,9 @@ def _value_key(subject: LintContext) -> Iterator[Problem]:
                 )
 
 
-def _opt(subject: LintContext) -> Iterator[Problem]:
+def _opt(context: LintContext) -> Iterator[Problem]:
     """An operator is 1 to 9, or 0 where nothing is computed (L975-986, A-6.6a-2)."""
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         if not ResultType.has(operation.result_type) or Opt.has(operation.opt):
             continue
         if operation.result_type in _COMPUTED or operation.opt != 0:
@@ -133,9 +133,9 @@ def _opt(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _opt_result(subject: LintContext) -> Iterator[Problem]:
+def _opt_result(context: LintContext) -> Iterator[Problem]:
     """A comparison compares and a calculation calculates (A-6.6a-3)."""
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         if not Opt.has(operation.opt):
             continue
         arithmetic = operation.opt in _ARITHMETIC
@@ -155,9 +155,9 @@ def _opt_result(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _assign_value(subject: LintContext) -> Iterator[Problem]:
+def _assign_value(context: LintContext) -> Iterator[Problem]:
     """An assignment and a port setting take value A alone (A-6.6a-2)."""
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         plain = operation.result_type in (ResultType.ASSIGNMENT, ResultType.SET_PORT)
         if plain and operation.value_b_type != ValueType.NONE:
             yield Problem(
@@ -170,9 +170,9 @@ def _assign_value(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _division_by_zero(subject: LintContext) -> Iterator[Problem]:
+def _division_by_zero(context: LintContext) -> Iterator[Problem]:
     """Nothing is divided by the constant zero (A-6.6a-4)."""
-    for index, operation in subject.data(Operation):
+    for index, operation in context.data(Operation):
         by_zero = operation.value_b_type == ValueType.NUMBER and operation.value_b == 0
         if operation.opt == Opt.DIVIDE and by_zero:
             yield Problem("the operation divides by the constant 0", node=index)

@@ -13,7 +13,7 @@ _OUTPUTS = (PortType.PWM_OUTPUT, PortType.DIGITAL_OUTPUT)
 
 
 @dataclass(frozen=True, slots=True)
-class _Use:
+class _PortUse:
     """A node's use of a port, and the configurations that suit it."""
 
     node: int
@@ -22,25 +22,25 @@ class _Use:
     requirement: str
 
 
-def _uses(subject: LintContext) -> Iterator[_Use]:
-    for node, wait in subject.data(WaitInput):
-        yield _Use(node, wait.port, _INPUTS, "6.5/8")
-    for node, output in subject.data(SetOutput):
+def _port_uses(context: LintContext) -> Iterator[_PortUse]:
+    for node, wait in context.data(WaitInput):
+        yield _PortUse(node, wait.port, _INPUTS, "6.5/8")
+    for node, output in context.data(SetOutput):
         suitable = tuple(kind for kind in _OUTPUTS if kind == output.type) or _OUTPUTS
-        yield _Use(node, output.port, suitable, "6.5/11")
-    for node, operation in subject.data(Operation):
+        yield _PortUse(node, output.port, suitable, "6.5/11")
+    for node, operation in context.data(Operation):
         if operation.result_type == ResultType.SET_PORT:
-            yield _Use(node, operation.result, _OUTPUTS, "6.6a/4")
+            yield _PortUse(node, operation.result, _OUTPUTS, "6.6a/4")
         if operation.value_a_type == ValueType.INPUT_PORT:
-            yield _Use(node, operation.value_a, _INPUTS, "6.6a/7")
+            yield _PortUse(node, operation.value_a, _INPUTS, "6.6a/7")
         if operation.value_b_type == ValueType.INPUT_PORT:
-            yield _Use(node, operation.value_b, _INPUTS, "6.6a/7")
+            yield _PortUse(node, operation.value_b, _INPUTS, "6.6a/7")
 
 
-def _port_number(subject: LintContext) -> Iterator[Problem]:
+def _port_number(context: LintContext) -> Iterator[Problem]:
     """A port number is 1 to 40 (L839)."""
-    for use in _uses(subject):
-        if use.port != 0 and subject.port_type(use.port) is None:
+    for use in _port_uses(context):
+        if use.port != 0 and context.port_type(use.port) is None:
             yield Problem(
                 UserMessage(
                     "the node uses port {port}; ports are 1 to {ports}", port=use.port, ports=PORTS
@@ -50,9 +50,9 @@ def _port_number(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _port_zero(subject: LintContext) -> Iterator[Problem]:
+def _port_zero(context: LintContext) -> Iterator[Problem]:
     """The first port is port 1, not port 0 (A-6.3-2)."""
-    for use in _uses(subject):
+    for use in _port_uses(context):
         if use.port == 0:
             yield Problem(
                 "the node uses port 0, which exists only if ports are counted from 0",
@@ -61,10 +61,10 @@ def _port_zero(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _port_config(subject: LintContext) -> Iterator[Problem]:
+def _port_config(context: LintContext) -> Iterator[Problem]:
     """A port that a node uses is configured for that use (L839, L936)."""
-    for use in _uses(subject):
-        configured = subject.port_type(use.port)
+    for use in _port_uses(context):
+        configured = context.port_type(use.port)
         if configured is not None and configured not in use.suitable:
             needed = " or ".join(f"{kind.value}" for kind in use.suitable)
             yield Problem(

@@ -15,14 +15,14 @@ from scaraspec.protocol.program_files.tables import Condition, NodeType, Opt, Po
 from scaraspec.user_message import UserMessage
 
 _TURN_DEG = 360
-_ANCIENT_S = 10**9  # an instant in 2001; the robot is younger
+_EARLIEST_S = 10**9  # an instant in 2001; the robot is younger
 _LAST_LONG_S = 2**31 - 1  # the last instant that a long of 4 bytes holds
 _FULL_DUTY = 100
 
 
-def _node_type(subject: LintContext) -> Iterator[Problem]:
+def _node_type(context: LintContext) -> Iterator[Problem]:
     """A node type is 1 to 13 (L904-920)."""
-    for index, node in enumerate(subject.program.nodes):
+    for index, node in enumerate(context.program.nodes):
         if not NodeType.has(node.type):
             yield Problem(
                 UserMessage("the node type is {type}; node types are 1 to 13", type=node.type),
@@ -30,9 +30,9 @@ def _node_type(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _point_pose(subject: LintContext) -> Iterator[Problem]:
+def _point_pose(context: LintContext) -> Iterator[Problem]:
     """A point is four joint values (L926); larger ones are rather x, y, z, thetaX (A-6.5-2)."""
-    for index, point in subject.data(Point):
+    for index, point in context.data(Point):
         if any(abs(value) > _TURN_DEG for value in point.values):
             yield Problem(
                 "the point holds more than a turn, so it is rather x, y, z, thetaX than four "
@@ -41,16 +41,16 @@ def _point_pose(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _wait_zero(subject: LintContext) -> Iterator[Problem]:
+def _wait_zero(context: LintContext) -> Iterator[Problem]:
     """A wait takes time (L928)."""
-    for index, wait in subject.data(WaitSeconds):
+    for index, wait in context.data(WaitSeconds):
         if wait.duration_s == 0:
             yield Problem("the node waits for 0 seconds, which does nothing", node=index)
 
 
-def _wait_condition(subject: LintContext) -> Iterator[Problem]:
+def _wait_condition(context: LintContext) -> Iterator[Problem]:
     """A condition is 1 to 5 (L932), whose order is not that of the operators (A-6.5-11)."""
-    for index, wait in subject.data(WaitInput):
+    for index, wait in context.data(WaitInput):
         if Condition.has(wait.condition):
             continue
         if Opt.has(wait.condition):
@@ -73,15 +73,15 @@ def _wait_condition(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _digital_waits(subject: LintContext) -> Iterator[tuple[int, WaitInput]]:
-    for index, wait in subject.data(WaitInput):
-        if subject.port_type(wait.port) == PortType.DIGITAL_INPUT:
+def _digital_waits(context: LintContext) -> Iterator[tuple[int, WaitInput]]:
+    for index, wait in context.data(WaitInput):
+        if context.port_type(wait.port) == PortType.DIGITAL_INPUT:
             yield index, wait
 
 
-def _wait_never(subject: LintContext) -> Iterator[Problem]:
+def _wait_never(context: LintContext) -> Iterator[Problem]:
     """A wait for a digital input can come to an end (A-6.5-10)."""
-    for index, wait in _digital_waits(subject):
+    for index, wait in _digital_waits(context):
         if not Condition.has(wait.condition):
             continue
         condition = Condition(wait.condition)
@@ -98,9 +98,9 @@ def _wait_never(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _wait_value(subject: LintContext) -> Iterator[Problem]:
+def _wait_value(context: LintContext) -> Iterator[Problem]:
     """A wait for a digital input compares with 0 or 100 (L934)."""
-    for index, wait in _digital_waits(subject):
+    for index, wait in _digital_waits(context):
         if wait.value_hundredths not in (0, 1, 100):
             yield Problem(
                 UserMessage(
@@ -113,9 +113,9 @@ def _wait_value(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _wait_unscaled(subject: LintContext) -> Iterator[Problem]:
+def _wait_unscaled(context: LintContext) -> Iterator[Problem]:
     """A wait for a digital 1 stores 100 (L934, A-6.5-10)."""
-    for index, wait in _digital_waits(subject):
+    for index, wait in _digital_waits(context):
         if wait.value_hundredths == 1:
             yield Problem(
                 UserMessage(
@@ -127,9 +127,9 @@ def _wait_unscaled(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _output_type(subject: LintContext) -> Iterator[Problem]:
+def _output_type(context: LintContext) -> Iterator[Problem]:
     """An output is PWM (3) or TTL (4) (L936)."""
-    for index, output in subject.data(SetOutput):
+    for index, output in context.data(SetOutput):
         if output.type not in (PortType.PWM_OUTPUT, PortType.DIGITAL_OUTPUT):
             yield Problem(
                 UserMessage(
@@ -139,9 +139,9 @@ def _output_type(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _output_value(subject: LintContext) -> Iterator[Problem]:
+def _output_value(context: LintContext) -> Iterator[Problem]:
     """A TTL output is set to 0 or 1 (A-6.5-12)."""
-    for index, output in subject.data(SetOutput):
+    for index, output in context.data(SetOutput):
         if output.type == PortType.DIGITAL_OUTPUT and output.value not in (0, 1):
             yield Problem(
                 UserMessage(
@@ -153,9 +153,9 @@ def _output_value(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _pwm_value(subject: LintContext) -> Iterator[Problem]:
+def _pwm_value(context: LintContext) -> Iterator[Problem]:
     """A PWM output has a duty of 0 to 100 and a time base (A-6.5-12)."""
-    for index, output in subject.data(SetOutput):
+    for index, output in context.data(SetOutput):
         if output.type != PortType.PWM_OUTPUT:
             continue
         if output.value > _FULL_DUTY or output.time_base == 0:
@@ -171,9 +171,9 @@ def _pwm_value(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _timer_microseconds(subject: LintContext) -> Iterator[Problem]:
+def _timer_microseconds(context: LintContext) -> Iterator[Problem]:
     """Microseconds are less than a second (L938)."""
-    for index, timer in subject.data(WaitTimer):
+    for index, timer in context.data(WaitTimer):
         if not 0 <= timer.microseconds < SECOND_US:
             yield Problem(
                 UserMessage(
@@ -184,10 +184,10 @@ def _timer_microseconds(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _timer_past(subject: LintContext) -> Iterator[Problem]:
+def _timer_past(context: LintContext) -> Iterator[Problem]:
     """A timer names an instant, not a duration (L938)."""
-    for index, timer in subject.data(WaitTimer):
-        if timer.seconds < _ANCIENT_S:
+    for index, timer in context.data(WaitTimer):
+        if timer.seconds < _EARLIEST_S:
             yield Problem(
                 UserMessage(
                     "the timer waits for second {seconds} since 1970, which is before 2001: "
@@ -198,9 +198,9 @@ def _timer_past(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _timer_2038(subject: LintContext) -> Iterator[Problem]:
+def _timer_2038(context: LintContext) -> Iterator[Problem]:
     """An instant fits a long of 4 bytes (A-6.1-3, A-6.5-13)."""
-    for index, timer in subject.data(WaitTimer):
+    for index, timer in context.data(WaitTimer):
         if timer.seconds > _LAST_LONG_S:
             yield Problem(
                 UserMessage(

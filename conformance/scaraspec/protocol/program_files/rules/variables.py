@@ -8,10 +8,10 @@ from scaraspec.protocol.program_files.tables import ResultType, ValueType
 from scaraspec.user_message import UserMessage
 
 
-def _key_twice(subject: LintContext) -> Iterator[Problem]:
+def _key_twice(context: LintContext) -> Iterator[Problem]:
     """Keys are unique (不可重复, L868)."""
     first: dict[int, int] = {}
-    for index, variable in enumerate(subject.program.variables):
+    for index, variable in enumerate(context.program.variables):
         if variable.key in first:
             yield Problem(
                 UserMessage(
@@ -25,24 +25,24 @@ def _key_twice(subject: LintContext) -> Iterator[Problem]:
             first[variable.key] = index
 
 
-def _variable_unused(subject: LintContext) -> Iterator[Problem]:
+def _variable_unused(context: LintContext) -> Iterator[Problem]:
     """Variables are there to be used by nodes (L868)."""
     used = set()
-    for _, operation in subject.data(Operation):
+    for _, operation in context.data(Operation):
         if operation.result_type in (ResultType.CALCULATION, ResultType.ASSIGNMENT):
             used.add(operation.result)
         if operation.value_a_type == ValueType.VARIABLE:
             used.add(operation.value_a)
         if operation.value_b_type == ValueType.VARIABLE:
             used.add(operation.value_b)
-    for index, variable in enumerate(subject.program.variables):
+    for index, variable in enumerate(context.program.variables):
         if variable.key not in used:
             yield Problem(UserMessage("no node uses key {key}", key=variable.key), variable=index)
 
 
-def _name_full(subject: LintContext) -> Iterator[Problem]:
+def _name_full(context: LintContext) -> Iterator[Problem]:
     """A variable's name ends in a NUL within its 20 bytes (A-6.4-1)."""
-    for index, variable in enumerate(subject.program.variables):
+    for index, variable in enumerate(context.program.variables):
         if len(variable.name) == VARIABLE_NAME_BYTES:
             yield Problem(
                 UserMessage(
@@ -54,9 +54,9 @@ def _name_full(subject: LintContext) -> Iterator[Problem]:
             )
 
 
-def _alias_full(subject: LintContext) -> Iterator[Problem]:
+def _alias_full(context: LintContext) -> Iterator[Problem]:
     """An alias ends in a NUL within its 30 bytes (A-6.5-1)."""
-    for index, node in enumerate(subject.program.nodes):
+    for index, node in enumerate(context.program.nodes):
         if len(node.alias) == ALIAS_BYTES:
             yield Problem(
                 UserMessage(

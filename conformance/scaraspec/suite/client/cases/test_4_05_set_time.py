@@ -103,7 +103,7 @@ def test_impossible_times(subject: ClientUnderTest, line: IncomingConnection) ->
         notes = Diagnostics()
         _CLOCK.read(request.frame.data, notes)
         expect(
-            not notes.complaints,
+            not notes.issues,
             UserMessage("the client was told to set the time to {text}, which it sends", text=text),
             expected="nothing, or a time of the calendar",
             observed=f"{request}",

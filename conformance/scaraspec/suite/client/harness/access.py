@@ -18,7 +18,7 @@ from scaraspec.suite.client.harness.driver import Driver
 from scaraspec.suite.client.harness.waiting import WatchedLink
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Link
-from scaraspec.transports.tcp import ready_of
+from scaraspec.transports.tcp import wait_readable
 
 LOOPBACK: Final = "127.0.0.1"
 
@@ -145,11 +145,11 @@ class DriverAccess:
 
     def wait(self, deadline_s: float) -> None:
         """Wait for its stdout; see `Access.wait`."""
-        ready_of(deadline_s, self._driver)
+        wait_readable(deadline_s, self._driver)
 
     def accept(self, deadline_s: float) -> Link | None:
         """Take a connection; see `Access.accept`."""
-        ready = ready_of(deadline_s, self._driver, *self._listeners)
+        ready = wait_readable(deadline_s, self._driver, *self._listeners)
         for listener in self._listeners:
             if listener in ready:
                 connected, _ = listener.accept()

@@ -17,7 +17,7 @@ from scaraspec.suite.client.harness.waiting import WatchedLink
 from scaraspec.suite.engine.expectations import CaseSkipped
 from scaraspec.transports.clock import now_ns
 from scaraspec.transports.link import Link
-from scaraspec.transports.tcp import ready_of
+from scaraspec.transports.tcp import wait_readable
 
 _READ_BYTES: Final = 4096
 _ANSWERS: Final = {"y": True, "yes": True, "n": False, "no": False}
@@ -96,16 +96,16 @@ class Attended:
             CaseSkipped: He skips the case.
             KeyboardInterrupt: He leaves.
         """
-        while b"\n" in self._held or ready_of(time.monotonic(), self._input_fd):
+        while b"\n" in self._held or wait_readable(time.monotonic(), self._input_fd):
             self._obey(self._line())
 
     def wait(self, deadline_s: float) -> None:
         """Wait until he types something."""
-        ready_of(deadline_s, self._input_fd)
+        wait_readable(deadline_s, self._input_fd)
 
     def accept(self, deadline_s: float) -> Link | None:
         """Take a connection."""
-        if self._listener not in ready_of(deadline_s, self._input_fd, self._listener):
+        if self._listener not in wait_readable(deadline_s, self._input_fd, self._listener):
             return None
         connected, _ = self._listener.accept()
         return WatchedLink(connected, self._input_fd)

@@ -101,7 +101,7 @@ def arguments(name: str, value: Any) -> dict[str, Any]:
         return {"direction": str(value)}
     if not isinstance(request, Record):
         return {}
-    values = value if request.make else (value,)
+    values = value if request.factory else (value,)
     return {field.name: _json(v) for field, v in zip(request.fields, values, strict=True)}
 
 
@@ -221,19 +221,19 @@ def expect_carries(
     """
     command, data = BY_NAME[name], request.frame.data
     decoded = command.request.decode(data)
-    for complaint in decoded.complaints:
-        if complaint.wrong in _TRAILERS:
+    for complaint in decoded.issues:
+        if complaint.defect in _TRAILERS:
             subject.tolerate(
                 "T/4",
-                *_TRAILERS[complaint.wrong],
+                *_TRAILERS[complaint.defect],
                 UserMessage("{name}: {complaint_text}", name=name, complaint_text=complaint.text),
             )
-        elif complaint.wrong not in _NO_MATTER:
+        elif complaint.defect not in _NO_MATTER:
             raise CaseFailed(
                 UserMessage("{name}: {complaint_text}", name=name, complaint_text=complaint.text),
                 expected=command.request.form,
                 observed=show(data),
-                requirement=_of_writing(complaint.wrong, data) or requirement,
+                requirement=_of_writing(complaint.defect, data) or requirement,
             )
     if _alike(decoded.value, value):
         return
@@ -296,7 +296,7 @@ def answer(line: IncomingConnection, name: str, request: Request) -> None:
     command = BY_NAME[name]
     if name in REPLIES:
         line.send_frame(line.frame(name, data=REPLIES[name])._replace(opcode=request.frame.opcode))
-    elif isinstance(command.reply, FirstReply) and command.reply.reasoned:
+    elif isinstance(command.reply, FirstReply) and command.reply.has_code:
         line.reply(name, data=b"0|01")
     else:
         line.reply(name, data=b"1" if name == "login" else b"0")

@@ -4,7 +4,7 @@ import socket
 from collections.abc import Sequence
 from typing import Any
 
-from scaraspec.transports.tcp import TcpLink, ready_of
+from scaraspec.transports.tcp import TcpLink, wait_readable
 
 
 class WatchedLink(TcpLink):
@@ -15,4 +15,4 @@ class WatchedLink(TcpLink):
         self._other = other
 
     def _readable(self, timeout_s: float, others: Sequence[Any]) -> bool:
-        return self in ready_of(self.now_s + timeout_s, self._other, self, *others)
+        return self in wait_readable(self.now_s + timeout_s, self._other, self, *others)

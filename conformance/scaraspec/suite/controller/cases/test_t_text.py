@@ -42,9 +42,9 @@ def _without(answers: list[ReceivedFrame], *wrongs: Defect) -> None:
         CaseFailed: It is.
     """
     for answer in answers:
-        complaints = answer.seen.parsed.decoded.complaints if answer.seen.parsed else ()
+        complaints = answer.seen.parsed.decoded.issues if answer.seen.parsed else ()
         for complaint in complaints:
-            if complaint.wrong in wrongs:
+            if complaint.defect in wrongs:
                 message = UserMessage(
                     "{seen}: {complaint_text}", seen=answer.seen.name, complaint_text=complaint.text
                 )

@@ -10,11 +10,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
-from scaraspec.protocol.commands import BY_NAME, Command, plausible
+from scaraspec.protocol.commands import BY_NAME, Command, is_known_opcode
 from scaraspec.protocol.direction import A2C
 from scaraspec.protocol.fields import PayloadError
 from scaraspec.protocol.frames import MAX_FRAME_BYTES, Frame, Framer
-from scaraspec.protocol.payloads import FinalResult, NameListPart, Nothing, Outcome
+from scaraspec.protocol.payloads import FinalResult, NameListPart, NoData, Outcome
 from scaraspec.suite.controller.harness.timeouts import Due
 from scaraspec.suite.engine.connection import Connection, ReceivedFrame
 from scaraspec.suite.engine.expectations import CaseFailed, CaseInconclusive, NoReply
@@ -46,7 +46,7 @@ class OutgoingConnection(Connection):
         self._subject = subject
         self.listing = self._names_files = False
         self._sent_ns = self._pause_ns = 0
-        self._outgoing = Framer(A2C, recovery=plausible)
+        self._outgoing = Framer(A2C, recovery_filter=is_known_opcode)
 
     # ------------------------------------------------------------------ sending
 
@@ -90,7 +90,7 @@ class OutgoingConnection(Connection):
             CaseInconclusive: The value, which comes from the subject, cannot be sent.
         """
         command, dialect = BY_NAME[name], self._subject.dialect
-        if value is None and data is None and not isinstance(command.request, Nothing):
+        if value is None and data is None and not isinstance(command.request, NoData):
             raise CaseInconclusive(
                 UserMessage(
                     "{name} cannot be asked with what the subject tells, which is nothing",

@@ -56,4 +56,4 @@ def test_every_command_has_malformed_payloads_of_different_kinds(command: Comman
 def test_what_is_firmly_malformed_is_complained_of(command: Command) -> None:
     """The codec complains of each that no receiver may act upon."""
     for each in malformed(command.name, value_of(command)):
-        assert not each.firm or command.request.decode(each.data).complaints, f"{each}"
+        assert not each.firm or command.request.decode(each.data).issues, f"{each}"

@@ -14,7 +14,7 @@ from scaraspec.protocol import fields
 from scaraspec.protocol.commands import BY_NAME
 from scaraspec.protocol.fields import Field
 from scaraspec.protocol.frames import MAX_DATA_BYTES
-from scaraspec.protocol.payloads import Jog, Nothing, Payload, Record
+from scaraspec.protocol.payloads import Jog, NoData, Payload, Record
 from scaraspec.protocol.readings import DEFAULT, Dialect
 from scaraspec.protocol.transfer import FileData
 from scaraspec.suite.controller.harness.controller_under_test import ControllerUnderTest
@@ -306,7 +306,7 @@ def _payload(payload: Payload, value: Any, dialect: Dialect) -> Iterator[Malform
 
 
 @_payload.register
-def _(_: Nothing, value: None, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG001 - as above
+def _(_: NoData, value: None, dialect: Dialect) -> Iterator[Malformed]:  # noqa: ARG001 - as above
     """Data where none is due may be ignored, or the request with it (A-3-12)."""
     for kind, data in (
         ("one-digit", b"0"),
@@ -321,7 +321,7 @@ def _(_: Nothing, value: None, dialect: Dialect) -> Iterator[Malformed]:  # noqa
 
 @_payload.register
 def _(payload: Record, value: Any, dialect: Dialect) -> Iterator[Malformed]:
-    values = value if payload.make else (value,)
+    values = value if payload.factory else (value,)
     texts = [part.write(v, dialect) for part, v in zip(payload.parts, values, strict=True)]
     if len(texts) > 1:
         yield from _structures(texts)

@@ -44,9 +44,9 @@ def expect_first_reply(name: str, answer: ReceivedFrame) -> None:
     """
     if name == STOP and text_of(answer)[:1] == b"0":
         return  # what follows the flag is for 4.17/2
-    complaints = answer.seen.parsed.decoded.complaints if answer.seen.parsed else ()
+    complaints = answer.seen.parsed.decoded.issues if answer.seen.parsed else ()
     malformed = any(
-        c.wrong in (Defect.FLAG, Defect.FIELD_COUNT, Defect.NO_CODE) for c in complaints
+        c.defect in (Defect.FLAG, Defect.FIELD_COUNT, Defect.NO_CODE) for c in complaints
     )
     expect(
         answer.accepted is not None and not malformed,
