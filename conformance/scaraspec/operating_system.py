@@ -17,28 +17,28 @@ _PRIVATE_FILE = 0o600
 
 
 def state_directory() -> Path:
-    """Where scaraspec keeps what must survive a run, for example ~/.local/state/scaraspec."""
+    """Return the directory for data that must survive a run, e.g. ~/.local/state/scaraspec."""
     return Path(platformdirs.user_state_dir("scaraspec", appauthor=False))
 
 
 def make_private_folder(path: Path) -> None:
-    """Make a folder that only its user can read.
+    """Create a folder that only its owner can read; no error if it exists.
 
     Raises:
-        OSError: It cannot be made.
+        OSError: The folder cannot be created.
     """
     path.mkdir(mode=_PRIVATE_FOLDER, parents=True, exist_ok=True)
 
 
 def open_private(path: Path, flags: int) -> int:
-    """Open a file that only its user can read; return the file descriptor.
+    """Open a file that only its owner can read, and return the file descriptor.
 
     Args:
         path: The file.
-        flags: As for `os.open`, for example ``os.O_WRONLY | os.O_CREAT``.
+        flags: The flags of `os.open`, for example ``os.O_WRONLY | os.O_CREAT``.
 
     Raises:
-        OSError: It cannot be opened.
+        OSError: The file cannot be opened.
     """
     return os.open(path, flags | getattr(os, "O_BINARY", 0), _PRIVATE_FILE)
 
@@ -49,15 +49,15 @@ class LockedError(Exception):
 
 @contextmanager
 def locked(path: Path, wait_s: float) -> Iterator[None]:
-    """Hold a lock that ends with this process, however the process ends.
+    """Hold a lock that is released when this process ends, even after a crash.
 
     Args:
-        path: The lock file; it is left behind when the lock is released.
-        wait_s: How long to wait for another process that holds the lock.
+        path: The lock file; it is not deleted when the lock is released.
+        wait_s: Timeout in seconds if another process holds the lock.
 
     Raises:
-        LockedError: Another process still holds it.
-        OSError: The lock file cannot be made.
+        LockedError: Another process holds the lock after the timeout.
+        OSError: The lock file cannot be created.
     """
     lock = FileLock(path, timeout=wait_s, mode=_PRIVATE_FILE)
     try:
@@ -71,9 +71,9 @@ def locked(path: Path, wait_s: float) -> Iterator[None]:
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
-    """The signals that ask a command to end: SIGINT, SIGTERM and, where it exists, SIGHUP.
+    """Return the signals that terminate a command: SIGINT, SIGTERM and, if it exists, SIGHUP.
 
-    SIGHUP is left out if the process was started with it ignored, as by nohup.
+    SIGHUP is not included if the process was started with SIGHUP ignored, for example by nohup.
     """
     numbers = [signal.SIGINT, signal.SIGTERM]
     with suppress(AttributeError):  # Windows has no SIGHUP

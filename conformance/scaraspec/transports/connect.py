@@ -1,4 +1,4 @@
-"""From a URL to an open link: the one place that knows every carrier."""
+"""Open the link that a URL names; the only module that knows all kinds of links."""
 
 import os
 import socket
@@ -16,8 +16,12 @@ CONNECT_TIMEOUT_S = 5.0
 def connect(url: str, timeout_s: float = CONNECT_TIMEOUT_S) -> Link:
     """Open the link that a URL names.
 
+    Args:
+        url: The link URL, for example ``tcp://192.168.1.2``.
+        timeout_s: Timeout for the connection, in seconds; not used for serial links.
+
     Raises:
-        LinkError: The URL names none (`UrlError`), or it cannot be opened.
+        LinkError: The URL is invalid (`UrlError`), or the link cannot be opened.
     """
     match parse(url):
         case Tcp() as address:
@@ -29,10 +33,10 @@ def connect(url: str, timeout_s: float = CONNECT_TIMEOUT_S) -> Link:
 
 
 def resolve_url(url: str) -> str:
-    """A URL with its address resolved: two names of one controller give the same text.
+    """Return a URL with its address resolved: two names of one controller give the same text.
 
     Raises:
-        LinkError: The URL names no link, or its host is not known.
+        LinkError: The URL is invalid, or the host is unknown.
     """
     match parse(url):
         case Tcp(host, port):
@@ -41,9 +45,9 @@ def resolve_url(url: str) -> str:
             except OSError as error:
                 raise LinkError(
                     UserMessage(
-                        "the host {host} is not known: {strerror}",
+                        "the host {host} is unknown: {reason}",
                         host=host,
-                        strerror=error.strerror,
+                        reason=error.strerror,
                     )
                 ) from None
             addresses = sorted(found, key=lambda each: each[0] is not socket.AF_INET)

@@ -1,7 +1,7 @@
-"""Link: what every carrier offers its user, and what can be told of its end.
+"""Link: the interface of all kinds of links, and the ways in which a link ends.
 
-No carrier is met here, and no frame. Times are stamped by the link, so that whoever records needs
-no clock of its own.
+The link stamps the time of sent and received bytes, so that a recorder needs no clock. This module
+contains no implementation and does not know frames.
 """
 
 from collections.abc import Sequence
@@ -10,18 +10,18 @@ from typing import NamedTuple, Protocol
 
 
 class LinkError(Exception):
-    """A link cannot be opened or used; the text is one sentence for a user."""
+    """A link cannot be opened or used; the message is one sentence for the user."""
 
 
 class Ending(Enum):
-    """How the peer ended what it sends; what it had sent before has been received."""
+    """How the peer ended its side; all bytes that it sent before have been received."""
 
-    CLOSED = "closed"  # in order (FIN), or the line is gone
-    RESET = "reset"  # cut off (RST)
+    CLOSED = "closed"  # orderly (FIN), or the serial line has failed
+    RESET = "reset"  # aborted (RST)
 
 
 class Arrival(NamedTuple):
-    """Bytes, never none of them, or the end; and when, in nanoseconds since the Unix epoch."""
+    """Received bytes (at least one) or the end, with the time in ns since the Unix epoch."""
 
     time_ns: int
     content: bytes | Ending
@@ -30,52 +30,56 @@ class Arrival(NamedTuple):
 class Link(Protocol):
     """One open connection to a controller.
 
-    One thread may send while another one receives; whatever ends the link waits for both. Where
-    time passes only in whoever waits (`memory`), all is for one thread.
+    One thread may send while another one receives. Close the link only after both have finished.
+    Links with a simulated clock (`memory`, `simulated`) may be used by one thread only.
 
     Attributes:
-        step_s: For how long somebody who may be interrupted should wait at once.
+        step_s: The maximum duration of one `receive` call if the caller must react to interrupts.
     """
 
     step_s: float
 
     @property
     def now_s(self) -> float:
-        """The present instant on the link's own monotonic clock, which deadlines refer to."""
+        """The current time of the link's monotonic clock; deadlines refer to this clock."""
 
     def send(self, data: bytes) -> int:
         """Send all of `data`.
 
         Returns:
-            When sending began, in nanoseconds since the Unix epoch.
+            The time at which sending began, in nanoseconds since the Unix epoch.
 
         Raises:
-            LinkError: The peer has ended the link or takes no more, or it was closed here.
+            LinkError: The peer has ended the link or reads no more, or the link was closed here.
         """
 
     def receive(self, deadline_s: float, others: Sequence["Link"] = (), /) -> Arrival | None:
-        """Wait for the next bytes or the end; None if nothing came by `deadline_s`.
+        """Wait for the next bytes or the end.
 
-        A deadline that has passed takes what is there already. The end is told again and again.
+        If the deadline has passed, return what has already arrived. After the end, every call
+        returns the end again.
 
         Args:
-            deadline_s: Until when to wait.
-            others: Open links of the same carrier: the waiting ends when anything is there to be
-                received on one of them, too.
+            deadline_s: The deadline, a time of `now_s`.
+            others: Open links of the same kind. The call also returns when data or the end is
+                available on one of them.
+
+        Returns:
+            None if nothing has arrived on this link.
 
         Raises:
             LinkError: The link was closed here.
         """
 
     def half_close(self) -> None:
-        """Send no more, but go on receiving.
+        """End the sending direction; receiving is still possible.
 
         Raises:
-            LinkError: The peer has ended the link, or this carrier has no such thing.
+            LinkError: The peer has ended the link, or this kind of link has no half-close.
         """
 
     def close(self) -> None:
-        """End the link in order; nothing if it has been closed already."""
+        """Close the link; no effect if it is already closed."""
 
     def reset(self) -> None:
-        """Cut the link off (RST) where the carrier can, else close it."""
+        """Abort the link (RST) if this kind of link supports it, else close it."""

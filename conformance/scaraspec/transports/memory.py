@@ -1,8 +1,8 @@
-"""Links without a carrier: client ends and a machine in one process, on a clock that jumps.
+"""Memory links: clients and a machine in one process, on a simulated clock.
 
-Whoever waits makes time pass: it goes from event to event of the machine, so that 30 s cost
-nothing and every run is the same. What the machine is, is not known here: anything with the
-methods of `Machine`, such as the virtual controller's core.
+A wait advances the clock to the next event of the machine. So a wait of 30 s takes no real time
+and every run is deterministic. The machine is any object with the methods of `Machine`, such as
+the core of the virtual controller.
 """
 
 import math
@@ -12,27 +12,27 @@ from typing import Any, Literal, Protocol
 
 from scaraspec.transports.link import Arrival, Ending, LinkError
 
-_STEP_S = 1e-3  # how far time goes past an event that the machine does not leave behind
+_STEP_S = 1e-3  # how far time advances past an event that the machine does not remove
 
 
 class Action(Protocol):
-    """Something a machine does on a connection: it sends data or, where that is None, ends it."""
+    """An action of a machine on a connection: send data, or close it if the data is None."""
 
     @property
     def connection(self) -> int:
-        """Which connection."""
+        """The number of the connection."""
 
     @property
     def data(self) -> bytes | None:
-        """What to send."""
+        """The bytes to send; None to close the connection."""
 
 
 class Machine(Protocol):
-    """The other end: it is told what happens and when, and says what to do about it."""
+    """The peer of the links: it receives events with their times and returns actions."""
 
     @property
     def next_event_s(self) -> float | None:
-        """When something happens by itself; None if nothing will."""
+        """The time of the next event that needs no input; None if there is none."""
 
     def open(
         self, connection: int, now_s: float, link: Literal["tcp", "serial"]
@@ -43,19 +43,19 @@ class Machine(Protocol):
         """Bytes have arrived."""
 
     def close(self, connection: int, now_s: float) -> Sequence[Action]:
-        """A client sends no more."""
+        """A client has closed its sending direction."""
 
     def advance(self, now_s: float) -> Sequence[Action]:
         """Time has passed."""
 
 
 class MemoryNetwork:
-    """A machine, its clock, and the links to it.
+    """A machine, the clock, and the links to the machine.
 
     Args:
-        machine: The other end of every link.
-        now_s: The machine's present instant.
-        epoch_ns: Unix time of the machine's instant 0, for time stamps.
+        machine: The peer of every link.
+        now_s: The initial time of the clock.
+        epoch_ns: The Unix time at time 0 of the clock, for time stamps.
     """
 
     def __init__(self, machine: Machine, now_s: float = 0.0, epoch_ns: int = 0) -> None:
@@ -68,13 +68,13 @@ class MemoryNetwork:
 
     @property
     def time_ns(self) -> int:
-        """The present instant in nanoseconds since the Unix epoch."""
+        """The current time in nanoseconds since the Unix epoch."""
         return self._epoch_ns + round(self.now_s * 1e9)
 
     def connect(self, link: Literal["tcp", "serial"] = "tcp") -> "MemoryLink":
-        """Open a link, which a machine that refuses it closes at once.
+        """Open a link; a machine that refuses the connection closes it immediately.
 
-        There is one serial line; that it is opened again the machine does not notice.
+        There is one serial line. The machine does not notice that the line is opened again.
         """
         link_end: MemoryLink
         if link == "serial" and self._serial_connection:
@@ -91,12 +91,12 @@ class MemoryNetwork:
         return link_end
 
     def run_until(self, time_s: float) -> None:
-        """Let time pass, and everything happen in it."""
+        """Advance the clock to `time_s` and process all events up to then."""
         while self.now_s < time_s:
             self.step(time_s)
 
     def step(self, limit_s: float) -> None:
-        """Go to the next event, or to `limit_s` if that comes first."""
+        """Advance the clock to the next event, or to `limit_s` if that is earlier."""
         event_s = self._machine.next_event_s
         if event_s is not None and event_s <= self.now_s:
             event_s = self.now_s + _STEP_S
@@ -104,22 +104,22 @@ class MemoryNetwork:
         self.apply(self._machine.advance(self.now_s))
 
     def deliver(self, connection: int, data: bytes) -> None:
-        """Bring bytes to the machine."""
+        """Deliver bytes to the machine."""
         self.apply(self._machine.receive(connection, data, self.now_s))
 
     def hang_up(self, connection: int) -> None:
-        """Tell the machine that a client sends no more; for it, that ends the connection."""
+        """Report to the machine that a client has ended; this ends the connection."""
         self.apply(self._machine.close(connection, self.now_s))
         link_end = self._links.pop(connection, None)
         if link_end is not None:
             link_end.enqueue(None)
 
     def disconnect(self, connection: int) -> None:
-        """Bring nothing more to the client's end."""
+        """Deliver nothing more to the link of this connection."""
         self._links.pop(connection, None)
 
     def apply(self, actions: Sequence[Action]) -> None:
-        """Bring about what the machine does."""
+        """Carry out the actions of the machine."""
         for action in actions:
             link_end = self._links.get(action.connection)
             if link_end is not None:
@@ -131,9 +131,9 @@ class MemoryNetwork:
 
 
 class MemoryLink:
-    """A client's end; made by `MemoryNetwork.connect`."""
+    """A link to the machine; created by `MemoryNetwork.connect`."""
 
-    step_s = math.inf  # however much time passes, it takes none
+    step_s = math.inf  # a wait takes no real time
 
     def __init__(self, network: MemoryNetwork, connection: int) -> None:
         self._network = network
@@ -144,14 +144,14 @@ class MemoryLink:
 
     @property
     def now_s(self) -> float:
-        """The present instant of the network's clock."""
+        """The current time of the network's clock."""
         return self._network.now_s
 
     def enqueue(self, data: bytes | None) -> None:
-        """Keep what the machine did for `receive`."""
-        what = Ending.CLOSED if data is None else data
-        if what:
-            self._arrivals.append(Arrival(self._network.time_ns, what))
+        """Queue bytes, or the end for None, for `receive`."""
+        content = Ending.CLOSED if data is None else data
+        if content:
+            self._arrivals.append(Arrival(self._network.time_ns, content))
 
     def send(self, data: bytes) -> int:
         """Send all of `data`; see `Link.send`."""
@@ -165,11 +165,11 @@ class MemoryLink:
 
     @property
     def has_arrivals(self) -> bool:
-        """Whether anything is there to be received."""
+        """Whether data or the end can be received."""
         return bool(self._arrivals)
 
     def receive(self, deadline_s: float, others: Sequence[Any] = (), /) -> Arrival | None:
-        """Let time pass until bytes or the end arrive; see `Link.receive`."""
+        """Advance the clock until bytes or the end arrive; see `Link.receive`."""
         if not self._can_receive:
             raise LinkError("this link has been closed")
         while not (self._arrivals or any(other.has_arrivals for other in others)):
@@ -183,26 +183,26 @@ class MemoryLink:
         return self._arrivals.popleft()
 
     def half_close(self) -> None:
-        """Send no more; see `Link.half_close`."""
+        """End the sending direction; see `Link.half_close`."""
         if self._can_send:
             self._can_send = False
             self._network.hang_up(self._connection)
 
     def close(self) -> None:
-        """End the link; see `Link.close`."""
+        """Close the link; see `Link.close`."""
         self.half_close()
         self._can_receive = False
 
     def reset(self) -> None:
-        """Cut the link off, which the machine cannot tell from closing."""
+        """Close the link; the machine cannot distinguish a reset from a close."""
         self.close()
 
 
 class _SerialMemoryLink(MemoryLink):
-    """The end of the serial line, which is closed without the machine's notice."""
+    """A link over the serial line; the machine does not notice that it is closed."""
 
     def half_close(self) -> None:
-        """Refuse: a serial line has no ends of its own; see `Link.half_close`."""
+        """Raise `LinkError`: a serial line has no half-close."""
         raise LinkError("a serial line cannot be half closed")
 
     def close(self) -> None:

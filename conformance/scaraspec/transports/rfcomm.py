@@ -1,4 +1,4 @@
-"""RFCOMM links (Bluetooth serial port profile, A-2-3), where the system offers such sockets."""
+"""RFCOMM links (Bluetooth serial port profile, A-2-3), if the system has Bluetooth sockets."""
 
 import socket
 
@@ -12,7 +12,7 @@ def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
     """Connect to a channel of a paired device.
 
     Raises:
-        LinkError: This system has no Bluetooth sockets, or the device does not answer.
+        LinkError: The system has no Bluetooth sockets, or the device does not respond.
     """
     try:
         family, protocol = socket.AF_BLUETOOTH, socket.BTPROTO_RFCOMM
@@ -20,7 +20,7 @@ def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
     except (AttributeError, OSError):
         raise LinkError(
             UserMessage(
-                "cannot connect to {address}: this system offers no Bluetooth sockets; bind "
+                "cannot connect to {address}: this system has no Bluetooth sockets; bind "
                 "the device to a serial port (rfcomm bind) and use serial:///dev/rfcomm0",
                 address=address,
             )
@@ -30,7 +30,7 @@ def connect_rfcomm(address: Rfcomm, timeout_s: float) -> SocketLink:
         connected.connect(tuple(address))
     except OSError as error:
         connected.close()
-        reason = error.strerror or f"no answer in {timeout_s:g} s"
+        reason = error.strerror or f"no response within {timeout_s:g} s"
         raise LinkError(
             UserMessage("cannot connect to {address}: {reason}", address=address, reason=reason)
         ) from None

@@ -1,4 +1,4 @@
-"""Serial links: a device such as ``/dev/rfcomm0``, a USB adapter, or a pty."""
+"""Serial links over a device such as ``/dev/rfcomm0``, a USB adapter, or a pty."""
 
 import importlib
 import time
@@ -12,7 +12,7 @@ from scaraspec.user_message import UserMessage
 
 
 class SerialLink:
-    """A link over a serial device, which it opens and owns.
+    """A link over a serial device; the link opens the device and owns it.
 
     Raises:
         LinkError: pyserial is not installed, or the device cannot be opened.
@@ -37,7 +37,7 @@ class SerialLink:
 
     @property
     def now_s(self) -> float:
-        """Seconds of the system's monotonic clock."""
+        """The current time of the system's monotonic clock."""
         return time.monotonic()
 
     def send(self, data: bytes) -> int:
@@ -48,14 +48,14 @@ class SerialLink:
             self._port.write(data)
         except OSError as error:
             raise LinkError(
-                UserMessage("the serial line takes no bytes: {error}", error=error)
+                UserMessage("cannot write to the serial line: {error}", error=error)
             ) from None
         return time_ns
 
     def receive(self, deadline_s: float, _others: Sequence[object] = (), /) -> Arrival | None:
-        """Wait for bytes, or for the device to vanish; see `Link.receive`.
+        """Wait for bytes, or until the device fails; see `Link.receive`.
 
-        There are no others: a line carries one link.
+        Other links are ignored: a serial line has one link.
         """
         self._check_open()
         if self._ending is None:
@@ -70,7 +70,7 @@ class SerialLink:
         return Arrival(now_ns(), self._ending)
 
     def half_close(self) -> None:
-        """Refuse: a serial line has no ends of its own; see `Link.half_close`."""
+        """Raise `LinkError`: a serial line has no half-close."""
         raise LinkError("a serial line cannot be half closed")
 
     def close(self) -> None:
@@ -78,7 +78,7 @@ class SerialLink:
         self._port.close()
 
     def reset(self) -> None:
-        """Close the device: a serial line knows no reset."""
+        """Close the device; a serial line has no reset."""
         self.close()
 
     def _check_open(self) -> None:

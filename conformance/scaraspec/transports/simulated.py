@@ -1,8 +1,8 @@
-"""An asyncio loop whose time passes only while somebody waits, and the connections made in it.
+"""An asyncio event loop with simulated time, and links to the programs that run in it.
 
-What runs on the loop is a real asyncio program, such as a client; whoever tests it holds the other
-end of its connections as links. Where nothing is left to be done time jumps to the next alarm, so
-that 30 s cost nothing and every run is the same.
+A real asyncio program, such as a client, runs on the loop. The tester holds the other side of its
+connections as links. When no task is ready, the time jumps to the next timer. So a wait of 30 s
+takes no real time and every run is deterministic.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class _Clock(selectors.SelectSelector):
-    """Where the loop would sleep, time jumps; where it may not go on, the loop stops."""
+    """A selector that advances the time in place of a sleep, and stops the loop at `until_s`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,7 +27,7 @@ class _Clock(selectors.SelectSelector):
         self.stop: Callable[[], None] = lambda: None
 
     def select(self, timeout: float | None = None) -> Any:
-        """Nothing is left to be done for this time."""
+        """Advance the time by `timeout`, at most to `until_s`."""
         if timeout != 0:
             if self.now_s >= self.until_s:
                 self.stop()
@@ -37,10 +37,10 @@ class _Clock(selectors.SelectSelector):
 
 
 class SimulatedLoop(asyncio.SelectorEventLoop):
-    """The loop; everything that its programs dial is taken by `accept`.
+    """The event loop; `accept` returns the connections that its programs open.
 
     Args:
-        epoch_ns: Unix time of its instant 0, for time stamps.
+        epoch_ns: The Unix time at time 0 of the loop, for time stamps.
     """
 
     def __init__(self, epoch_ns: int = 0) -> None:
@@ -50,34 +50,34 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
         self._epoch_ns = epoch_ns
         self._unaccepted: deque[SimulatedLink] = deque()
         self.ports: set[int] = set()
-        """Where somebody listens."""
+        """The ports to which programs can connect; other ports refuse."""
 
     def time(self) -> float:
-        """The present instant."""
+        """Return the current time in seconds."""
         return self._clock.now_s
 
     @property
     def time_ns(self) -> int:
-        """The present instant in nanoseconds since the Unix epoch."""
+        """The current time in nanoseconds since the Unix epoch."""
         return self._epoch_ns + round(self._clock.now_s * 1e9)
 
     def run_until(self, time_s: float) -> None:
-        """Let everything happen up to this time; `wake` ends it early."""
+        """Run the loop up to this time; `wake` stops it earlier."""
         self._clock.until_s = time_s
         self.run_forever()
 
     def wake(self) -> None:
-        """Something came for whoever waits."""
+        """Stop `run_until`, because a link has received something."""
         self.stop()
 
-    async def create_connection(self, factory: Any, host: Any = None, port: Any = None) -> Any:  # type: ignore[override] # what our programs use of it
-        """Dial, in this loop.
+    async def create_connection(self, factory: Any, host: Any = None, port: Any = None) -> Any:  # type: ignore[override] # the subset that our programs use
+        """Connect a program of this loop to the tester.
 
         Raises:
-            ConnectionRefusedError: Nobody listens.
+            ConnectionRefusedError: The port is not in `ports`.
         """
         if port not in self.ports:
-            raise ConnectionRefusedError(111, f"nobody listens at {host}:{port}")
+            raise ConnectionRefusedError(111, f"no listener at {host}:{port}")
         protocol = factory()
         link = SimulatedLink(self, protocol, port)
         protocol.connection_made(link.transport)
@@ -86,14 +86,14 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
         return link.transport, protocol
 
     def accept(self, deadline_s: float) -> "SimulatedLink | None":
-        """The next connection; None if none comes by then, or something else woke us."""
+        """Return the next connection; None at the deadline or if the loop is woken."""
         if not self._unaccepted:
             self.run_until(max(deadline_s, self.time()))
         return self._unaccepted.popleft() if self._unaccepted else None
 
 
 class _Transport(asyncio.Transport):
-    """The program's end of a connection."""
+    """The program's side of a connection."""
 
     def __init__(self, link: "SimulatedLink") -> None:
         super().__init__()
@@ -105,28 +105,28 @@ class _Transport(asyncio.Transport):
             self._link.enqueue(bytes(data))
 
     def can_write_eof(self) -> bool:
-        """It can."""
+        """Return True."""
         return True
 
     def write_eof(self) -> None:
-        """Send no more, and hear on."""
+        """End the sending direction; receiving is still possible."""
         self._link.enqueue_end(Ending.CLOSED)
 
     def is_closing(self) -> bool:
-        """Whether it has been ended."""
+        """Whether the connection has ended."""
         return self._link.ended
 
     def close(self) -> None:
-        """End in order."""
+        """Close the connection."""
         self._link.end(Ending.CLOSED)
 
     def abort(self) -> None:
-        """Cut off."""
+        """Abort the connection."""
         self._link.end(Ending.RESET)
 
 
 class SimulatedLink:
-    """The tester's end of a connection; see `links.link.Link`."""
+    """The tester's side of a connection; implements `Link`."""
 
     step_s = 1.0
 
@@ -140,22 +140,22 @@ class SimulatedLink:
 
     @property
     def now_s(self) -> float:
-        """The present instant of the loop."""
+        """The current time of the loop."""
         return self._loop.time()
 
     def enqueue(self, data: bytes) -> None:
-        """The program has sent something."""
+        """Queue bytes that the program has sent."""
         if not self.ended:
             self._arrivals.append(Arrival(self._loop.time_ns, data))
             self._loop.wake()
 
     def enqueue_end(self, ending: Ending) -> None:
-        """The program sends no more."""
+        """Queue the end of the program's sending direction."""
         self._arrivals.append(Arrival(self._loop.time_ns, ending))
         self._loop.wake()
 
     def end(self, ending: Ending) -> None:
-        """The program has ended it."""
+        """End the connection on behalf of the program."""
         if not self.ended:
             self.ended = True
             self.enqueue_end(ending)
@@ -171,9 +171,9 @@ class SimulatedLink:
         return self._loop.time_ns
 
     def receive(self, deadline_s: float, _others: Sequence[object] = (), /) -> Arrival | None:
-        """Let time pass until something arrives, or the loop is woken; see `Link.receive`.
+        """Advance the time until something arrives; see `Link.receive`.
 
-        Whatever arrives elsewhere wakes it.
+        Data for another link wakes the loop, so that this call returns.
         """
         if self._closed:
             raise LinkError("this link has been closed")
@@ -186,17 +186,17 @@ class SimulatedLink:
         return self._arrivals.popleft()
 
     def half_close(self) -> None:
-        """Send no more; see `Link.half_close`."""
+        """End the sending direction; see `Link.half_close`."""
         self._loop.call_soon(self._notify_eof)
 
     def close(self) -> None:
-        """End the link; see `Link.close`."""
+        """Close the link; see `Link.close`."""
         if not self._closed:
             self._closed = True
             self._loop.call_soon(self._notify_connection_lost, None)
 
     def reset(self) -> None:
-        """Cut the link off; see `Link.reset`."""
+        """Abort the link; see `Link.reset`."""
         if not self._closed:
             self._closed = True
             self._loop.call_soon(self._notify_connection_lost, ConnectionResetError())

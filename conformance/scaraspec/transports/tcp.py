@@ -1,4 +1,4 @@
-"""TCP links, the link that any stream socket gives, and how several sockets are waited for."""
+"""TCP links, links over any stream socket, and a wait for several sockets."""
 
 import contextlib
 import errno
@@ -16,30 +16,35 @@ from scaraspec.transports.url import Tcp
 from scaraspec.user_message import UserMessage
 
 SEND_TIMEOUT_S = 10.0
-"""For how long a peer may take no bytes before sending to it fails."""
+"""Timeout of `send` if the peer reads no bytes."""
 
 _READ_BYTES = 65536
 _Selector: type[selectors.BaseSelector] = getattr(
     selectors, "PollSelector", selectors.SelectSelector
 )
-"""One that takes files, too: an operator's lines may come from one, which epoll refuses."""
+"""A selector that also accepts files, from which operator input may come; epoll rejects files."""
 _LINGER_0 = struct.pack("ii", 1, 0)
 _QUICKACK: int | None = getattr(socket, "TCP_QUICKACK", None)  # Linux has it
 
 
 def wait_readable(deadline_s: float, *sources: Any) -> list[Any]:
-    """Wait until one of these can be read, or until then; those that can."""
+    """Wait until a source is readable or the deadline has passed; return the readable sources.
+
+    Args:
+        deadline_s: The deadline, a time of `time.monotonic`.
+        sources: Sockets, files or other objects with a file descriptor.
+    """
     with _Selector() as selector:
         for source in sources:
             selector.register(source, selectors.EVENT_READ)
-        left_s = max(0.0, deadline_s - time.monotonic())
-        return [key.fileobj for key, _ in selector.select(left_s)]
+        timeout_s = max(0.0, deadline_s - time.monotonic())
+        return [key.fileobj for key, _ in selector.select(timeout_s)]
 
 
 class SocketLink:
-    """A link over a connected stream socket, which it then owns.
+    """A link over a connected stream socket; the link owns the socket.
 
-    The socket never blocks: its time-out would be shared by whoever sends and whoever receives.
+    The socket is non-blocking, because sending and receiving threads would share its timeout.
     """
 
     step_s = 1.0
@@ -49,12 +54,12 @@ class SocketLink:
         self._socket = connected
         self._selector = selectors.DefaultSelector()
         self._selector.register(connected, selectors.EVENT_READ)
-        self._reset_by_peer = False  # sending showed that the peer has cut the connection
+        self._reset_by_peer = False  # a send has failed because the peer reset the connection
         self._ending: Ending | None = None
 
     @property
     def now_s(self) -> float:
-        """Seconds of the system's monotonic clock."""
+        """The current time of the system's monotonic clock."""
         return time.monotonic()
 
     def send(self, data: bytes) -> int:
@@ -66,23 +71,24 @@ class SocketLink:
             try:
                 rest = rest[self._socket.send(rest) :]
             except BlockingIOError:
-                if not self._writable(SEND_TIMEOUT_S):
-                    sentence = UserMessage(
-                        "the peer has taken no bytes for {send_timeout_s:g} s",
-                        send_timeout_s=SEND_TIMEOUT_S,
-                    )
-                    raise LinkError(sentence) from None
+                if not self._wait_writable(SEND_TIMEOUT_S):
+                    raise LinkError(
+                        UserMessage(
+                            "the peer has read no bytes for {timeout_s:g} s",
+                            timeout_s=SEND_TIMEOUT_S,
+                        )
+                    ) from None
             except OSError as error:
                 self._reset_by_peer = True
                 raise LinkError(
                     UserMessage(
-                        "the peer has ended the connection: {strerror}", strerror=error.strerror
+                        "the peer has ended the connection: {reason}", reason=error.strerror
                     )
                 ) from None
         return time_ns
 
     def fileno(self) -> int:
-        """The number of its socket, for whoever waits for several."""
+        """Return the file descriptor of the socket, for selectors."""
         return self._socket.fileno()
 
     def receive(self, deadline_s: float, others: Sequence[Any] = (), /) -> Arrival | None:
@@ -92,8 +98,8 @@ class SocketLink:
             try:
                 data = self._socket.recv(_READ_BYTES)
             except BlockingIOError:
-                left_s = deadline_s - self.now_s
-                if left_s <= 0 or not self._readable(left_s, others):
+                timeout_s = deadline_s - self.now_s
+                if timeout_s <= 0 or not self._wait_readable(timeout_s, others):
                     return None
             except OSError:
                 self._ending = Ending.RESET
@@ -110,9 +116,7 @@ class SocketLink:
             self._socket.shutdown(socket.SHUT_WR)
         except OSError as error:
             raise LinkError(
-                UserMessage(
-                    "the peer has ended the connection: {strerror}", strerror=error.strerror
-                )
+                UserMessage("the peer has ended the connection: {reason}", reason=error.strerror)
             ) from None
 
     def close(self) -> None:
@@ -121,21 +125,21 @@ class SocketLink:
         self._socket.close()
 
     def reset(self) -> None:
-        """Close the socket with a linger time of 0, which sends RST and drops what is queued."""
+        """Close the socket with a linger time of 0: sends RST and drops queued bytes."""
         if self._socket.fileno() < 0:
             return
-        with contextlib.suppress(OSError):  # a socket that the peer has cut may refuse options
+        with contextlib.suppress(OSError):  # the peer may have reset the connection
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _LINGER_0)
         self.close()
 
-    def _readable(self, timeout_s: float, others: Sequence[Any]) -> bool:
-        """Wait until something has come; False when the time is up, or it came elsewhere."""
+    def _wait_readable(self, timeout_s: float, others: Sequence[Any]) -> bool:
+        """Wait until this socket is readable; False on timeout or if another link is readable."""
         if others:
             return self in wait_readable(self.now_s + timeout_s, self, *others)
         return bool(self._selector.select(timeout_s))
 
-    def _writable(self, timeout_s: float) -> bool:
-        """Wait until the peer takes bytes again; False when the time is up."""
+    def _wait_writable(self, timeout_s: float) -> bool:
+        """Wait until the socket is writable; False on timeout."""
         with selectors.DefaultSelector() as selector:
             selector.register(self._socket, selectors.EVENT_WRITE)
             return bool(selector.select(timeout_s))
@@ -146,10 +150,11 @@ class SocketLink:
 
 
 class TcpLink(SocketLink):
-    """A link over TCP that makes nobody wait: it sends small segments and acknowledges at once.
+    """A link over TCP without delays: it sends small segments and acknowledges immediately.
 
-    A peer that writes a frame in pieces, without TCP_NODELAY, is held back by its own system until
-    the first of them is acknowledged, and ours may take 40 ms for that: a long run by the hour.
+    If a peer writes a frame in parts without TCP_NODELAY, its system delays the next part until the
+    first one is acknowledged. A delayed acknowledgement may take 40 ms, which adds up to hours in a
+    long run.
     """
 
     def __init__(self, connected: socket.socket) -> None:
@@ -160,23 +165,29 @@ class TcpLink(SocketLink):
         """Wait for bytes or the end; see `Link.receive`."""
         arrival = super().receive(deadline_s, others)
         if _QUICKACK is not None and arrival is not None:
-            with contextlib.suppress(OSError):  # the peer may have cut it
-                self._socket.setsockopt(socket.IPPROTO_TCP, _QUICKACK, 1)  # it does not last
+            with contextlib.suppress(OSError):  # the peer may have reset the connection
+                self._socket.setsockopt(
+                    socket.IPPROTO_TCP, _QUICKACK, 1
+                )  # the option is not permanent
         return arrival
 
 
 def connect_tcp(address: Tcp, timeout_s: float) -> TcpLink:
-    """Connect.
+    """Connect to a TCP port.
+
+    Args:
+        address: Host and port.
+        timeout_s: Timeout in seconds.
 
     Raises:
-        LinkError: Nothing listens there, the name is unknown, or the time is up.
+        LinkError: The connection is refused, the host is unknown, or the timeout expires.
     """
     try:
         connected = socket.create_connection(address, timeout_s)
     except TimeoutError:
         raise LinkError(
             UserMessage(
-                "cannot connect to {address}: no answer in {timeout_s:g} s",
+                "cannot connect to {address}: no response within {timeout_s:g} s",
                 address=address,
                 timeout_s=timeout_s,
             )
@@ -190,17 +201,20 @@ def connect_tcp(address: Tcp, timeout_s: float) -> TcpLink:
         connected.close()
         raise LinkError(
             UserMessage(
-                "cannot connect to {address}: {strerror}",
+                "cannot connect to {address}: {reason}",
                 address=address,
-                strerror=os.strerror(errno.ECONNREFUSED),
+                reason=os.strerror(errno.ECONNREFUSED),
             )
         )
     return TcpLink(connected)
 
 
 def _is_to_itself(connected: socket.socket) -> bool:
-    """Whether the system took the free port that was to be reached for this end of it, too."""
+    """Return whether the socket is connected to itself.
+
+    This happens if nothing listens and the system chooses the target port as the local port.
+    """
     try:
         return bool(connected.getsockname() == connected.getpeername())
-    except OSError:  # the peer has cut it already
+    except OSError:  # the peer has already reset the connection
         return False

@@ -1,6 +1,6 @@
-"""Link URLs: what a user writes to name a link, and one clear sentence where it names none.
+"""Link URLs: parsing, with one clear error message for an invalid URL.
 
-Nothing is opened here.
+This module opens no link.
 """
 
 import ipaddress
@@ -20,17 +20,17 @@ _EXAMPLES = (
     "or rfcomm://AA:BB:CC:DD:EE:FF/1"
 )
 _MAX_PORT = 65535
-_MAX_CHANNEL = 30  # RFCOMM knows channels 1 to 30
+_MAX_CHANNEL = 30  # RFCOMM has the channels 1 to 30
 _MAC = re.compile(r"[0-9A-F]{2}(:[0-9A-F]{2}){5}", re.IGNORECASE)
 _NUMBER = re.compile(r"[0-9]{1,7}")
 
 
 class UrlError(LinkError):
-    """A text names no link."""
+    """A link URL is invalid."""
 
 
 class Tcp(NamedTuple):
-    """A TCP port of a host; an IPv6 address has no brackets here."""
+    """A TCP port of a host; an IPv6 address is stored without brackets."""
 
     host: str
     port: int = DEFAULT_PORT
@@ -60,17 +60,17 @@ class Rfcomm(NamedTuple):
 
 
 def parse(url: str) -> Tcp | Serial | Rfcomm:
-    """Read a link URL.
+    """Parse a link URL.
 
     Raises:
-        UrlError: It is none; the text says what is wrong with it and what would be right.
+        UrlError: The URL is invalid; the message states the error and a valid example.
     """
     try:
         parts = urlsplit(url)
     except ValueError as error:
         raise UrlError(
             UserMessage(
-                "{url!r} is no link: {error}, write for example {examples}",
+                "{url!r} is not a link URL: {error}; write for example {examples}",
                 url=url,
                 error=error,
                 examples=_EXAMPLES,
@@ -80,28 +80,30 @@ def parse(url: str) -> Tcp | Serial | Rfcomm:
         if parts.scheme == "tcp" and parts.path in ("", "/") and not parts.query:
             return Tcp(*split_host_port(parts.netloc))
         if parts.scheme == "serial" and parts.netloc + parts.path:
-            return Serial(unquote(parts.netloc + parts.path), _baud(parts.query))
+            return Serial(unquote(parts.netloc + parts.path), _parse_baud(parts.query))
         if parts.scheme == "rfcomm" and _MAC.fullmatch(parts.netloc) and not parts.query:
             channel = parts.path.strip("/") or str(DEFAULT_CHANNEL)
-            number = _number("RFCOMM channel", channel, 1, _MAX_CHANNEL)
+            number = _parse_number("RFCOMM channel", channel, 1, _MAX_CHANNEL)
             return Rfcomm(parts.netloc.upper(), number)
     raise UrlError(
-        UserMessage("{url!r} is no link: write for example {examples}", url=url, examples=_EXAMPLES)
+        UserMessage(
+            "{url!r} is not a link URL: write for example {examples}", url=url, examples=_EXAMPLES
+        )
     )
 
 
 def split_host_port(text: str, lowest_port: int = 1) -> tuple[str, int]:
-    """Split ``host``, ``host:port`` or ``[IPv6]:port``; without a port it is the default.
+    """Split ``host``, ``host:port`` or ``[IPv6]:port``; the default port is 8877.
 
     Raises:
-        UrlError: There is no host, an IPv6 address without brackets, or no port of that number.
+        UrlError: The host is missing, an IPv6 address has no brackets, or the port is invalid.
     """
     if text.startswith("["):
         host, _, rest = text[1:].partition("]")
         try:
             ipaddress.IPv6Address(host)
         except ValueError:
-            raise UrlError(UserMessage("{host!r} is no IPv6 address", host=host)) from None
+            raise UrlError(UserMessage("{host!r} is not an IPv6 address", host=host)) from None
         colon, port = rest[:1], rest[1:]
     else:
         host, colon, port = text.partition(":")
@@ -115,40 +117,42 @@ def split_host_port(text: str, lowest_port: int = 1) -> tuple[str, int]:
             )
     if not host or colon not in ("", ":") or not host.isprintable() or " " in host:
         raise UrlError(
-            UserMessage("{text!r} names no host: write host:port or [IPv6 address]:port", text=text)
+            UserMessage(
+                "{text!r} has no valid host: write host:port or [IPv6 address]:port", text=text
+            )
         )
     if not colon:
         return host, DEFAULT_PORT
-    return host, _number("port", port, lowest_port, _MAX_PORT)
+    return host, _parse_number("port", port, lowest_port, _MAX_PORT)
 
 
 def join_host_port(host: str, port: int) -> str:
-    """Write host and port as `split_host_port` reads them."""
+    """Join host and port in the form that `split_host_port` parses."""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
-def _baud(query: str) -> int:
+def _parse_baud(query: str) -> int:
     settings = parse_qsl(query, keep_blank_values=True)
     if not query:
         return DEFAULT_BAUD
     if [key for key, _ in settings] != ["baud"]:
         raise UrlError(
             UserMessage(
-                "{query!r} is no setting of a serial link: write ?baud={default_baud}",
+                "{query!r} is not a valid setting of a serial link: write ?baud={default_baud}",
                 query=query,
                 default_baud=DEFAULT_BAUD,
             )
         )
-    return _number("baud rate", settings[0][1], 1, 4_000_000)
+    return _parse_number("baud rate", settings[0][1], 1, 4_000_000)
 
 
-def _number(what: str, text: str, lowest: int, highest: int) -> int:
+def _parse_number(name: str, text: str, lowest: int, highest: int) -> int:
     if not _NUMBER.fullmatch(text) or not lowest <= int(text) <= highest:
         raise UrlError(
             UserMessage(
-                "{text!r} is no {what}: it is a number from {lowest} to {highest}",
+                "{text!r} is not a valid {name}: it must be a number from {lowest} to {highest}",
                 text=text,
-                what=what,
+                name=name,
                 lowest=lowest,
                 highest=highest,
             )

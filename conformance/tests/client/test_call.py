@@ -157,7 +157,7 @@ def test_the_password_may_come_from_the_environment(
         (["tcp://127.0.0.1", "jog"], "jog takes DIRECTION: 0 given"),
         (["tcp://127.0.0.1", "set_digital_output", "8", "2"], "value 2 is out of range: 0 to 1"),
         (["tcp://127.0.0.1", "get_version", "--jsn"], "get_version takes no arguments: 1 given"),
-        (["robot", "get_version"], "'robot' is no link: write for example tcp://"),
+        (["robot", "get_version"], "'robot' is not a link URL: write for example tcp://"),
     ],
 )  # fmt: skip
 def test_wrong_usage_is_status_2(arguments: list[str], sentence: str) -> None:

@@ -1,4 +1,4 @@
-"""Memory links: a machine in the same process, on a clock that jumps."""
+"""Memory links: a machine in the same process, on a simulated clock."""
 
 from dataclasses import dataclass, field
 
@@ -16,7 +16,7 @@ class _Act:
 
 @dataclass
 class _Echo:
-    """Answers what it hears after one second, and says good-bye after ten; refuses serial."""
+    """Echoes bytes after 1 s, sends "bye" and closes after 10 s; refuses serial connections."""
 
     due: list[tuple[float, _Act]] = field(default_factory=list)
     calls: list[str] = field(default_factory=list)
@@ -45,8 +45,8 @@ class _Echo:
         return done
 
 
-def test_who_waits_makes_time_pass_from_event_to_event() -> None:
-    """Time stops at what happens, and goes to the deadline where nothing does."""
+def test_wait_advances_the_clock_to_the_next_event() -> None:
+    """The clock stops at each event, and at the deadline if there is no event."""
     network = MemoryNetwork(_Echo(), now_s=5.0, epoch_ns=10**18)
     link = network.connect()
     assert link.send(b"a") == 10**18 + 5 * 10**9
@@ -56,8 +56,8 @@ def test_who_waits_makes_time_pass_from_event_to_event() -> None:
     assert link.now_s == 6.0
 
 
-def test_the_end_is_told_after_what_came_before_it() -> None:
-    """The machine's last bytes, then its end, again and again; nothing can be sent any more."""
+def test_end_is_received_after_the_last_bytes() -> None:
+    """After the last bytes, every `receive` returns the end, and `send` fails."""
     link = MemoryNetwork(_Echo()).connect()
     contents = [arrival.content for _ in range(3) if (arrival := link.receive(100.0))]
     assert contents == [b"bye", Ending.CLOSED, Ending.CLOSED]
@@ -66,8 +66,8 @@ def test_the_end_is_told_after_what_came_before_it() -> None:
         link.send(b"x")
 
 
-def test_what_comes_elsewhere_ends_the_waiting() -> None:
-    """At its instant; it stays there for whoever receives there."""
+def test_data_on_another_link_ends_the_wait() -> None:
+    """The wait ends at the time of the data, which stays on the other link."""
     network = MemoryNetwork(_Echo())
     link, other = network.connect(), network.connect()
     other.send(b"a")
@@ -78,8 +78,8 @@ def test_what_comes_elsewhere_ends_the_waiting() -> None:
     assert link.now_s == 5.0
 
 
-def test_a_link_may_be_refused() -> None:
-    """The end is there at once."""
+def test_refused_link() -> None:
+    """A refused link has ended immediately."""
     arrival = MemoryNetwork(_Echo()).connect("serial").receive(0.0)
     assert arrival is not None
     assert arrival.content is Ending.CLOSED
@@ -91,8 +91,8 @@ class _Line(_Echo):
         return []
 
 
-def test_a_serial_line_is_one_connection() -> None:
-    """That it is closed and opened again is not noticed; what comes meanwhile is lost."""
+def test_serial_line_is_one_connection() -> None:
+    """The machine does not notice a reopened line; data for a closed line is lost."""
     machine = _Line()
     network = MemoryNetwork(machine)
     with pytest.raises(LinkError, match="cannot be half closed"):
@@ -109,8 +109,8 @@ def test_a_serial_line_is_one_connection() -> None:
     assert machine.calls == ["1 opened at 0 over serial"]
 
 
-def test_links_share_a_machine_and_its_clock() -> None:
-    """What one waits for happens to all; each receives its own."""
+def test_links_share_the_machine_and_its_clock() -> None:
+    """A wait on one link processes the events of all links; each receives its own data."""
     network = MemoryNetwork(_Echo())
     first, second = network.connect(), network.connect()
     first.send(b"a")
@@ -121,8 +121,8 @@ def test_links_share_a_machine_and_its_clock() -> None:
 
 
 @pytest.mark.parametrize("end", ["close", "reset", "half_close"])
-def test_the_machine_is_told_once_that_a_client_has_ended(end: str) -> None:
-    """Nothing can be sent then; only a half closed link receives: the end, after what was there."""
+def test_machine_receives_one_close(end: str) -> None:
+    """After the end, `send` fails; only a half-closed link still receives."""
     machine = _Echo()
     network = MemoryNetwork(machine)
     link = network.connect()
@@ -141,8 +141,8 @@ def test_the_machine_is_told_once_that_a_client_has_ended(end: str) -> None:
             link.receive(20.0)
 
 
-def test_a_machine_that_leaves_its_events_behind_does_not_stop_time() -> None:
-    """Time goes past an event that the machine does not take away."""
+def test_event_that_stays_does_not_stop_the_clock() -> None:
+    """The clock advances past an event that the machine does not remove."""
 
     class Stuck(_Echo):
         @property

@@ -1,4 +1,4 @@
-"""RFCOMM links, with a stand-in for the sockets that only systems with Bluetooth have."""
+"""RFCOMM links, with a replacement for Bluetooth sockets, which not every system has."""
 
 import socket
 from typing import Any
@@ -11,28 +11,28 @@ from scaraspec.transports.link import LinkError
 
 @pytest.fixture
 def bluetooth(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Lets an RFCOMM socket be one end of a pair; tells what it was asked to connect to."""
+    """Replace RFCOMM sockets by one side of a socket pair; record the address of `connect`."""
     near, far = socket.socketpair()
-    asked: dict[str, Any] = {"far": far, "error": None}
+    state: dict[str, Any] = {"far": far, "error": None}
 
     class Socket(socket.socket):
         def __init__(self, *_: int) -> None:
             super().__init__(near.family, near.type, near.proto, near.detach())
 
         def connect(self, address: Any) -> None:
-            asked["address"] = address
-            if asked["error"]:
+            state["address"] = address
+            if state["error"]:
                 self.close()
-                raise asked["error"]
+                raise state["error"]
 
     monkeypatch.setattr(socket, "AF_BLUETOOTH", 31, raising=False)
     monkeypatch.setattr(socket, "BTPROTO_RFCOMM", 3, raising=False)
     monkeypatch.setattr("scaraspec.transports.rfcomm.socket.socket", Socket)
-    return asked
+    return state
 
 
-def test_a_link_to_a_channel(bluetooth: dict[str, Any]) -> None:
-    """The bytes are those of any other stream (A-2-3)."""
+def test_connect_to_a_channel(bluetooth: dict[str, Any]) -> None:
+    """An RFCOMM link transmits the same byte stream as other links (A-2-3)."""
     link = connect("rfcomm://aa:bb:cc:dd:ee:ff/2")
     assert bluetooth["address"] == ("AA:BB:CC:DD:EE:FF", 2)
     link.send(b"ask")
@@ -42,21 +42,19 @@ def test_a_link_to_a_channel(bluetooth: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
-    [(OSError(112, "Host is down"), "Host is down"), (TimeoutError(), "no answer in 5 s")],
+    ("error", "reason"),
+    [(OSError(112, "Host is down"), "Host is down"), (TimeoutError(), "no response within 5 s")],
 )
-def test_a_device_that_does_not_answer_is_told(
-    bluetooth: dict[str, Any], error: OSError, said: str
-) -> None:
-    """One sentence, which names it."""
+def test_device_does_not_respond(bluetooth: dict[str, Any], error: OSError, reason: str) -> None:
+    """The error message contains the device and the reason."""
     bluetooth["error"] = error
-    with pytest.raises(LinkError, match=f"cannot connect to rfcomm://AA:.*/1: {said}"):
+    with pytest.raises(LinkError, match=f"cannot connect to rfcomm://AA:.*/1: {reason}"):
         connect("rfcomm://aa:bb:cc:dd:ee:ff")
     bluetooth["far"].close()
 
 
-def test_a_system_without_bluetooth_tells_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The device can be bound to a serial port."""
+def test_system_without_bluetooth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error message states how to bind the device to a serial port."""
     monkeypatch.delattr(socket, "AF_BLUETOOTH", raising=False)
-    with pytest.raises(LinkError, match="offers no Bluetooth sockets; bind the device"):
+    with pytest.raises(LinkError, match="has no Bluetooth sockets; bind the device"):
         connect("rfcomm://aa:bb:cc:dd:ee:ff")

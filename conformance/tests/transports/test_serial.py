@@ -16,7 +16,7 @@ _SOON_S = 5.0
 
 @pytest.fixture
 def pty() -> Iterator[tuple[int, str]]:
-    """The far end of a serial line, and the device's name."""
+    """Return the file descriptor of the peer, and the device name of the serial line."""
     master, slave = os.openpty()
     name = os.ttyname(slave)
     os.close(slave)
@@ -25,8 +25,8 @@ def pty() -> Iterator[tuple[int, str]]:
         os.close(master)
 
 
-def test_bytes_go_both_ways_unchanged(pty: tuple[int, str]) -> None:
-    """Raw: no byte means anything to the line."""
+def test_send_and_receive_all_bytes(pty: tuple[int, str]) -> None:
+    """The line is raw: every byte value is transmitted unchanged."""
     master, name = pty
     every = bytes(range(256))
     link = connect(f"serial://{name}?baud=9600")
@@ -44,8 +44,8 @@ def test_bytes_go_both_ways_unchanged(pty: tuple[int, str]) -> None:
     link.close()
 
 
-def test_a_device_that_vanishes_is_the_end(pty: tuple[int, str]) -> None:
-    """An adapter is pulled, a Bluetooth line is lost."""
+def test_removed_device_ends_the_link(pty: tuple[int, str]) -> None:
+    """An adapter is unplugged, or a Bluetooth connection is lost."""
     master, name = pty
     link = connect(f"serial://{name}")
     os.close(master)
@@ -53,13 +53,13 @@ def test_a_device_that_vanishes_is_the_end(pty: tuple[int, str]) -> None:
         arrival = link.receive(link.now_s + _SOON_S)
         assert arrival is not None
         assert arrival.content is Ending.CLOSED
-    with pytest.raises(LinkError, match="takes no bytes"):
+    with pytest.raises(LinkError, match="cannot write to the serial line"):
         link.send(b"x")
     link.close()
 
 
-def test_a_line_has_no_half_and_no_reset(pty: tuple[int, str]) -> None:
-    """A reset closes it."""
+def test_half_close_and_reset(pty: tuple[int, str]) -> None:
+    """A serial line cannot be half-closed; a reset closes it."""
     _, name = pty
     link = connect(f"serial://{name}")
     with pytest.raises(LinkError, match="cannot be half closed"):
@@ -72,14 +72,14 @@ def test_a_line_has_no_half_and_no_reset(pty: tuple[int, str]) -> None:
 
 
 @pytest.mark.parametrize("device", ["/dev/there-is-none", "/dev/null", "/etc/passwd"])
-def test_what_is_no_serial_device_is_told(device: str) -> None:
-    """One sentence, which names the device."""
+def test_invalid_device(device: str) -> None:
+    """The error message contains the device."""
     with pytest.raises(LinkError, match=f"cannot open serial://{device}"):
         connect(f"serial://{device}")
 
 
-def test_without_pyserial_the_remedy_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The extra is optional."""
+def test_missing_pyserial(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error message states how to install the optional extra."""
     monkeypatch.setitem(sys.modules, "serial", None)
     importlib.invalidate_caches()
     with pytest.raises(LinkError, match=r"pip install 'scaraspec\[serial\]'"):

@@ -20,7 +20,7 @@ _SOON_S = 5.0
 
 @pytest.fixture
 def listener() -> Iterator[socket.socket]:
-    """Accepts connections on a free port."""
+    """Return a server socket on a free port."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(_SOON_S)
         yield server
@@ -28,7 +28,7 @@ def listener() -> Iterator[socket.socket]:
 
 @pytest.fixture
 def pair(listener: socket.socket) -> Iterator[tuple[SocketLink, socket.socket]]:
-    """A link, and the peer's socket."""
+    """Return a link and the socket of its peer."""
     link = connect_tcp(Tcp(*listener.getsockname()), _SOON_S)
     peer, _ = listener.accept()
     peer.settimeout(_SOON_S)
@@ -37,8 +37,8 @@ def pair(listener: socket.socket) -> Iterator[tuple[SocketLink, socket.socket]]:
     link.close()
 
 
-def test_a_port_where_nobody_listens_is_never_reached(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not even from itself, as happens when the system gives the connection that very port."""
+def test_connection_to_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The system may choose the target port as the local port if nothing listens there."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = free.getsockname()
@@ -48,8 +48,8 @@ def test_a_port_where_nobody_listens_is_never_reached(monkeypatch: pytest.Monkey
         connect_tcp(Tcp(*address), _SOON_S)
 
 
-def test_bytes_go_both_ways_with_their_times(pair: tuple[SocketLink, socket.socket]) -> None:
-    """What arrives is stamped after what was sent before it."""
+def test_send_and_receive_with_time_stamps(pair: tuple[SocketLink, socket.socket]) -> None:
+    """The time stamp of a reply is not before that of the request."""
     link, peer = pair
     sent_ns = link.send(b"ask")
     assert peer.recv(10) == b"ask"
@@ -60,15 +60,15 @@ def test_bytes_go_both_ways_with_their_times(pair: tuple[SocketLink, socket.sock
     assert arrival.time_ns >= sent_ns > 1.5e18
 
 
-def test_small_segments_are_sent_at_once(pair: tuple[SocketLink, socket.socket]) -> None:
-    """TCP_NODELAY: a request does not wait for the acknowledgement of the one before."""
+def test_small_segments_are_sent_immediately(pair: tuple[SocketLink, socket.socket]) -> None:
+    """TCP_NODELAY: a request does not wait for the acknowledgement of the previous one."""
     link, _ = pair
     assert link._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
 @pytest.mark.skipif(tcp._QUICKACK is None, reason="only Linux can be asked to acknowledge at once")
-def test_what_arrives_is_acknowledged_at_once(pair: tuple[SocketLink, socket.socket]) -> None:
-    """TCP_QUICKACK, anew each time: a peer that writes in pieces waits for the acknowledgement."""
+def test_received_data_is_acknowledged_immediately(pair: tuple[SocketLink, socket.socket]) -> None:
+    """TCP_QUICKACK is set after each receive: a peer that writes in parts waits for the ACK."""
     link, peer = pair
     for _ in range(20):
         link.send(b"ask")
@@ -79,10 +79,10 @@ def test_what_arrives_is_acknowledged_at_once(pair: tuple[SocketLink, socket.soc
 
 
 @pytest.mark.parametrize("wait_s", [-1.0, 0.0, 0.02])
-def test_silence_is_none_at_the_deadline(
+def test_receive_returns_none_at_the_deadline(
     pair: tuple[SocketLink, socket.socket], wait_s: float
 ) -> None:
-    """A deadline in the past takes what is there, and waits for nothing."""
+    """With a deadline in the past, `receive` returns available data and does not wait."""
     link, peer = pair
     began_s = link.now_s
     assert link.receive(began_s + wait_s) is None
@@ -91,10 +91,10 @@ def test_silence_is_none_at_the_deadline(
     link.receive(link.now_s + _SOON_S)
 
 
-def test_what_comes_elsewhere_ends_the_waiting(
+def test_data_on_another_link_ends_the_wait(
     pair: tuple[SocketLink, socket.socket], listener: socket.socket
 ) -> None:
-    """It stays there for whoever receives there; what comes here is received all the same."""
+    """The other link keeps its data; data on this link is still received."""
     link, peer = pair
     other = connect_tcp(Tcp(*listener.getsockname()), _SOON_S)
     with listener.accept()[0] as elsewhere:
@@ -107,8 +107,8 @@ def test_what_comes_elsewhere_ends_the_waiting(
     other.close()
 
 
-def test_the_end_is_told_after_what_came_before_it(pair: tuple[SocketLink, socket.socket]) -> None:
-    """A peer that closes has its last bytes received, then its end, again and again."""
+def test_end_is_received_after_the_last_bytes(pair: tuple[SocketLink, socket.socket]) -> None:
+    """After the last bytes of a closing peer, every `receive` returns the end."""
     link, peer = pair
     peer.sendall(b"last")
     peer.close()
@@ -116,8 +116,8 @@ def test_the_end_is_told_after_what_came_before_it(pair: tuple[SocketLink, socke
     assert [arrival and arrival.content for arrival in arrivals] == [b"last", *[Ending.CLOSED] * 2]
 
 
-def test_a_reset_is_told_as_such(pair: tuple[SocketLink, socket.socket]) -> None:
-    """RST is another end than FIN."""
+def test_reset_is_received(pair: tuple[SocketLink, socket.socket]) -> None:
+    """RST and FIN are different endings."""
     link, peer = pair
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     peer.close()
@@ -125,8 +125,8 @@ def test_a_reset_is_told_as_such(pair: tuple[SocketLink, socket.socket]) -> None
     assert [arrival and arrival.content for arrival in arrivals] == [Ending.RESET] * 2
 
 
-def test_a_link_that_is_half_closed_still_receives(pair: tuple[SocketLink, socket.socket]) -> None:
-    """FIN ends one direction only."""
+def test_half_closed_link_still_receives(pair: tuple[SocketLink, socket.socket]) -> None:
+    """FIN ends only one direction."""
     link, peer = pair
     link.half_close()
     assert peer.recv(10) == b""
@@ -136,8 +136,8 @@ def test_a_link_that_is_half_closed_still_receives(pair: tuple[SocketLink, socke
     assert arrival.content == b"answer"
 
 
-def test_a_link_that_is_closed_cannot_be_used(pair: tuple[SocketLink, socket.socket]) -> None:
-    """Closing sends FIN, and may be repeated; resetting a closed link does nothing."""
+def test_closed_link_cannot_be_used(pair: tuple[SocketLink, socket.socket]) -> None:
+    """`close` sends FIN and may be repeated; `reset` of a closed link has no effect."""
     link, peer = pair
     link.close()
     assert peer.recv(10) == b""
@@ -148,18 +148,18 @@ def test_a_link_that_is_closed_cannot_be_used(pair: tuple[SocketLink, socket.soc
             use()
 
 
-def test_a_link_can_be_reset(pair: tuple[SocketLink, socket.socket]) -> None:
-    """SO_LINGER 0: the peer sees a reset."""
+def test_reset(pair: tuple[SocketLink, socket.socket]) -> None:
+    """With SO_LINGER 0, the peer receives RST."""
     link, peer = pair
     link.reset()
     with pytest.raises(ConnectionResetError):
         peer.recv(10)
 
 
-def test_sending_to_a_peer_that_has_cut_the_link_fails(
+def test_send_after_a_reset_by_the_peer_fails(
     pair: tuple[SocketLink, socket.socket],
 ) -> None:
-    """It is told in one sentence, and the end that follows is a reset."""
+    """`send` raises an error, and the received ending is a reset."""
     link, peer = pair
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     peer.close()
@@ -170,10 +170,10 @@ def test_sending_to_a_peer_that_has_cut_the_link_fails(
     assert arrival.content is Ending.RESET
 
 
-def test_a_link_that_the_peer_has_cut_cannot_be_half_closed(
+def test_half_close_after_a_reset_by_the_peer_fails(
     pair: tuple[SocketLink, socket.socket],
 ) -> None:
-    """There is nothing left to close."""
+    """`half_close` raises an error after a reset."""
     link, peer = pair
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     peer.close()
@@ -182,20 +182,20 @@ def test_a_link_that_the_peer_has_cut_cannot_be_half_closed(
         link.half_close()
 
 
-def test_sending_to_a_peer_that_does_not_read_fails_in_time(
+def test_send_to_a_peer_that_does_not_read_times_out(
     pair: tuple[SocketLink, socket.socket], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """No send lasts for ever."""
+    """`send` has a timeout."""
     link, _ = pair
     monkeypatch.setattr(tcp, "SEND_TIMEOUT_S", 0.05)
-    with pytest.raises(LinkError, match=r"has taken no bytes for 0\.05 s"):
+    with pytest.raises(LinkError, match=r"has read no bytes for 0\.05 s"):
         link.send(bytes(64 * 2**20))
 
 
-def test_one_thread_may_send_while_another_receives(
+def test_send_and_receive_in_two_threads(
     pair: tuple[SocketLink, socket.socket],
 ) -> None:
-    """A send that waits for the peer is not cut short by a receive that does not wait at all."""
+    """A receive without a wait does not interrupt a send that waits for the peer."""
     link, peer = pair
     peer.settimeout(None)
     data = bytes(range(256)) * 2**16  # more than any socket takes unread
@@ -210,8 +210,8 @@ def test_one_thread_may_send_while_another_receives(
     assert taken == data
 
 
-def test_a_send_does_not_lengthen_a_receive() -> None:
-    """Wherever the one thread is when the other one comes, each keeps its own time."""
+def test_send_does_not_delay_a_receive() -> None:
+    """Each thread keeps its own timeout, at any interleaving."""
     near, far = socket.socketpair()
 
     class Interrupted(socket.socket):
@@ -228,28 +228,30 @@ def test_a_send_does_not_lengthen_a_receive() -> None:
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "a" * 70, "."])
-def test_where_nothing_listens_there_is_no_link(listener: socket.socket, host: str) -> None:
-    """One sentence, which names the address."""
+def test_connection_refused(listener: socket.socket, host: str) -> None:
+    """The error message contains the address."""
     port = listener.getsockname()[1]
     listener.close()
-    with pytest.raises(LinkError, match=f"cannot connect to tcp://{host}:{port}: ") as told:
+    with pytest.raises(LinkError, match=f"cannot connect to tcp://{host}:{port}: ") as raised:
         connect(f"tcp://{host}:{port}", timeout_s=_SOON_S)
-    assert "None" not in str(told.value)
+    assert "None" not in str(raised.value)
 
 
-def test_a_host_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A router may drop what is sent to it."""
+def test_connect_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A router may drop the packets."""
 
     def drop(_address: object, _timeout_s: float) -> socket.socket:
         raise TimeoutError
 
     monkeypatch.setattr(socket, "create_connection", drop)
-    with pytest.raises(LinkError, match=r"cannot connect to tcp://robot:8877: no answer in 5 s"):
+    with pytest.raises(
+        LinkError, match=r"cannot connect to tcp://robot:8877: no response within 5 s"
+    ):
         connect("tcp://robot")
 
 
-def test_a_url_opens_a_link_over_ipv6() -> None:
-    """`connect` knows TCP, and brackets."""
+def test_connect_over_ipv6() -> None:
+    """`connect` accepts an IPv6 address in brackets."""
     with socket.create_server(("::1", 0), family=socket.AF_INET6) as server:
         link = connect(f"tcp://[::1]:{server.getsockname()[1]}")
         link.send(b"x")
@@ -259,8 +261,8 @@ def test_a_url_opens_a_link_over_ipv6() -> None:
         link.close()
 
 
-def test_a_clock_that_is_set_moves_no_stamp(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is stamped stays at its distance from what was stamped before."""
+def test_setting_the_clock_does_not_change_time_stamps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The distance of time stamps is correct after the system clock is set."""
     near, far = socket.socketpair()
     link = SocketLink(near)
     before_ns = link.send(b"a")

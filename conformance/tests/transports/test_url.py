@@ -1,4 +1,4 @@
-"""Link URLs: what they name, and one clear sentence where they name nothing."""
+"""Link URLs: parsing, and the error messages for invalid URLs."""
 
 import pytest
 from hypothesis import given
@@ -33,58 +33,61 @@ from scaraspec.transports.url import (
         ("rfcomm://aa:bb:cc:dd:ee:0f/30", Rfcomm("AA:BB:CC:DD:EE:0F", 30)),
     ],
 )
-def test_a_url_names_a_link_and_is_written_again(url: str, address: Tcp | Serial | Rfcomm) -> None:
-    """Each scheme has its default; what was read is written in a form that reads the same."""
+def test_parse_and_format(url: str, address: Tcp | Serial | Rfcomm) -> None:
+    """Each scheme has defaults; a formatted address is parsed to the same address."""
     assert parse(url) == address
     if url != "serial:///dev/a%20b":
         assert parse(str(address)) == address
 
 
 @pytest.mark.parametrize(
-    ("url", "said"),
+    ("url", "message"),
     [
-        ("", "is no link: write for example tcp://"),
-        ("192.168.1.2:8877", "is no link"),
-        ("robot", "is no link"),
-        ("http://robot", "is no link"),
-        ("tcp://", "names no host"),
-        ("tcp://:8877", "names no host"),
-        ("tcp://robot:", "no port: it is a number from 1 to 65535"),
-        ("tcp://robot:0", "no port"),
-        ("tcp://robot:65536", "no port"),
-        ("tcp://robot:٣", "no port"),
-        ("tcp://robot:" + "9" * 5000, "no port"),
+        ("", "is not a link URL: write for example tcp://"),
+        ("192.168.1.2:8877", "is not a link URL"),
+        ("robot", "is not a link URL"),
+        ("http://robot", "is not a link URL"),
+        ("tcp://", "has no valid host"),
+        ("tcp://:8877", "has no valid host"),
+        ("tcp://robot:", "not a valid port: it must be a number from 1 to 65535"),
+        ("tcp://robot:0", "not a valid port"),
+        ("tcp://robot:65536", "not a valid port"),
+        ("tcp://robot:٣", "not a valid port"),
+        ("tcp://robot:" + "9" * 5000, "not a valid port"),
         ("tcp://::1:8877", "write an IPv6 address as [::1:8877]:8877"),
-        ("tcp://[robot]:8877", "is no link"),
-        ("tcp://[::1", "is no link"),
-        ("tcp://[::1]8877", "names no host"),
-        ("tcp://user@robot", "is no link"),
-        ("tcp://robot/path", "is no link"),
-        ("tcp://robot?baud=1", "is no link"),
-        ("tcp://robot#a", "is no link"),
-        ("tcp://ro bot", "names no host"),
-        ("tcp://robot\n", "is no link"),
-        ("serial://", "is no link"),
-        ("serial:///dev/x?baud=fast", "no baud rate"),
-        ("serial:///dev/x?baud=0", "no baud rate"),
-        ("serial:///dev/x?speed=9600", "no setting of a serial link: write ?baud=115200"),
-        ("serial:///dev/x?baud=1&baud=2", "no setting"),
-        ("rfcomm://AA:BB:CC:DD:EE/1", "is no link"),
-        ("rfcomm://AA:BB:CC:DD:EE:FF/31", "no RFCOMM channel: it is a number from 1 to 30"),
-        ("rfcomm://AA:BB:CC:DD:EE:FF/x", "no RFCOMM channel"),
+        ("tcp://[robot]:8877", "is not a link URL"),
+        ("tcp://[::1", "is not a link URL"),
+        ("tcp://[::1]8877", "has no valid host"),
+        ("tcp://user@robot", "is not a link URL"),
+        ("tcp://robot/path", "is not a link URL"),
+        ("tcp://robot?baud=1", "is not a link URL"),
+        ("tcp://robot#a", "is not a link URL"),
+        ("tcp://ro bot", "has no valid host"),
+        ("tcp://robot\n", "is not a link URL"),
+        ("serial://", "is not a link URL"),
+        ("serial:///dev/x?baud=fast", "not a valid baud rate"),
+        ("serial:///dev/x?baud=0", "not a valid baud rate"),
+        ("serial:///dev/x?speed=9600", "not a valid setting of a serial link: write ?baud=115200"),
+        ("serial:///dev/x?baud=1&baud=2", "not a valid setting"),
+        ("rfcomm://AA:BB:CC:DD:EE/1", "is not a link URL"),
+        (
+            "rfcomm://AA:BB:CC:DD:EE:FF/31",
+            "not a valid RFCOMM channel: it must be a number from 1 to 30",
+        ),
+        ("rfcomm://AA:BB:CC:DD:EE:FF/x", "not a valid RFCOMM channel"),
     ],
 )
-def test_a_wrong_url_is_told_in_one_sentence(url: str, said: str) -> None:
-    """What is wrong, and what would be right."""
-    with pytest.raises(UrlError) as told:
+def test_invalid_url(url: str, message: str) -> None:
+    """The message states the error and a valid form."""
+    with pytest.raises(UrlError) as raised:
         parse(url)
-    assert said in str(told.value)
-    assert "\n" not in str(told.value)
+    assert message in str(raised.value)
+    assert "\n" not in str(raised.value)
 
 
 @given(url=st.text(max_size=60) | st.text(max_size=40).map("tcp://".__add__))
-def test_any_text_is_a_link_or_told(url: str) -> None:
-    """No text makes anything else than an address or a `UrlError`."""
+def test_any_text_is_parsed_or_raises(url: str) -> None:
+    """Any text gives an address or a `UrlError`."""
     try:
         address = parse(url)
     except UrlError:
@@ -92,9 +95,9 @@ def test_any_text_is_a_link_or_told(url: str) -> None:
     assert address
 
 
-def test_host_and_port_may_have_port_0_where_one_listens() -> None:
-    """0 is any port for a listener."""
+def test_split_host_port_with_port_0() -> None:
+    """A listener may use port 0, which means any free port."""
     assert split_host_port("127.0.0.1:0", lowest_port=0) == ("127.0.0.1", 0)
     assert join_host_port("::1", 5) == "[::1]:5"
-    with pytest.raises(UrlError, match="'robot' is no IPv6 address"):
+    with pytest.raises(UrlError, match="'robot' is not an IPv6 address"):
         split_host_port("[robot]:0", lowest_port=0)

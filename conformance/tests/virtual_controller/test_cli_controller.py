@@ -250,7 +250,7 @@ def test_a_port_in_use_is_told_in_one_sentence(run: Run) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--listen", "8877:x"], "'x' is no port"),
+        (["--listen", "8877:x"], "'x' is not a valid port"),
         (["--listen", "::1:0"], "write an IPv6 address as [::1:0]:8877"),
         (["--listen", "192.0.2.1:0"], "cannot listen on 192.0.2.1:0: Cannot assign requested"),
         (["--listen", f"{'a' * 70}:0"], "the host name is unknown"),
